@@ -14,14 +14,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import buses, options
-from planner.cli.console import Progress, print_answer, remark, summarise, warn
+from planner.cli.console import Answer, Progress, remark, summarise, warn
 from planner.exceptions import InvalidFile, InvalidInput, about
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
-    from planner.identification.log import Log
-    from planner.identification.result import Identification
-    from planner.model.joint import JointModel
     from planner.robot.arm import Arm
     from planner.robot.candidates import Compared
     from planner.robot.measure import Check
@@ -83,7 +80,7 @@ SLOWEST = 16.0
     options.Place("file", options._check_file, use=None),
     default="arm.toml",
 )
-@options.as_json
+@options.answers
 def calibrate(
     *,
     ids: dict[str, int],
@@ -93,9 +90,8 @@ def calibrate(
     dry_run: bool,
     report: str | None,
     output: str,
-    as_json: bool,
     **choices: Any,
-) -> None:
+) -> Answer | None:
     """Move every joint, identify its model, and compare the ways to make it follow a path.
 
     Each joint goes slowly to the middle of its range, moves there for a minute (a slow triangle,
@@ -166,7 +162,7 @@ def calibrate(
             f"{seconds / 60.0:.1f} min in all; Ctrl-C stops it; logs go to {folder}"
         )
         if dry_run:
-            return
+            return None
         if not yes:
             with _answered():
                 click.confirm("Is the way free, and may they move?", abort=True, err=True)
@@ -180,11 +176,9 @@ def calibrate(
                 _write(output, results, arm, checked.settings, choices)
     from planner.report.identification.page import calibration_page, calibration_text
 
-    if report is not None:
-        write_text(report, calibration_page(results, output).html())
-    print_answer(
-        _document(results, arm, checked), calibration_text(results, output), as_json=as_json
-    )
+    page = "" if report is None else calibration_page(results, output).html()
+    summary = calibration_text(results, output)
+    return Answer(_document(results, arm, checked), summary, pages=[(report, page)])
 
 
 def _checked_text(arm: Arm, check: Check, period: float) -> str:
@@ -325,17 +319,6 @@ def _document(results: Mapping[str, Compared], arm: Arm, checked: Check) -> dict
     }
 
 
-WORSE = 2.0
-"""A model still holds while it misses the motion by at most this factor over the error that its
-own test predicts, by :data:`SMALL`, or by at most this factor over a new model of this motion."""
-
-SMALL = math.radians(0.3)
-"""Error that is never worth a new calibration [rad]: three counts of a sensor of 12 bits."""
-
-UNKNOWN = 0.1
-"""Share by which a parameter without an interval may be off."""
-
-
 @click.command()
 @buses.bus_options()
 @buses.model_option("The models and servos of the joints, as calibrate writes them.")
@@ -344,16 +327,15 @@ UNKNOWN = 0.1
 )
 @options.positive("--duration-s", "How long each joint moves.", 20.0)
 @options.positive("--rate-hz", "Requests per second.  [default: those of the model]")
-@options.as_json
+@options.answers
 def check(
     *,
     model: str,
     chosen: tuple[str, ...],
     duration_s: float,
     rate_hz: float | None,
-    as_json: bool,
     **choices: Any,
-) -> None:
+) -> Answer:
     """Move each joint briefly, and say whether its model still holds and what has changed.
 
     A battery, wear or a load changes a joint. The exit status is 1 where a model no longer holds.
@@ -368,9 +350,7 @@ def check(
 
     from planner.files.joint_model import read_model_file
     from planner.files.robot import read_servos
-    from planner.identification.identify import identify
-    from planner.robot.measure import check as look
-    from planner.robot.measure import excitation, move
+    from planner.robot import measure
 
     servos = read_servos(model)
     joints = chosen or tuple(servos)
@@ -391,79 +371,43 @@ def check(
         Progress() as progress,
         buses.stopping("nothing was changed"),
     ):
-        checked = look(arm)
+        settings = measure.check(arm).settings
         with arm.powered():
             for name in joints:
                 progress(f"{name}: moving, {duration_s:g} s")
                 period = models[name].period if rate_hz is None else 1.0 / rate_hz
-                twice = excitation(arm, name, period=period, duration=2.0 * duration_s)
+                twice = measure.excitation(arm, name, period=period, duration=2.0 * duration_s)
                 requests = twice[: (len(twice) + 1) // 2]  # as slow as a calibration of twice that
-                log = move(arm, name, requests, period=period, log=Path(folder, "log.csv"))
-                error, expected, beyond = _errors(models[name].requested_every(period), log)
-                holds = error <= max(WORSE * expected, SMALL)
-                changes = _settings_changed(servos[name].settings, checked.settings[name])
-                if not holds:
-                    progress(f"{name}: identifying")
-                    identification = identify(log)
-                    holds = error <= WORSE * identification.rms  # the motion is hard for any model
-                    if not holds and beyond < 1.0:
-                        changes += _changes(models[name], identification)
-                        outdated.append(name)
-                judged = holds or beyond < 1.0
-                if beyond:
-                    then = " and was not compared"
+                log = measure.move(arm, name, requests, period=period, log=Path(folder, "log.csv"))
+                progress(f"{name}: comparing")
+                result = measure.recheck(models[name].requested_every(period), log)
+                changes = [
+                    *_settings_changed(servos[name].settings, settings[name]),
+                    *result.changes,
+                ]
+                if result.holds is False:
+                    outdated.append(name)
+                if result.beyond:
+                    partly = " and was not compared", ": use a longer --duration-s"
                     changes.append(
-                        f"{100.0 * beyond:.0f} % of the motion is beyond the logs of the "
-                        f"calibration{then if beyond < 1.0 else ': use a longer --duration-s'}"
+                        f"{100.0 * result.beyond:.0f} % of the motion is beyond the logs of the "
+                        f"calibration{partly[result.beyond == 1.0]}"
                     )
-                verdict = "holds" if holds else "no longer holds" if judged else "is not judged"
+                error, expected = math.degrees(result.error), math.degrees(result.expected)
                 document[name] = {
-                    "holds": holds if judged else None,
-                    "rms_deg": math.degrees(error),
-                    "rms_before_deg": math.degrees(expected),
+                    "holds": result.holds,
+                    "rms_deg": error,
+                    "rms_before_deg": expected,
                     "changes": changes,
                 }
+                verdict = {True: "holds", False: "no longer holds", None: "is not judged"}
                 lines.append(
-                    f"{name}: the model {verdict}: misses {math.degrees(error):.2f} deg rms, "
-                    f"{math.degrees(expected):.2f} expected by its test"
+                    f"{name}: the model {verdict[result.holds]}: misses {error:.2f} deg rms, "
+                    f"{expected:.2f} expected by its test"
                     + "".join(f"; {change}" for change in changes)
                 )
-    print_answer({"joints": document}, "\n".join(lines), as_json=as_json)
-    if outdated:
-        raise click.ClickException(f"calibrate {', '.join(outdated)} again")
-
-
-def _errors(model: JointModel, log: Log) -> tuple[float, float, float]:
-    """Error of the model in a log, error to expect of it, both rms [rad], and share left out [-].
-
-    Parts whose motion is outside the tested range are left out, unless all are: the share is then
-    1. A servo holds its last request over rows that were lost.
-    """
-    import numpy as np
-
-    from planner.model.evidence import TRACKING, WINDOW, Evidence
-    from planner.model.response import simulate
-    from planner.trajectory import rms
-
-    evidence, period = model.evidence or Evidence(), model.period
-    due = np.rint((log.times - log.times[0]) / period).astype(int)
-    requests = log.requests[np.searchsorted(due, np.arange(due[-1] + 1), side="right") - 1]
-    predicted = simulate(model, requests, cyclic=False, start=float(log.angles[0]))
-    length = min(round(WINDOW / period), len(predicted))
-    within = np.zeros(len(predicted), dtype=bool)
-    expected: dict[bool, list[float]] = {False: [], True: []}
-    for begin in {*range(0, len(predicted) - length, length // 2), len(predicted) - length}:
-        part = slice(begin, begin + length)
-        outside = evidence.exceeded(predicted[part], period=period, cyclic=False)
-        inside = not {*outside} - {TRACKING}
-        within[part] |= inside
-        expected[inside].append(evidence.error_of(predicted[part], period=period, cyclic=False))
-    compared = log.measured & (within[due] if within.any() else True)
-    return (
-        rms((predicted[due] - log.angles)[compared]),
-        rms(np.array(expected[bool(within.any())])),
-        float(np.mean(~within)),
-    )
+    failure = f"calibrate {', '.join(outdated)} again" if outdated else ""
+    return Answer({"joints": document}, "\n".join(lines), failure=failure)
 
 
 def _settings_changed(before: Any, now: Any) -> list[str]:
@@ -475,18 +419,3 @@ def _settings_changed(before: Any, now: Any) -> list[str]:
         for key, words in SETTINGS.items()
         if key in before and key in now and before[key] != now[key]
     ]
-
-
-def _changes(model: JointModel, identification: Identification) -> list[str]:
-    """Parameters of a new model that differ by more than both intervals allow."""
-    intervals = {} if model.evidence is None else model.evidence.intervals
-    changes = []
-    for name in ("v_max", "theta_0", "lag", "dead_band", "offset"):
-        if name not in identification.intervals:
-            continue
-        old, new = getattr(model, name), getattr(identification.model, name)
-        low, high = intervals.get(name, (old - UNKNOWN * abs(old), old + UNKNOWN * abs(old)))
-        interval = identification.intervals[name]
-        if interval.lower > high or interval.upper < low:
-            changes.append(f"{name} is {new:.3g}, and was {old:.3g}")
-    return changes

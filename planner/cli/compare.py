@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, print_json, summarise, terminal_width
+from planner.cli.console import Answer, Progress, terminal_width
 from planner.cli.settings import Run
-from planner.files.text import write_text
 from planner.report.table import fitted_to
 
 if TYPE_CHECKING:
@@ -42,15 +41,14 @@ if TYPE_CHECKING:
     default="envelope",
 )
 @options.report("Write a page (HTML) about the comparison.")
-@options.as_json
+@options.answers
 def compare(
     *,
     run: Run,
     path: str,  # noqa: ARG001
     level: Level,
     report: str | None,
-    as_json: bool,
-) -> None:
+) -> Answer:
     """Plan PATH by the closed form, by optimisation, and by CasADi with IPOPT, and compare.
 
     PATH is what `plan` takes. Prints the error of each plan and the lower bound of any, how far
@@ -77,28 +75,31 @@ def compare(
     in_order, leg = _in_leg_order(desired)
     with Progress(len(desired.names) + (leg is not None)) as progress:
         check = comparison_of(in_order, leg, level, progress)
+    html, unreachable = "", desired.unreachable
     if report is not None:
         page = comparison_page(
             check,
             title=leg_title(run.leg) or ", ".join(in_order.names),
             leg=leg,
-            unreachable=desired.unreachable,
+            unreachable=unreachable,
             notes=notes_of(desired),
         )
         origins = [*origins_of(desired, leg), ("bounds up to", level)]
-        write_text(report, page.html(report, origins, inputs_of(desired)))
-    unreachable = desired.unreachable
-    if as_json:
-        print_json({**check.to_dict(), "unreachable_samples": unreachable})
-    else:
+        html = page.html(report, origins, inputs_of(desired))
+
+    def print_table(_: str) -> None:
         with fitted_to(terminal_width(sys.stdout)):
             click.echo(f"{model_words(run.model)}\n{comparison_text(check)}")
-        if unreachable:
-            summarise(f"{unreachable} samples were out of the leg's reach")
-    if not check.passed:
-        raise click.ClickException(verdict_line(check))
-    if not as_json:
-        summarise(verdict_line(check))
+
+    verdict = verdict_line(check)
+    words = [f"{unreachable} samples were out of the leg's reach"] * (unreachable > 0)
+    return Answer(
+        {**check.to_dict(), "unreachable_samples": unreachable},
+        "\n".join([*words, *[verdict] * check.passed]),
+        print_table,
+        pages=[(report, html)],
+        failure="" if check.passed else verdict,
+    )
 
 
 def comparison_of(

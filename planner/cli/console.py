@@ -15,16 +15,25 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, TextIO
+from typing import Any, Literal, NamedTuple, TextIO
 
 import click
 
-from planner.exceptions import InvalidInput, PlannerError, printable
-from planner.files.text import STANDARD_STREAM, key_name, to_json, toml_value, write_text
+from planner.exceptions import InvalidFile, InvalidInput, PlannerError, printable
+from planner.files.staging import staged
+from planner.files.text import (
+    STANDARD_STREAM,
+    Place,
+    Toml,
+    key_name,
+    to_json,
+    toml_value,
+    write_text,
+)
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 
@@ -44,11 +53,6 @@ WIDTH = 80
 """Characters of a line of a terminal of unknown width."""
 
 _ERASE = "\r\x1b[K"
-
-
-def print_json(content: Mapping[str, Any]) -> None:
-    """Print a JSON document on standard output."""
-    write_text(STANDARD_STREAM, to_json(content))
 
 
 def summarise(text: str) -> None:
@@ -92,29 +96,32 @@ def _print_notice(message: str, label: str = "", **style: Any) -> None:
     print_line(text.replace(styled, click.style(styled, **style), 1) if style else text)
 
 
-def deliver(
-    document: Mapping[str, Any],
-    summary: str,
-    write: Callable[[str], None],
-    *,
-    output: str,
-    as_json: bool,
-) -> None:
-    """Write a command's answer as CSV, and print it as JSON or in a few words.
+class Answer(NamedTuple):
+    """What a command returns: its answer for machines and in a few words, and files to write."""
 
-    Standard output as ``output``, ``-``, is taken by JSON alone.
-    """
-    if not as_json or output != "-":
-        write(output)
-    print_answer(document, summary, as_json=as_json)
+    document: Mapping[str, Any]
+    summary: str
+    write: Callable[[str], None] | None = None  # writes the output, whose name it takes
+    pages: Sequence[tuple[str | None, str]] = ()  # other files, by name, and their text
+    warnings: Sequence[str] = ()  # said after the summary
+    failure: str = ""  # why the exit status is 1
 
-
-def print_answer(document: Mapping[str, Any], summary: str, *, as_json: bool) -> None:
-    """Print an answer as JSON, or in a few words."""
-    if as_json:
-        print_json(document)
-    else:
-        summarise(summary)
+    def deliver(self, output: str, *, as_json: bool) -> None:
+        """Write all files or none, and print; as ``output``, ``-`` is taken by JSON alone."""
+        with ExitStack() as files:
+            for name, text in self.pages:
+                if name is not None:
+                    files.enter_context(staged(name, text.encode()))
+            if self.write is not None and (not as_json or output != "-"):
+                self.write(output)
+        if as_json:
+            write_text(STANDARD_STREAM, to_json(self.document))
+        elif self.summary:
+            summarise(self.summary)
+        for words in self.warnings:
+            warn(words)
+        if self.failure:
+            raise click.ClickException(self.failure)
 
 
 def detail(message: str) -> None:
@@ -333,13 +340,15 @@ def _duration(seconds: float) -> str:
 class Key:
     """A setting in a message, such as ``export[0].file``, with a value or a joint or neither."""
 
-    name: str
+    name: str | Place  # or the keys and numbers that lead to it
     value: str | bool | None = None
     joint: str | None = None
 
     @property
-    def place(self) -> tuple[str | int, ...]:
+    def place(self) -> Place:
         """The keys and numbers that lead to it."""
+        if not isinstance(self.name, str):
+            return self.name
         parts = re.findall(r"([^.\[]+)|\[(\d+)\]", self.name)
         names = tuple(part or int(number) for part, number in parts)
         return names if self.joint is None else (*names, self.joint)
@@ -374,3 +383,29 @@ class Remark(_Fault):
 
 class FailedCheck(_Fault):
     """A plan that fails a check."""
+
+
+ARGUMENTS = {
+    "unreachable='nearest'": as_key(Key("leg.unreachable", "nearest")),
+    "cyclic=False": as_key(Key("plan.cyclic", False)),
+}
+"""Arguments that messages of the library advise, as keys of a run file."""
+
+
+@contextmanager
+def speaking_of(file: Toml) -> Iterator[None]:
+    """Let errors in settings inside the block name keys and lines of a file."""
+    try:
+        yield
+    except BadSetting as error:
+        lines = (file.line_of(part.place) for part in error.parts if isinstance(part, Key))
+        line = next((line for line in lines if line is not None), None)
+        raise InvalidFile(file.path, str(error), line=line) from error
+    except FailedCheck as error:
+        raise PlannerError(str(error)) from error
+    except PlannerError as error:
+        message = str(error)
+        for argument, key in ARGUMENTS.items():
+            message = message.replace(argument, key)
+        error.args = (message,)
+        raise

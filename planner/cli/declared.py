@@ -29,6 +29,7 @@ from typing import (
     get_type_hints,
 )
 
+from planner.cli.console import BadSetting, Key, speaking_of
 from planner.exceptions import nearest
 from planner.files.text import key_name, toml_value
 
@@ -180,35 +181,23 @@ class Settings:
         return asdict(self)
 
     @classmethod
-    def of(cls, content: Mapping[str, Any], *, standard_input: bool = False) -> Self:
-        """Settings from values by key and table, or :class:`Unfit`.
+    def of(
+        cls, content: Mapping[str, Any], place: Place = (), *, standard_input: bool = False
+    ) -> Self:
+        """Settings from values by key and table, at a place in messages, or BadSetting.
 
         ``standard_input``: whether ``-`` may name a file to read.
         """
-        return _read(cls, content, (), cls, standard_input=standard_input)
+        return _read(cls, content, place, cls, standard_input=standard_input)
 
 
 AnySettings = TypeVar("AnySettings", bound=Settings)
 
 
-class Unfit(ValueError):
-    """Invalid settings: the place, the problem, and whether the message has to name the key."""
-
-    def __init__(self, place: Place, problem: str, *, named: bool = True) -> None:
-        """Keep place and problem; the caller adds the user's spelling of the place."""
-        self.place = place
-        self.named = named
-        self.problem = problem
-        super().__init__(problem)
-
-
 def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
     """Check a file against the declared tables."""
-    try:
+    with speaking_of(file):
         return cls.of(file.content)
-    except Unfit as error:
-        place = f"{key_name(error.place)}: " if error.named and error.place else ""
-        raise file.fault(f"{place}{error.problem}", error.place) from error
 
 
 def flat(settings: Settings) -> dict[str, Any]:
@@ -289,7 +278,8 @@ def _read(
 ) -> AnySettings:
     """The settings of a table at a place of a file, whose tables are those of ``whole``."""
     if not isinstance(content, Mapping):
-        raise Unfit(place, f"got {_described(content)}, expected a table [{key_name(place)}]")
+        words = f": got {_described(content)}, expected a table [{key_name(place)}]"
+        raise BadSetting(Key(place), words)
     for name in content:
         if name not in cls.keys:
             hint = nearest(str(name), list(cls.keys))
@@ -297,14 +287,14 @@ def _read(
             if not hint and others:
                 hint = f" (did you mean '{key_name(others[0])}'?)"
             of = f" of [{key_name(place)}]" if place else ""
-            words = f"unknown key '{key_name((*place, name))}'{hint}; keys{of}: "
-            raise Unfit((*place, name), words + ", ".join(cls.keys), named=False)
+            keys = f"'{hint}; keys{of}: {', '.join(cls.keys)}"
+            raise BadSetting("unknown key '", Key((*place, name)), keys)
     missing = [name for name, key in cls.keys.items() if key.required and name not in content]
     if len(missing) == 1:
-        words = cls.keys[missing[0]].expected
-        raise Unfit(place, f"no key '{missing[0]}', expected {words}; add it")
+        words = f": no key '{missing[0]}', expected {cls.keys[missing[0]].expected}; add it"
+        raise BadSetting(Key(place), words)
     if missing:
-        raise Unfit(place, f"no keys {', '.join(missing)}; add them")
+        raise BadSetting(Key(place), f": no keys {', '.join(missing)}; add them")
 
     def checked(annotation: Any, value: Any, place: Place) -> Any:
         base, notes = unwrapped(annotation)
@@ -331,7 +321,7 @@ def _read(
                 hint = ""
             except ValueError as error:
                 hint = str(error) or _hint(value, expected)
-        raise Unfit(place, f"got {_described(value)}, expected {expected}{hint}")
+        raise BadSetting(Key(place), f": got {_described(value)}, expected {expected}{hint}")
 
     given = {name: key for name, key in cls.keys.items() if name in content}
     values = {

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import options
-from planner.cli.console import deliver
+from planner.cli.console import Answer
 from planner.cli.settings import Run
-from planner.files.staging import staged
 
 if TYPE_CHECKING:
     from planner.identification.excitation import Excitation
@@ -78,10 +76,8 @@ UNNAMED = "requested"
     options.OUTPUT,
 )
 @options.output
-@options.as_json
-def excite(
-    *, run: Run, joint: str, expected_log: str | None, output: str, as_json: bool, **choices: Any
-) -> None:
+@options.answers
+def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) -> Answer:
     """Write test requests within limits, and print which parameters they determine.
 
     Move the joint slowly to the centre, play the requests one by one at their times, and record
@@ -110,19 +106,14 @@ def excite(
         resolution=math.radians(choices["resolution_deg"]),
         seed=choices["seed"],
     )
-    log: AbstractContextManager[None] = nullcontext()
-    if expected_log is not None:
-        log = staged(expected_log, _log_text(joint, expected).encode())
-    with log:
-        deliver(
-            _document(excitation, expected),
-            excitation_text(excitation, expected, model=run.model.file),
-            lambda file: write_joint_path(
-                file, [joint], excitation.requests[:, None], period=excitation.period
-            ),
-            output=output,
-            as_json=as_json,
-        )
+    return Answer(
+        _document(excitation, expected),
+        excitation_text(excitation, expected, model=run.model.file),
+        lambda file: write_joint_path(
+            file, [joint], excitation.requests[:, None], period=excitation.period
+        ),
+        pages=[(expected_log, _log_text(joint, expected))],
+    )
 
 
 def _signal(choices: dict[str, Any], model: JointModel) -> Excitation:

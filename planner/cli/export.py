@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from planner.cli import options
-from planner.cli.console import BadSetting, Key, deliver
+from planner.cli.console import Answer, BadSetting, Key
 from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile
 
@@ -29,16 +29,10 @@ if TYPE_CHECKING:
     options.INPUT,
     metavar="FILE",
 )
-@options.as_json
+@options.answers
 def export(
-    *,
-    run: Run,
-    requests: str,
-    output: str,
-    period_s: float | None,
-    model: str | None,
-    as_json: bool,
-) -> None:
+    *, run: Run, requests: str, output: str, period_s: float | None, model: str | None
+) -> Answer:
     """Write REQUESTS, a CSV as `plan` writes it, in a format that robots take; '-' is standard input.
 
     \b
@@ -78,12 +72,10 @@ def export(
         raise click.UsageError(f"--format {export.format} is a folder: name it with --output.")
     rows, skipped = rows_of(export, schedule)
     check_rows(export, rows)
-    deliver(
+    return Answer(
         rows_document(export, rows, skipped),
         rows_summary(rows, skipped),
         lambda file: write_rows(file, export, rows),
-        output=output,
-        as_json=as_json,
     )
 
 

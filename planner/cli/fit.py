@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, deliver
+from planner.cli.console import Answer, Progress
 from planner.cli.settings import Run
 from planner.exceptions import about
-from planner.files.text import write_text
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
@@ -64,7 +63,7 @@ def _knot(text: str) -> tuple[float, float | None]:
 )
 @options.report("Write a page (HTML) about the lines, and the error for other numbers of them.")
 @options.output
-@options.as_json
+@options.answers
 def fit(
     *,
     run: Run,
@@ -77,8 +76,7 @@ def fit(
     knots_file: str | None,
     report: str | None,
     output: str,
-    as_json: bool,
-) -> None:
+) -> Answer:
     """Approximate DESIRED, a CSV of <joint>_deg or <joint>_rad columns, by lines within ±v_max.
 
     \b
@@ -89,7 +87,7 @@ def fit(
     """  # noqa: D301
     import numpy as np
 
-    from planner.approximation.fit import fit_pwl
+    from planner.approximation.fit import choices, fit_pwl
     from planner.cli.desired import check_angles, load_joints
     from planner.cli.models import model_words
     from planner.files.paths import write_curve
@@ -127,18 +125,16 @@ def fit(
     angles = np.column_stack([curve.angles for curve in fits.values()])
     if knots_file is not None:
         write_curve(knots_file, next(iter(fits.values())))
+    page = ""
     if report is not None:
-        from planner.approximation.fit import choices
-
-        page = fit_page(fits, {name: choices(curve) for name, curve in fits.items()})
         origins, files = [("path", desired), ("model", run.model.file)], [("lines", output)]
-        write_text(report, page.html(report, origins, files))
-    deliver(
+        about_fits = fit_page(fits, {name: choices(curve) for name, curve in fits.items()})
+        page = about_fits.html(report, origins, files)
+    return Answer(
         document,
         f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits).text()}",
         lambda file: path.write(file, angles),
-        output=output,
-        as_json=as_json,
+        pages=[(report, page)],
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, deliver
+from planner.cli.console import Answer, Progress
 from planner.cli.settings import HalfEllipse, Run
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.report.table import text_table
@@ -46,10 +46,15 @@ PATTERNS = ("walk", "trot", "pace", "bound")
 )
 @options.option("--period", "Time between samples [s].", default=0.008)
 @options.output
-@options.as_json
+@options.answers
 def gait(
-    *, run: Run, period: float, fastest: bool, pattern: Pattern | None, output: str, as_json: bool
-) -> None:
+    *,
+    run: Run,
+    period: float,
+    fastest: bool,
+    pattern: Pattern | None,
+    output: str,  # noqa: ARG001
+) -> Answer:
     """Make the half-ellipse foot path of a walk, in the hip's frame; by default the paper's.
 
     With a leg the path is in the base's frame, around the foot of the leg's standing pose (--near),
@@ -87,8 +92,7 @@ def gait(
             raise click.UsageError(
                 "--pattern moves the four legs of --model: leave out --leg and --fastest."
             )
-        _whole_robot(run, walk, pattern, period, output, as_json=as_json)
-        return
+        return _whole_robot(run, walk, pattern, period)
     if not fastest and "file" in run.model.keys_set:
         raise click.UsageError("--model has no effect without --fastest or --pattern.")
     leg = load_leg(place)
@@ -108,18 +112,10 @@ def gait(
         document["stride"] = about(leg, leg_stride, stretched * period)
         words += f"\n{in_words(document['stride'])}"
     document |= {f"{axis}_m": path[:, k].tolist() for k, axis in enumerate("xyz")}
-    deliver(
-        document,
-        words,
-        lambda file: write_foot_path(file, path, period=period),
-        output=output,
-        as_json=as_json,
-    )
+    return Answer(document, words, lambda file: write_foot_path(file, path, period=period))
 
 
-def _whole_robot(
-    run: Run, walk: HalfEllipse, pattern: Pattern, period: float, output: str, *, as_json: bool
-) -> None:
+def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -> Answer:
     import numpy as np
 
     from planner.cli.models import legs_of
@@ -147,15 +143,13 @@ def _whole_robot(
     names = [joint for leg in legs.values() for joint in leg.joint_names]
     angles = np.hstack([each.angles for each in gaits.values()])
     columns = ["leg", "phase", "x [m]", "y [m]", "z [m]", "fastest [deg/s]"]
-    deliver(
+    return Answer(
         {"pattern": pattern, "period_s": period, "legs": document}
         | {f"{name}_deg": np.degrees(angles[:, j]).tolist() for j, name in enumerate(names)},
         f"{pattern}: a cycle of {walk.samples} samples, {walk.samples * period:g} s, of "
         f"{len(names)} joints; half stroke {stride.length:.4g} m, height {stride.height:.4g} m\n"
         + text_table(columns, rows),
         lambda file: write_joint_path(file, names, angles, period=period),
-        output=output,
-        as_json=as_json,
     )
 
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, deliver, remark, warn
+from planner.cli.console import Answer, Progress, remark, warn
 from planner.exceptions import InvalidFile, PlannerError, about
-from planner.files.staging import staged
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
@@ -46,10 +44,8 @@ FEW_ROWS = 20_000
     options.OUTPUT,
     default="-",
 )
-@options.as_json
-def identify(
-    *, logs: tuple[str, ...], report: str | None, output: str, as_json: bool, **choices: Any
-) -> None:
+@options.answers
+def identify(*, logs: tuple[str, ...], report: str | None, output: str, **choices: Any) -> Answer:
     """Find the parameters of a joint from LOGs of requested against actual angles.
 
     A LOG is CSV with columns such as t_s, requested_deg and actual_deg, a LeRobot dataset, a JSON
@@ -104,30 +100,27 @@ def identify(
         about=model_comments(tables),
         of_joint=of_joint,
     )
-    page: AbstractContextManager[None] = nullcontext()
+    page = ""
     if report is not None:
         from planner.report.identification.page import identification_page
 
         named = [*(("log", file) for file in logs), ("model", output)]
-        html = identification_page(identifications).html(report, written=named)
-        page = staged(report, html.encode())
-    with page:
-        deliver(
-            document,
-            identification_text(identifications, "joint.toml" if output == "-" else output),
-            lambda file: write_text(file, text),
-            output=output,
-            as_json=as_json,
-        )
-    if left_out := [name for name in by_joint if name not in identifications]:
-        raise click.ClickException(f"no model of {', '.join(left_out)}; the others are written")
+        page = identification_page(identifications).html(report, written=named)
     refused = {name: each.reason for name, each in identifications.items() if not each.accepted}
-    if refused:
+    failure = ""
+    if left_out := [name for name in by_joint if name not in identifications]:
+        failure = f"no model of {', '.join(left_out)}; the others are written"
+    elif refused:
         reasons = {name or "the joint": reason for name, reason in refused.items()}
         which = "the model" if len(refused) == 1 else "the models"
-        raise click.ClickException(
-            f"do not plan with {which} of {with_reasons(reasons)}; written all the same"
-        )
+        failure = f"do not plan with {which} of {with_reasons(reasons)}; written all the same"
+    return Answer(
+        document,
+        identification_text(identifications, "joint.toml" if output == "-" else output),
+        lambda file: write_text(file, text),
+        pages=[(report, page)],
+        failure=failure,
+    )
 
 
 def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, list[Log]]:

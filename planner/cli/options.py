@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import wraps
 from pathlib import Path
@@ -20,8 +19,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 import click
 from click.shell_completion import CompletionItem
 
-from planner.cli.console import BadSetting, FailedCheck, Key, Remark, warn
-from planner.cli.declared import NUMBER, SOURCE, Declared, Unfit, tables, unwrapped
+from planner.cli.console import Answer, FailedCheck, Key, Remark, warn
+from planner.cli.declared import NUMBER, SOURCE, Declared, tables, unwrapped
 from planner.cli.settings import LEG_NAMES, Replay, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
 
@@ -269,7 +268,18 @@ parallel = several(
 )
 """Of commands that carry out many tasks."""
 
-as_json = option("--json as_json", "Print JSON for machines.", bool)
+
+def answers(command: Callable[..., Answer | None]) -> Command:
+    """Give a command ``--json``; its answer, if it has one, is written and printed."""
+
+    @option("--json as_json", "Print JSON for machines.", bool)
+    @wraps(command)
+    def answered(*, as_json: bool, **arguments: Any) -> None:
+        if answer := command(**arguments):
+            answer.deliver(arguments.get("output", "-"), as_json=as_json)
+
+    return answered
+
 
 recording_options = several(
     option("--time", "CSV: the column of times; clock:ms says its unit.", metavar="COLUMN"),
@@ -363,11 +373,9 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
             replay = content.pop("replay", {})
             if "export" in content:
                 content["export"] = [{"file": "rows", **content["export"]}]
-            with _as_options():
-                run = Run.of(content, standard_input=True)
+            run = Run.of(content, standard_input=True)
             if any(key.startswith(REPLAY) for key in keys):
-                with _as_options(REPLAY):
-                    arguments["replay"] = Replay.of(replay)
+                arguments["replay"] = Replay.of(replay, (REPLAY[:-1],))
             return command(run=run, **arguments)
 
         decorators = []
@@ -450,11 +458,11 @@ def warn_of(remarks: Sequence[Remark | FailedCheck]) -> None:
 
 def as_option(key: Key) -> str:
     """A setting as an option of the command line: ``--no-cyclic``."""
-    named = key.name
+    name = named = ".".join(part for part in key.place if isinstance(part, str))
     while named and named not in SETTINGS and named not in BY_JOINT:
         named = named.rpartition(".")[0]
     if not named:
-        return {"path.file": "PATH"}.get(key.name, key.name)
+        return {"path.file": "PATH"}.get(name, name)
     first, _, second = SETTINGS[BY_JOINT.get(named, named)].option.partition("/")
     if isinstance(key.value, bool):
         return first if key.value else second
@@ -471,16 +479,6 @@ def by_argument() -> dict[str, str]:
         argument = table if name == "deg" else re.sub("_(deg|hz|s)$", "", name)
         names[argument.replace("_", " ")] = declared.option.partition("/")[0]
     return names
-
-
-@contextmanager
-def _as_options(table: str = "") -> Iterator[None]:
-    """Let errors in settings inside the block name options."""
-    try:
-        yield
-    except Unfit as error:
-        place = ".".join(part for part in error.place if isinstance(part, str))
-        raise BadSetting(Key(table + place), f": {error.problem}") from error
 
 
 def put(content: dict[str, Any], key: str, value: Any) -> None:

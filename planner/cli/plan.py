@@ -5,9 +5,8 @@ from __future__ import annotations
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, deliver
+from planner.cli.console import Answer, Progress
 from planner.cli.settings import SMOOTHING, Run
-from planner.files.text import write_text
 
 
 @click.command()
@@ -24,8 +23,8 @@ from planner.files.text import write_text
 )
 @options.output
 @options.report("Write a page (HTML) about the plan.")
-@options.as_json
-def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool) -> None:  # noqa: ARG001
+@options.answers
+def plan(*, run: Run, path: str, output: str, report: str | None) -> Answer:  # noqa: ARG001
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.
 
     PATH holds desired angles (columns <joint>_deg or <joint>_rad), or positions of a foot (x_m,
@@ -48,7 +47,7 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
-    from planner.cli.answer import document, summary
+    from planner.cli.answer import document, plan_report, summary
     from planner.cli.planning import beyond_limits, doubted, misses, plan_of, prepare
 
     desired = prepare(run)
@@ -56,19 +55,14 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     with Progress(len(desired.names)) as progress:
         result = plan_of(desired, progress)
     options.warn_of([*beyond_limits(desired, result), *doubted(desired, result)])
-    missed = misses(desired, result)
+    missed, page = misses(desired, result), ""
     if report is not None:
-        from planner.cli.answer import plan_report
-
         files = [("requests", output)]
         page = plan_report(desired, result, missed=missed, page=report, written=files)
-        write_text(report, page)
-    deliver(
+    return Answer(
         document(desired, result, missed),
         summary(desired, result),
         lambda file: desired.write(file, result.requests, result.task.load),
-        output=output,
-        as_json=as_json,
+        pages=[(report, page)],
+        failure=f"{'; '.join(missed)}; the requests are written all the same" if missed else "",
     )
-    if missed:
-        raise click.ClickException(f"{'; '.join(missed)}; the requests are written all the same")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import buses, options
-from planner.cli.console import print_answer, summarise, warn
+from planner.cli.console import Answer, summarise, warn
 from planner.exceptions import BusError, InvalidFile
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @options.option(
     "-o --output", "The log of requested and actual angles.", options.OUTPUT, default="log.csv"
 )
-@options.as_json
+@options.answers
 def play(
     *,
     requests: str,
@@ -36,9 +36,8 @@ def play(
     cycles: int,
     measured: str | None,
     output: str,
-    as_json: bool,
     **choices: Any,
-) -> None:
+) -> Answer:
     """Play REQUESTS, as `plan` or `refine` writes them, on servos, and log what the joints do.
 
     The joints are led slowly to the first request. Requests beyond the range of a joint are refused
@@ -92,7 +91,7 @@ def play(
             f"{performance.skipped} of {count} requests were not sent in time and {lost} of "
             f"{angles.size} angles were not read; a longer period, or a better cable, helps"
         )
-    print_answer(
+    return Answer(
         {
             "rows": len(rows),
             "requests": count,
@@ -104,7 +103,6 @@ def play(
             "answers_lost": arm.bus.lost,
         },
         f"{len(rows)} rows of {', '.join(path.names)} in {output}\nplayed: {performance}",
-        as_json=as_json,
     )
 
 

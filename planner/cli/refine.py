@@ -7,9 +7,8 @@ from pathlib import Path
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, deliver, warn
+from planner.cli.console import Answer, Progress, warn
 from planner.cli.settings import SMOOTHING, Run
-from planner.files.text import write_text
 
 
 @click.command()
@@ -44,7 +43,7 @@ from planner.files.text import write_text
 )
 @options.output
 @options.report("Write a page (HTML) about what was learnt.")
-@options.as_json
+@options.answers
 def refine(
     *,
     run: Run,
@@ -57,8 +56,7 @@ def refine(
     reidentify: bool,
     output: str,
     report: str | None,
-    as_json: bool,
-) -> None:
+) -> Answer:
     """Learn from executed REQUESTS and the angles MEASURED meanwhile: write the next requests.
 
     REQUESTS is what `plan` or `refine` wrote. MEASURED has the same columns, or those of a log, a
@@ -114,13 +112,13 @@ def refine(
         warn(answer.about_not_measured)
     if history is not None:
         write_states(history, answer)
+    page = ""
     if report is not None:
         files = [("requests", output), ("history", history)]
-        write_text(report, learning_report(answer, page=report, written=files))
-    deliver(
+        page = learning_report(answer, page=report, written=files)
+    return Answer(
         document(answer),
         summary(answer),
         lambda file: desired.write(file, answer.requests, answer.loads),
-        output=output,
-        as_json=as_json,
+        pages=[(report, page)],
     )

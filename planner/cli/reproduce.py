@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, print_json, terminal_width
+from planner.cli.console import Answer, Progress, terminal_width
 from planner.files.staging import list_files, output_folder
 from planner.files.text import to_json, write_bytes, write_text
 from planner.report.table import fitted_to
@@ -34,8 +34,8 @@ STEPS = {"model": 15, "virtual": 26}
     click.Choice(["model", "virtual"]),
     default="model",
 )
-@options.as_json
-def reproduce(*, out: str, robot: str, as_json: bool) -> None:
+@options.answers
+def reproduce(*, out: str, robot: str) -> Answer:
     """Run the paper's experiment again and put every figure beside the paper's own.
 
     Writes results.json, report.html, figures (SVG and PNG) and CSVs of the desired angles, the
@@ -70,29 +70,24 @@ def reproduce(*, out: str, robot: str, as_json: bool) -> None:
         request-planner reproduce --out out/paper
         request-planner reproduce --robot virtual --out out/virtual
     """  # noqa: D301
-    progress = Progress(STEPS[robot])
     experiment = on_virtual_robot if robot == "virtual" else on_model
-    try:
-        with output_folder(out) as folder, fitted_to(terminal_width(sys.stdout)):
-            document, text, failures = experiment(folder, progress)
-            document["files"] = list_files(folder)
-            write_text(folder / "results.json", to_json(document))
-    finally:
-        progress.done()
-    if as_json:
-        print_json(document)
-    else:
-        click.echo(text)
-        click.echo(f"\nReport, figures and CSV files: {out}")
-    if failures:
-        raise click.ClickException("; ".join(failures))
+    with (
+        Progress(STEPS[robot]) as progress,
+        output_folder(out) as folder,
+        fitted_to(terminal_width(sys.stdout)),
+    ):
+        document, text, failures = experiment(folder, progress)
+        document["files"] = list_files(folder)
+        write_text(folder / "results.json", to_json(document))
+    text = f"{text}\n\nReport, figures and CSV files: {out}"
+    return Answer(document, "", lambda _: click.echo(text), failure="; ".join(failures))
 
 
-Answer = tuple[dict[str, Any], str, list[str]]
+Outcome = tuple[dict[str, Any], str, list[str]]
 """``results.json`` but for its list of files, the same for people, and the checks that failed."""
 
 
-def on_model(folder: Path, progress: Callable[[str], None]) -> Answer:
+def on_model(folder: Path, progress: Callable[[str], None]) -> Outcome:
     """The paper's experiment on the paper's own model."""
     from planner.evaluation.reproduction import reproduce
     from planner.files.paths import write_foot_path, write_joint_path
@@ -112,7 +107,7 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Answer:
     return document, paper_text(document), []
 
 
-def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Answer:
+def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Outcome:
     """The paper's experiment on the virtual robot, whose joints are not the model."""
     from planner.evaluation.virtual_experiment import play_experiment
     from planner.report.paper.page import virtual_page

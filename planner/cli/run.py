@@ -1,18 +1,31 @@
-"""``request-planner run``: one file that describes a whole run, from the leg to the outputs."""
+"""``request-planner run``: one file that describes a whole run, read, checked and carried out."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, print_answer, warn
+from planner.cli.console import Answer, BadSetting, Key, Progress, speaking_of, warn
+from planner.cli.declared import flat, understand
 from planner.cli.declared import template as template_of
+from planner.cli.export import (
+    check_export,
+    check_rows,
+    rows_document,
+    rows_of,
+    rows_summary,
+    write_rows,
+)
 from planner.cli.settings import Run
-from planner.files.staging import output_folder
-from planner.files.text import STANDARD_STREAM, write_text
+from planner.exceptions import InvalidInput
+from planner.files.staging import MANIFEST, list_files, output_folder
+from planner.files.text import STANDARD_STREAM, read_toml, to_json, write_text
 
 if TYPE_CHECKING:
     from planner.cli.desired import Desired
@@ -32,8 +45,8 @@ HEADING = (
 @options.option("--out", "Folder for the results, whatever the file says.", options.FOLDER)
 @options.option("--check", "Only check the file and the files that it names.", bool)
 @options.option("--template", "Print a file with every key, to begin with.", bool)
-@options.as_json
-def run(*, file: str | None, out: str | None, check: bool, template: bool, as_json: bool) -> None:
+@options.answers
+def run(*, file: str | None, out: str | None, check: bool, template: bool) -> Answer | None:
     """Carry out what RUN.toml describes: leg, models, path, method, limits and outputs.
 
     The folder of the results appears whole or not at all, and nothing is written outside it. Every
@@ -47,26 +60,21 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
     """  # noqa: D301
     if template:
         write_text(STANDARD_STREAM, template_of(Run, HEADING))
-        return
+        return None
     if file is None:
         raise click.UsageError("name a run file, or begin one with --template.")
-    from planner.cli.run_file import read_run
-
     run_file, desired = read_run(file)
-    if check:
-        for remark in desired.remarks:
-            warn(str(remark))
-        samples, method = len(desired.angles), desired.settings.plan.method
-        content = {"holds": True, "samples": samples, "period_s": desired.period}
-        print_answer(
-            {**content, "joints": list(desired.names), "method": method},
-            f"{file}: holds; {samples} samples, {desired.period:g} s apart, of "
-            f"{', '.join(desired.names)}; method {method}",
-            as_json=as_json,
-        )
-        return
-    place = folder_of(file, out, desired.settings.out)
-    carry_out_run(run_file, desired, place, as_json=as_json)
+    if not check:
+        return carried_out(run_file, desired, folder_of(file, out, desired.settings.out))
+    for remark in desired.remarks:
+        warn(str(remark))
+    samples, method = len(desired.angles), desired.settings.plan.method
+    content = {"holds": True, "samples": samples, "period_s": desired.period}
+    return Answer(
+        {**content, "joints": list(desired.names), "method": method},
+        f"{file}: holds; {samples} samples, {desired.period:g} s apart, of "
+        f"{', '.join(desired.names)}; method {method}",
+    )
 
 
 def folder_of(file: str, out: str | None, in_file: str | None) -> str:
@@ -80,24 +88,117 @@ def folder_of(file: str, out: str | None, in_file: str | None) -> str:
     return str(Path(file).with_suffix(""))
 
 
-def carry_out_run(file: Toml, desired: Desired, out: str, *, as_json: bool) -> None:
-    """Plan, and write the folder of the results."""
-    from planner.cli.answer import summary
-    from planner.cli.planning import beyond_limits, doubted, plan_of
-    from planner.cli.run_file import speaking_of, write_run
+def read_run(path: str) -> tuple[Toml, Desired]:
+    """Read a run file, or standard input for ``-``, and prepare the plan that it describes."""
+    from planner.cli.desired import check_angles
+    from planner.cli.planning import prepare
+    from planner.robot.schedule import Schedule
 
-    steps = 1 if desired.settings.plan.method == "foot-optimal" else len(desired.names)
-    with (
-        Progress(steps + 1) as progress,
-        speaking_of(file),
-        output_folder(out) as folder,
-    ):
+    file = read_toml(path, example='method = "optimal"')
+    run = understand(file, Run)
+    with speaking_of(file):
+        for number, export in enumerate(run.export):
+            with _in_export(number):
+                check_export(export)
+        _check_names(run)
+        desired = prepare(run, str(Path(path).parent))
+        if run.export:
+            check_angles(desired.names, desired.units)
+        schedule = Schedule(desired.names, desired.angles, desired.period)
+        for number, export in enumerate(run.export):  # what the path or the packages cannot give
+            with _in_export(number):
+                check_rows(export, rows_of(export, schedule)[0])
+    return file, desired
+
+
+@contextmanager
+def _in_export(number: int) -> Iterator[None]:
+    """Let errors in an export inside the block name its number."""
+    try:
+        yield
+    except BadSetting as error:
+        parts = (
+            part
+            if isinstance(part, str)
+            else replace(part, name=("export", number, *part.place[1:]))
+            for part in error.parts
+        )
+        raise BadSetting(*parts) from error
+    except InvalidInput as error:
+        raise BadSetting(Key(("export", number)), f": {error}") from error
+
+
+def _check_names(run: Run) -> None:
+    """Make sure that no two files of the folder have one name, or one inside the other."""
+    owners = {PurePosixPath(MANIFEST): MANIFEST}
+    names = {f"output.{key}": name for key, name in run.output.values().items()}
+    names |= {f"export[{number}].file": each.file for number, each in enumerate(run.export)}
+    for key, name in names.items():
+        if not name:
+            continue
+        path = PurePosixPath(name.casefold())
+        for other, owner in owners.items():
+            if path == other or path in other.parents or other in path.parents:
+                raise BadSetting(
+                    Key(key), f": got '{name}', which {owner} takes; choose another name"
+                )
+        owners[path] = key
+
+
+def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
+    """Plan, and write the folder of the results, ``results.json`` among them."""
+    from planner.cli.answer import document, plan_report, summary
+    from planner.cli.planning import beyond_limits, doubted, misses, plan_of
+    from planner.files.paths import write_foot_path
+    from planner.report.page import versions
+    from planner.robot.schedule import Schedule
+
+    run, failure = desired.settings, ""
+    steps = 1 if run.plan.method == "foot-optimal" else len(desired.names)
+    with Progress(steps + 1) as progress, speaking_of(file), output_folder(out) as folder:
+
+        def placed(name: str) -> Path | None:
+            """The path of an output, whose folder is made; None where its name is empty."""
+            place = folder / name
+            if name:
+                place.parent.mkdir(parents=True, exist_ok=True)
+            return place if name else None
+
         plan = plan_of(desired, progress)
-        results, exports, failures = write_run(folder, file.path, desired, plan, progress=progress)
-    remarks = (*desired.remarks, *beyond_limits(desired, plan), *doubted(desired, plan))
-    for remark in remarks:
+        missed = misses(desired, plan)
+        progress("the files")
+        for name, angles, loads in (
+            (run.output.requests, plan.requests, plan.task.load),
+            (run.output.angles, plan.predicted, None),
+            (run.output.desired, desired.angles, None),
+        ):
+            if place := placed(name):
+                desired.write(place, angles, loads)
+        if desired.foot is not None and (place := placed(run.output.foot)):
+            write_foot_path(place, plan.foot, period=desired.period)
+        exports, words = [], ""
+        for export in run.export:
+            schedule = Schedule(desired.names, plan.requests, desired.period)
+            rows, skipped = rows_of(export, schedule)
+            write_rows(str(placed(export.file)), export, rows)
+            exports.append({"file": export.file, **rows_document(export, rows, skipped)})
+            words += f"\n{export.file}: {rows_summary(rows, skipped)}"
+        if page := placed(run.output.report):
+            files: list[tuple[str, Path | str | None]] = [("run", file.path)]
+            files += [(Path(name).stem, folder / name) for name in [*list_files(folder), MANIFEST]]
+            write_text(page, plan_report(desired, plan, missed=missed, page=page, written=files))
+        results = {
+            "made_by": "request-planner run",
+            "settings": flat(run),
+            **document(desired, plan, missed),
+            "exports": exports,
+            "versions": versions(),
+            "files": list_files(folder),
+        }
+        write_text(folder / MANIFEST, to_json(results))
+    for remark in (*desired.remarks, *beyond_limits(desired, plan), *doubted(desired, plan)):
         warn(str(remark))
-    words = f"{summary(desired, plan)}{exports}\n{len(results['files']) + 1} files in {out}"
-    print_answer(results, words, as_json=as_json)
-    if failures:
-        raise click.ClickException(f"{'; '.join(failures)}; the files are written all the same")
+    if missed:
+        failure = f"{'; '.join(missed)}; the files are written all the same"
+    words += f"\n{len(results['files']) + 1} files in {out}"
+    return Answer(results, summary(desired, plan) + words, failure=failure)

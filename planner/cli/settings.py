@@ -503,6 +503,15 @@ class SweptParameters(Settings):
     smoothness: Values | None = _tried("Any path: `smoothness` of [plan].", 0.0, 0.01, 0.1)
 
 
+SWEPT = {
+    **{name: f"path.half_ellipse.{name}" for name in SweptParameters.keys},
+    "period_s": "path.half_ellipse.samples",
+    "speed": "path.speed",
+    "smoothness": "plan.smoothness",
+}
+"""The key of a run file that each parameter sets."""
+
+
 class Search(Settings):
     """What is sought, and how: without a required error or speed, all of the Pareto front."""
 

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from planner.cli import options
-from planner.cli.console import deliver, warn
+from planner.cli.console import Answer, warn
 from planner.cli.settings import Run
 from planner.exceptions import InvalidFile, about
 
@@ -28,16 +28,15 @@ from planner.exceptions import InvalidFile, about
 )
 @options.option("--desired", "Joint path to compare the angles with.", options.INPUT)
 @options.output
-@options.as_json
+@options.answers
 def simulate(
     *,
     run: Run,
     requests: str,
     load: str | None,
     desired: str | None,
-    output: str,
-    as_json: bool,
-) -> None:
+    output: str,  # noqa: ARG001
+) -> Answer:
     """Simulate the joints under REQUESTS, a CSV of <joint>_deg or <joint>_rad columns.
 
     \b
@@ -106,10 +105,4 @@ def simulate(
     if expected and (words := untested_words(inputs.names, expected)):
         summary += f"\n{words}"
     document = {"cyclic": cyclic, "period_s": inputs.period, "joints": joints}
-    deliver(
-        document,
-        summary,
-        lambda file: inputs.write(file, np.column_stack(columns)),
-        output=output,
-        as_json=as_json,
-    )
+    return Answer(document, summary, lambda file: inputs.write(file, np.column_stack(columns)))

@@ -15,15 +15,30 @@ from planner.files.logs import read_logs
 from planner.files.logs.rows import LogOptions
 from planner.files.paths import GrowingLog
 from planner.identification.excitation import excite
+from planner.identification.identify import identify
 from planner.identification.log import Log
+from planner.identification.result import Identification
+from planner.model.evidence import TRACKING, WINDOW, Evidence
+from planner.model.joint import JointModel
+from planner.model.response import simulate
 from planner.robot.arm import Arm
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 LOOKS = 50
 """Sync reads at rest, for the noise of the sensors and the time of a tick."""
 
 MARGIN = 0.05
 """Share of a range that is left free at either end."""
+
+WORSE = 2.0
+"""A model still holds while it misses the motion by at most this factor over the error that its
+own test predicts, by :data:`SMALL`, or by at most this factor over a new model of this motion."""
+
+SMALL = math.radians(0.3)
+"""Error that is never worth a new calibration [rad]: three counts of a sensor of 12 bits."""
+
+UNKNOWN = 0.1
+"""Share by which a parameter without an interval may be off."""
 
 SAME = 1e-3
 """Difference of requests below which a log holds the requested motion [rad]."""
@@ -177,3 +192,68 @@ def angles_of(log: Log, count: int, period: float) -> Array:
     kept = log.measured & (rows < count)
     angles[rows[kept]] = log.angles[kept]
     return angles
+
+
+class Recheck(NamedTuple):
+    """Whether a model still holds, by a new motion of its joint."""
+
+    holds: bool | None  # None where all of the motion is beyond the logs of the model
+    error: float  # of the model, rms [rad]
+    expected: float  # error to expect of it by its own test, rms [rad]
+    beyond: float  # share of the motion that is beyond the logs of the model, and left out
+    changes: list[str]  # parameters of a model that no longer holds which have changed, in words
+
+
+def recheck(model: JointModel, log: Log) -> Recheck:
+    """Compare a model with a new log; where it misses the motion, with a new model of this log."""
+    error, expected, beyond = errors(model, log)
+    if error <= max(WORSE * expected, SMALL):
+        return Recheck(True, error, expected, beyond, [])
+    identification = identify(log)
+    if error <= WORSE * identification.rms:  # the motion is hard for any model
+        return Recheck(True, error, expected, beyond, [])
+    if beyond == 1.0:
+        return Recheck(None, error, expected, beyond, [])
+    return Recheck(False, error, expected, beyond, changes(model, identification))
+
+
+def errors(model: JointModel, log: Log) -> tuple[float, float, float]:
+    """Error of the model in a log, error to expect of it, both rms [rad], and share left out [-].
+
+    Parts whose motion is outside the tested range are left out, unless all are: the share is then
+    1. A servo holds its last request over rows that were lost.
+    """
+    evidence, period = model.evidence or Evidence(), model.period
+    due = np.rint((log.times - log.times[0]) / period).astype(int)
+    requests = log.requests[np.searchsorted(due, np.arange(due[-1] + 1), side="right") - 1]
+    predicted = simulate(model, requests, cyclic=False, start=float(log.angles[0]))
+    length = min(round(WINDOW / period), len(predicted))
+    within = np.zeros(len(predicted), dtype=bool)
+    expected: dict[bool, list[float]] = {False: [], True: []}
+    for begin in {*range(0, len(predicted) - length, length // 2), len(predicted) - length}:
+        part = slice(begin, begin + length)
+        outside = evidence.exceeded(predicted[part], period=period, cyclic=False)
+        inside = not {*outside} - {TRACKING}
+        within[part] |= inside
+        expected[inside].append(evidence.error_of(predicted[part], period=period, cyclic=False))
+    compared = log.measured & (within[due] if within.any() else True)
+    return (
+        rms((predicted[due] - log.angles)[compared]),
+        rms(np.array(expected[bool(within.any())])),
+        float(np.mean(~within)),
+    )
+
+
+def changes(model: JointModel, identification: Identification) -> list[str]:
+    """Parameters of a new model that differ by more than both intervals allow."""
+    intervals = {} if model.evidence is None else model.evidence.intervals
+    changed = []
+    for name in ("v_max", "theta_0", "lag", "dead_band", "offset"):
+        if name not in identification.intervals:
+            continue
+        old, new = getattr(model, name), getattr(identification.model, name)
+        low, high = intervals.get(name, (old - UNKNOWN * abs(old), old + UNKNOWN * abs(old)))
+        interval = identification.intervals[name]
+        if interval.lower > high or interval.upper < low:
+            changed.append(f"{name} is {new:.3g}, and was {old:.3g}")
+    return changed

@@ -14,7 +14,6 @@ import pytest
 
 from planner import JointModel
 from planner.cli import buses
-from planner.cli.calibrate import _errors
 from planner.cli.play import _a_row_each
 from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
@@ -424,11 +423,11 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
         moved.append(name)
         rates.append((period, len(requests)))
 
-    monkeypatch.setattr("planner.identification.identify.identify", lambda _: found)
+    monkeypatch.setattr(measure, "identify", lambda _: found)
     monkeypatch.setattr(measure, "move", move)
     errors = np.radians(now), np.radians(before), beyond
-    monkeypatch.setattr(CALIBRATE, "_errors", lambda *_: errors)
-    monkeypatch.setattr(CALIBRATE, "_changes", lambda *_: ["v_max is 3, and was 5"])
+    monkeypatch.setattr(measure, "errors", lambda *_: errors)
+    monkeypatch.setattr(measure, "changes", lambda *_: ["v_max is 3, and was 5"])
     asked = ("check", "--bus", "virtual", "--model", arm, "--joint", "joint_3", "--joint")
     result = run(*asked, "joint_2", "--duration-s", "3", "--rate-hz", "50")
     assert moved == ["joint_3", "joint_2"]
@@ -562,7 +561,9 @@ def test_a_check_compares_the_parts_of_a_motion_that_the_logs_of_the_model_teste
     angles = simulate(model, requests, cyclic=False, start=0.0) + np.where(
         slow, 0.03, 0.5 * (times > 0.0)
     )
-    error, expected, share = _errors(model, Log(times=times, requests=requests, angles=angles))
+    error, expected, share = measure.errors(
+        model, Log(times=times, requests=requests, angles=angles)
+    )
     assert error == pytest.approx(0.03 if gentle else 0.5, rel=0.02)
     assert expected == pytest.approx(0.016 if gentle else 0.04, rel=0.2)
     assert share == pytest.approx(beyond, abs=0.01)

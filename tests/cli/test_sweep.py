@@ -14,7 +14,7 @@ import pytest
 
 import planner
 from kinematics import urdf_path
-from planner.cli.sweep.points import planned_points, read_sweep
+from planner.cli.points import planned_points, read_sweep
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
 from planner.files.results import Results
@@ -106,7 +106,7 @@ def known(argument):
 def sought(swept, monkeypatch):
     """Search where the best points are known."""
     pytest.importorskip("cma", reason="needs the extra sweep")
-    monkeypatch.setattr("planner.cli.sweep.points.evaluate", known)
+    monkeypatch.setattr("planner.cli.points.evaluate", known)
     return lambda more="", **options: swept(SOUGHT + more, **options)
 
 
@@ -216,7 +216,7 @@ def test_a_sweep_that_is_complete_is_resumed_without_a_plan_unless_it_has_change
     again = run(*words)
     assert (again.exit_code, again.stdout, again.stderr) == (1, first.stdout, first.stderr)
     with monkeypatch.context() as patch:
-        patch.setattr("planner.cli.sweep.points.planned_points", None)
+        patch.setattr("planner.cli.points.planned_points", None)
         again = run(*words, "--resume")
     said = "request-planner: nothing is missing: gaits holds all 2 points, planned like this\n"
     assert (again.exit_code, again.stdout, again.stderr) == (1, first.stdout, said + first.stderr)

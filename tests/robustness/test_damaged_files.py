@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from kinematics import KinematicsError, Leg, urdf_path
 from planner import InvalidInput, LogOptions, read_logs
-from planner.cli.run_file import read_run
+from planner.cli.run import read_run
 from planner.files.joint_model import read_model_file
 from planner.files.paths import read_foot_path, read_joint_path
 from tests.files.logs.bags import START, Kit, only_file, store, write

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, deliver, print_answer, remark, warn
+from planner.cli.console import Answer, Progress, remark, warn
 from planner.cli.settings import SMOOTHING, TOLERANCE, Run
 from planner.cli.settings import Replay as ReplaySettings
-from planner.files.staging import check_folder, check_writable, claimed, staged
+from planner.files.staging import check_folder, check_writable, claimed
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -51,7 +50,7 @@ NORM = "the plan's norm, or with --fastest the largest error"
 @options.output_or_folder
 @options.report("Write a page (HTML) about the replay.")
 @options.parallel
-@options.as_json
+@options.answers
 def replay(
     *,
     run: Run,
@@ -62,9 +61,8 @@ def replay(
     workers: int | None,
     scheduler: str | None,
     resume: bool,
-    as_json: bool,
     **choices: Any,
-) -> None:
+) -> Answer:
     """Plan requests that repeat RECORDINGs, at their own speed or another one.
 
     A RECORDING is what `identify` reads: CSV with columns such as t_s, requested_deg and
@@ -106,33 +104,31 @@ def replay(
     if origin is not None and (before := finished(output, ABOUT, origin)):
         count = len(before["recordings"])
         remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
-        _print_all(before, logs, report=report, as_json=as_json)
-        return
+        return _answer(before, logs, report=report)
     with Progress() as progress:
         tasks = tasks_of(run, replay, recordings, progress)
     for each in tasks[0].models.remarks:
         warn(each)
     if len(tasks) == 1:
-        _replay_one(tasks[0], output=output, report=report, as_json=as_json)
-    else:
-        with (
-            executor_of(workers, scheduler) as executor,
-            Progress(len(tasks), parallel=True) as progress,
-        ):
-            document, kept = replay_many(
-                tasks, output, executor, resume=resume, progress=lambda task: progress(task.name)
-            )
-        for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
-            remark(words)
-        _print_all(document, logs, kept=kept, report=report, as_json=as_json)
+        return _replay_one(tasks[0], output=output, report=report)
+    with (
+        executor_of(workers, scheduler) as executor,
+        Progress(len(tasks), parallel=True) as progress,
+    ):
+        document, kept = replay_many(
+            tasks, output, executor, resume=resume, progress=lambda task: progress(task.name)
+        )
+    for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
+        remark(words)
+    return _answer(document, logs, kept=kept, report=report)
 
 
-def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
+def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
     from planner.cli.replay.dataset import write_replay
     from planner.cli.replay.task import document, fastest_document, missed
     from planner.report.replay import replay_page, replay_text
 
-    fastest = None
+    fastest, page = None, ""
     with Progress() as progress:
         if task.replay.fastest:
             fastest = task.fastest(progress)
@@ -141,7 +137,6 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
         content = document(result, task.models)
         words = replay_text(result, task.models.words, fastest)
         misses = missed(task, result)
-        page: AbstractContextManager[None] = nullcontext()
         if report is not None:
             progress("the page")
             arm, recording = task.arm(), task.recording
@@ -156,49 +151,47 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
             )
             origins = [("recording", recording.name), ("track", result.path.track)]
             files = [("recording", recording.path), ("requests", output)]
-            page = staged(report, about.html(report, origins, files).encode())
+            page = about.html(report, origins, files)
     if fastest is not None:
         content |= {"fastest": fastest_document(fastest)}
     for each in result.path.remarks:
         remark(f"{result.path.name}: {each}")
-    with page:
-        deliver(
-            content,
-            words,
-            lambda file: write_replay(file, task.recording, result, task.replay.write_as),
-            output=output,
-            as_json=as_json,
-        )
-    if misses:
-        raise click.ClickException(f"{'; '.join(misses)}; the requests are written all the same")
+    return Answer(
+        content,
+        words,
+        lambda file: write_replay(file, task.recording, result, task.replay.write_as),
+        pages=[(report, page)],
+        failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",
+    )
 
 
-def _print_all(
+def _answer(
     document: Mapping[str, Any],
     logs: Sequence[str],
     *,
     kept: Path | None = None,
     report: str | None,
-    as_json: bool,
-) -> None:
-    """Print the errors of the plans of many recordings, and list the failed recordings last."""
+) -> Answer:
+    """The errors of the plans of many recordings, and a warning for each that failed."""
     from planner.report.episodes import episodes_page, episodes_text
 
+    page, failure = "", ""
     if report is not None:
         with Progress() as progress:
             progress("the page")
             title = ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
             origins = [*(("recordings", name) for name in logs), ("track", document["track"])]
             page = episodes_page(document, title=title).html(report, origins)
-            with staged(report, page.encode()):
-                pass
-    print_answer(document, episodes_text(document), as_json=as_json)
-    failed = document["left_out"]
-    for name, reason in failed.items():
-        warn(f"{name} is left out: {reason}")
-    if failed:
+    if failed := document["left_out"]:
         count = len(document["recordings"]) + len(failed)
-        raise click.ClickException(
+        failure = (
             f"{len(failed)} of {count} recordings left out; the others are written, and kept in "
             f"{kept} for --resume"
         )
+    return Answer(
+        document,
+        episodes_text(document),
+        pages=[(report, page)],
+        failure=failure,
+        warnings=[f"{name} is left out: {reason}" for name, reason in failed.items()],
+    )

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options
-from planner.cli.console import Progress, print_answer, remark
+from planner.cli.console import Answer, Progress, remark
 from planner.cli.declared import flat
 from planner.cli.declared import template as template_of
+from planner.cli.run import carried_out, folder_of
 from planner.cli.settings import Sweep
 from planner.files.staging import MANIFEST, check_folder, claimed, list_files, output_folder
 from planner.files.text import STANDARD_STREAM, to_json, write_text
 
 if TYPE_CHECKING:
-    from planner.cli.sweep.points import Space
+    from planner.cli.points import Space
     from planner.report.sweep import Swept
 
 HEADING = (
@@ -41,7 +42,7 @@ HEADING = (
 )
 @options.option("--template", "Print a file with every key, to begin with.", bool)
 @options.parallel
-@options.as_json
+@options.answers
 def sweep(
     *,
     file: str | None,
@@ -51,8 +52,7 @@ def sweep(
     workers: int | None,
     scheduler: str | None,
     resume: bool,
-    as_json: bool,
-) -> None:
+) -> Answer | None:
     """Plan for ranges of gaits or speeds, and say which are fast at a small error.
 
     SWEEP.toml is a run file with a table [sweep]: parameters such as stride, height and period of
@@ -67,14 +67,13 @@ def sweep(
     """  # noqa: D301
     if template:
         write_text(STANDARD_STREAM, template_of(Sweep, HEADING))
-        return
+        return None
     if file is None:
         raise click.UsageError("name a sweep file, or begin one with --template.")
     options.check_parallel(workers, scheduler)
     if file == "-":
         raise click.UsageError("a sweep is read from a file: the commands that it shows name it.")
-    from planner.cli.run import carry_out_run, folder_of
-    from planner.cli.sweep.points import planned_points, read_sweep
+    from planner.cli.points import planned_points, read_sweep
     from planner.files.results import Results, finished
     from planner.parallel import executor_of
 
@@ -83,8 +82,7 @@ def sweep(
     if at:
         if out is None:
             raise click.UsageError("--at: name a folder for its results with --out.")
-        carry_out_run(space.file, space.desired(space.point_of(at)), out, as_json=as_json)
-        return
+        return carried_out(space.file, space.desired(space.point_of(at)), out)
     check_folder(place)
     click.get_current_context().with_resource(claimed(place))
     options.warn_of([*space.refused_models(), *space.rounded()])
@@ -93,8 +91,7 @@ def sweep(
     if resume and (before := finished(place, MANIFEST, origin)):
         count = len(before["points"])
         remark(f"nothing is missing: {place} holds all {count} points, planned like this")
-        _print_summary(before, before["verdict"], as_json=as_json)
-        return
+        return _answer(before, before["verdict"])
     results = Results(place, inputs, resume=resume)
     if results.removed:
         remark(f"{results.removed} results of an earlier sweep removed; --resume keeps them")
@@ -106,16 +103,16 @@ def sweep(
     with output_folder(place) as folder:
         document = write_sweep(folder, space, swept, origin)
     results.remove()
-    words = f"{summary(swept)}\n{len(document['files']) + 1} files in {place}"
-    _print_summary(document, words, as_json=as_json)
+    return _answer(document, f"{summary(swept)}\n{len(document['files']) + 1} files in {place}")
 
 
-def _print_summary(document: Mapping[str, Any], words: str, *, as_json: bool) -> None:
-    """Print the answer, and fail if no point meets the requirement."""
-    print_answer(document, words, as_json=as_json)
+def _answer(document: Mapping[str, Any], words: str) -> Answer:
+    """The answer, which fails if no point meets the requirement."""
+    failure = ""
     if document["missed"]:
         missed = document["missed"] if document["front"] else "no plan"
-        raise click.ClickException(f"{missed}; the files are written all the same")
+        failure = f"{missed}; the files are written all the same"
+    return Answer(document, words, failure=failure)
 
 
 def write_sweep(

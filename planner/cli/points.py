@@ -22,13 +22,12 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.cli import options
-from planner.cli.console import BadSetting, Key, Remark
+from planner.cli.console import BadSetting, Key, Remark, speaking_of
 from planner.cli.declared import fitted, understand
 from planner.cli.desired import Desired
 from planner.cli.models import beside, find_leg, load_leg, models_of, refused_models
 from planner.cli.planning import plan_of, prepare
-from planner.cli.run_file import speaking_of
-from planner.cli.settings import Run, Search, Sweep, SweptParameters
+from planner.cli.settings import SWEPT, Run, Sweep, SweptParameters
 from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.paths import is_foot_path, path_table
 from planner.files.results import Results, Task, digest_of
@@ -37,14 +36,6 @@ from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
 from planner.report.sweep import Outcome, Point, Requirement, Swept
 from planner.trajectory import Array, error_norm, index_of_largest
-
-KEYS = {
-    **{name: f"path.half_ellipse.{name}" for name in SweptParameters.keys},
-    "period_s": "path.half_ellipse.samples",
-    "speed": "path.speed",
-    "smoothness": "plan.smoothness",
-}
-"""The key of a run file that each parameter sets."""
 
 REQUIRED: Mapping[str, tuple[Literal["error", "speed"], str]] = {
     "at_error_cm": ("error", "a foot"),
@@ -80,21 +71,16 @@ class Space:
 
     def point(self, values: Iterable[float]) -> Point:
         """A point from a value for each parameter, with a cycle of whole requests."""
-        return tuple(
-            round(round(value / self.period) * self.period, 12)
-            if name == "period_s"
-            else float(value)
-            for name, value in zip(self.values, values, strict=True)
-        )
+        whole = {"period_s": lambda value: round(round(value / self.period) * self.period, 12)}
+        pairs = zip(self.values, values, strict=True)
+        return tuple(whole.get(name, float)(value) for name, value in pairs)
 
     def point_of(self, pairs: Iterable[tuple[str, float]]) -> Point:
         """A point from values by name."""
         values = dict(pairs)
         if values.keys() != self.values.keys():
-            raise BadSetting(
-                f"--at: got {', '.join(values) or 'nothing'}, expected a value for each of "
-                f"{', '.join(self.values)}"
-            )
+            got, expected = ", ".join(values) or "nothing", ", ".join(self.values)
+            raise BadSetting(f"--at: got {got}, expected a value for each of {expected}")
         return self.point(values[name] for name in self.values)
 
     def content(self, point: Point) -> dict[str, Any]:
@@ -105,7 +91,7 @@ class Space:
             content.setdefault("path", {}).setdefault("half_ellipse", {})
         for name, value in zip(self.values, point, strict=True):
             in_file = round(value / self.period) if name == "period_s" else value
-            options.put(content, KEYS[name], in_file)
+            options.put(content, SWEPT[name], in_file)
         return content
 
     def desired(self, point: Point) -> Desired:
@@ -152,8 +138,9 @@ def read_sweep(path: str) -> Space:
     file = read_toml(path, example="length = [0.03, 0.04]")
     run, folder = understand(file, Sweep), str(Path(path).parent)
     search, gait = run.sweep, run.path.file is None
+    kind = "a gait" if gait else "a file"
     with speaking_of(file):
-        values = _values(search, "a gait" if gait else "a file")
+        values = _values(run, kind)
         leg = load_leg(find_leg(run.leg, folder))
         of_foot = gait or is_foot_path(path_table(beside(folder, str(run.path.file))))
         required = [name for name in REQUIRED if getattr(search, name) is not None]
@@ -163,51 +150,51 @@ def read_sweep(path: str) -> Space:
         requirement = None
         for name in required:
             of, path_of = REQUIRED[name]
-            if path_of not in ("a foot" if of_foot else "joints", "a gait" if gait else "a file"):
+            if path_of not in ("a foot" if of_foot else "joints", kind):
                 raise BadSetting(Key(f"sweep.{name}"), f": is for the path of {path_of}")
             requirement = Requirement(of, getattr(search, name))
         if gait and leg is None:
             raise BadSetting(Key("sweep.parameters"), ": a gait needs a leg; set ", Key("leg.name"))
         period = math.nan
         if leg is not None and "period_s" in values:
-            models = models_of(run, leg.joint_names, leg, folder)
-            period = models[0].period
-        for name, each in values.items():
-            for value in each:
-                _check_in_range(name, value, period)
+            period = models_of(run, leg.joint_names, leg, folder)[0].period
+        for name, value in ((name, value) for name, each in values.items() for value in each):
+            declared, unit = options.SETTINGS[SWEPT[name]], ""
+            expected = declared.expected
+            if name == "period_s":
+                count = expected.removeprefix("a whole number from ")
+                expected, unit = f"{count} requests, which are {period:g} s apart", "requests"
+            try:
+                fitted(declared.annotation, round(value / period) if unit else value)
+            except (ValueError, OverflowError) as error:
+                key = Key(f"sweep.parameters.{name}")
+                raise BadSetting(key, f": got {value:g}, expected {expected}") from error
     return Space(file, run, folder, values, "cm" if of_foot else "deg", requirement, period)
 
 
-def _values(search: Search, path: str) -> dict[str, tuple[float, ...]]:
+def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
     """The values of each parameter."""
+    search, parameters = run.sweep, "sweep.parameters"
     every = {name: getattr(search.parameters, name) for name in SweptParameters.keys}
     by_name = {name: values for name, values in every.items() if values is not None}
     if not by_name:
-        names = ", ".join(every)
-        raise BadSetting(
-            Key("sweep.parameters"), f": is empty, expected values of one or more of {names}"
-        )
-    for name in by_name:
-        of = {"speed": "a file", "smoothness": path}.get(name, "a gait")
-        if of != path:
-            other = Key(f"sweep.parameters.{'period_s' if name == 'speed' else 'speed'}")
-            raise BadSetting(
-                Key(f"sweep.parameters.{name}"), f": is of the path of {of}; use ", other
-            )
+        words = f": is empty, expected values of one or more of {', '.join(every)}"
+        raise BadSetting(Key(parameters), words)
     method = Key("sweep.method", search.method)
     for name in search.without_effect(search.method):
         raise BadSetting(Key(f"sweep.{name}"), " has no effect with ", method)
+    for name, values in by_name.items():
+        key, table = Key(f"{parameters}.{name}"), SWEPT[name].partition(".")[0]
+        of = {"path": "a file" if name == "speed" else "a gait"}.get(table, path)
+        if of != path:
+            other = Key(f"{parameters}.{'period_s' if name == 'speed' else 'speed'}")
+            raise BadSetting(key, f": is of the path of {of}; use ", other)
+        if search.method == "cma" and len(values) < 2:
+            raise BadSetting(key, ": got one value, expected two or more with method cma")
     if search.method == "cma":
-        for name, values in by_name.items():
-            if len(values) < 2:
-                raise BadSetting(
-                    Key(f"sweep.parameters.{name}"),
-                    ": got one value, expected two or more with method cma",
-                )
         if len(by_name) < 2:
-            raise BadSetting(
-                method, ": needs two parameters or more; use ", Key("sweep.method", "grid")
-            )
+            grid = Key("sweep.method", "grid")
+            raise BadSetting(method, ": needs two parameters or more; use ", grid)
         with importing("a search by CMA-ES", "sweep"):
             import cma  # noqa: F401
     if search.steps is None:
@@ -216,23 +203,6 @@ def _values(search: Search, path: str) -> dict[str, tuple[float, ...]]:
         name: tuple(np.linspace(values[0], values[-1], search.steps).tolist())
         for name, values in by_name.items()
     }
-
-
-def _check_in_range(name: str, value: float, period: float) -> None:
-    """Refuse a value that the key of its parameter does not take in a run file."""
-    declared = options.SETTINGS[KEYS[name]]
-    expected = declared.expected
-    try:
-        if name == "period_s":
-            count = expected.removeprefix("a whole number from ")
-            expected = f"{count} requests, which are {period:g} s apart"
-            fitted(declared.annotation, round(value / period))
-        else:
-            fitted(declared.annotation, value)
-    except (ValueError, OverflowError) as error:
-        raise BadSetting(
-            Key(f"sweep.parameters.{name}"), f": got {value:g}, expected {expected}"
-        ) from error
 
 
 def planned_points(
