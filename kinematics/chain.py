@@ -74,51 +74,43 @@ class Chain:
             point = link.origin + _turned(link, point, cosine, sine)
         return point
 
-    def joints_and_foot(self, cosines: Iterable[Any], sines: Iterable[Any]) -> list[Any]:
-        """The origin of each joint in the base frame and, last, the foot [m]: (3, 1) or (3, n)."""
+    def feet(self, angles: Array) -> Array:
+        """The foot in the base frame [m], (n, 3), along a path of the joints [rad], (n, k)."""
+        return np.asarray(self.foot(np.cos(angles.T), np.sin(angles.T)).T)
+
+    def points_and_axes(
+        self, cosines: Iterable[Any], sines: Iterable[Any]
+    ) -> tuple[list[Any], list[Any]]:
+        """Origins of the joints and, last, the foot [m], and the joints' unit axes.
+
+        All are in the base frame, each of shape (3, 1) or (3, n).
+        """
         points: list[Any] = [self.tip[:, None]]
-        for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
+        axes: list[Any] = []
+        for link, axis, cosine, sine in reversed(
+            list(zip(self.links, self.axes, cosines, sines, strict=True))
+        ):
             moved = [link.origin + _turned(link, point, cosine, sine) for point in points]
             points = [link.origin, *moved]
-        return points
+            turned = [_turned(link, beyond, cosine, sine) for beyond in axes]
+            axes = [link.axial @ axis[:, None], *turned]
+        return points, axes
 
     def foot_and_jacobian(
         self, cosines: Iterable[Any], sines: Iterable[Any]
     ) -> tuple[Any, list[Any]]:
-        """The foot as from :meth:`foot`, and its k derivatives by the angles [m/rad], alike."""
-        point: Any = self.tip[:, None]
-        columns: list[Any] = []
-        for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
-            own = cosine * (link.sine @ point) - sine * (link.cosine @ point)
-            columns = [own, *(_turned(link, column, cosine, sine) for column in columns)]
-            point = link.origin + _turned(link, point, cosine, sine)
-        return point, columns
+        """The foot as from :meth:`foot`, and its k derivatives by the angles [m/rad], alike.
+
+        Each is the axis crossed with the arm from the joint to the foot.
+        """
+        (*joints, foot), axes = self.points_and_axes(cosines, sines)
+        pairs = zip(joints, axes, strict=True)
+        return foot, [np.cross(axis, foot - joint, axis=0) for joint, axis in pairs]
 
     def jacobians(self, angles: Array) -> Array:
         """Derivatives of the foot [m/rad], (n, 3, k), along a path of the joints [rad], (n, k)."""
         _, columns = self.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
         return np.ascontiguousarray(np.stack(columns).transpose(2, 1, 0))
-
-    def turned_axes(self, cosines: Iterable[Any], sines: Iterable[Any]) -> list[Any]:
-        """Unit axis of each joint in the base frame, k directions like :meth:`foot`."""
-        axes: list[Any] = []
-        for link, axis, cosine, sine in reversed(
-            list(zip(self.links, self.axes, cosines, sines, strict=True))
-        ):
-            own = link.axial @ axis[:, None]
-            axes = [own, *(_turned(link, beyond, cosine, sine) for beyond in axes)]
-        return axes
-
-    def neutral_axes(self) -> tuple[Array, Array, Array]:
-        """Unit axes, a point on each [m], (k, 3) both, and the foot [m], (3,), at angles of 0."""
-        rotation, origin = np.eye(3), np.zeros(3)
-        axes, points = [], []
-        for turn, step, axis in zip(self.rotations, self.translations, self.axes, strict=True):
-            origin = origin + rotation @ step
-            rotation = rotation @ turn
-            axes.append(rotation @ axis)
-            points.append(origin)
-        return np.array(axes), np.array(points), origin + rotation @ self.tip
 
 
 def read_only(array: AnyArray) -> AnyArray:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,9 @@ from kinematics.chain import Chain, Limits, half_turned, read_only
 from planner.exceptions import UnreachableFoot, UnsupportedLeg
 from planner.trajectory import TURN, Array, Indices
 from planner.validation import check_choice
+
+if TYPE_CHECKING:
+    from kinematics.leg import Leg
 
 Unreachable = Literal["raise", "nearest", "clamp"]
 
@@ -71,23 +74,26 @@ class InverseSolution(NamedTuple):
     distance: Array
 
 
-def solve_inverse(
-    chain: Chain,
-    limits: Limits,
-    closed_form: ClosedForm | None,
-    foot: Array,
-    *,
-    names: Sequence[str],
-    unreachable: Unreachable = "raise",
-    near: Array | None = None,
-) -> InverseSolution:
+def solve_inverse(leg: Leg, foot: Array, unreachable: Unreachable) -> InverseSolution:
     """Joint angles that put the foot at each point of a path [m], (n, 3): ``Leg.inverse``.
 
     Without a closed form poses are sought numerically. Each is judged by the chain's forward
     kinematics.
     """
-    _check(chain, closed_form, unreachable)
-    check_joints(chain, names)
+    chain, limits, closed_form = leg.chain, leg.limits, leg.closed_form
+    check_choice("unreachable", unreachable, get_args(Unreachable))
+    if len(chain.axes) > MOST_JOINTS:
+        raise UnsupportedLeg(
+            f"the inverse needs a leg of {MOST_JOINTS} joints at most, this one has "
+            f"{len(chain.axes)}: lock the others, or choose the base and foot frames so that three "
+            "joints lie between them"
+        )
+    if unreachable == "clamp" and closed_form is None:
+        raise UnsupportedLeg(
+            "unreachable='clamp' needs a leg with a closed form, whose arguments it clamps, and "
+            "this leg has none: use 'nearest'"
+        )
+    check_joints(chain, leg.joint_names)
     if closed_form is None:
         poses = nearest_poses(chain, limits, foot)
     else:
@@ -104,7 +110,7 @@ def solve_inverse(
         indices, least = np.flatnonzero(missed), distances[missed].min(axis=1)
         raise UnreachableFoot(read_only(indices), read_only(least), of=len(foot))
     allowed = distances <= distances.min(axis=1, keepdims=True) + REACHED
-    angles = choose(poses, allowed, limits, near=near, chain=chain)
+    angles = choose(poses, allowed, limits, near=leg.near, chain=chain)
     distance = _distances(chain, angles[:, None], foot)[:, 0]
     return InverseSolution(read_only(angles), read_only(distance <= REACHED), read_only(distance))
 
@@ -123,26 +129,9 @@ def check_joints(chain: Chain, names: Sequence[str]) -> None:
         )
 
 
-def _check(chain: Chain, closed_form: ClosedForm | None, unreachable: str) -> None:
-    """Raise an error for a leg or an option without an inverse."""
-    check_choice("unreachable", unreachable, get_args(Unreachable))
-    if len(chain.axes) > MOST_JOINTS:
-        raise UnsupportedLeg(
-            f"the inverse needs a leg of {MOST_JOINTS} joints at most, this one has "
-            f"{len(chain.axes)}: lock the others, or choose the base and foot frames so that three "
-            "joints lie between them"
-        )
-    if unreachable == "clamp" and closed_form is None:
-        raise UnsupportedLeg(
-            "unreachable='clamp' needs a leg with a closed form, whose arguments it clamps, and "
-            "this leg has none: use 'nearest'"
-        )
-
-
 def _distances(chain: Chain, poses: Array, foot: Array) -> Array:
     """Distance between the foot at each pose (n, m, k) and its point (n, 3) [m], shape (n, m)."""
-    flat = poses.reshape(-1, poses.shape[-1]).T
-    reached = chain.foot(np.cos(flat), np.sin(flat)).T.reshape(*poses.shape[:2], 3)
+    reached = chain.feet(poses.reshape(-1, poses.shape[-1])).reshape(*poses.shape[:2], 3)
     return np.asarray(np.linalg.norm(reached - foot[:, None], axis=-1))
 
 
@@ -162,7 +151,7 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
     endless = Limits(limits.lower - beyond, limits.upper + beyond)
     regions = _grid(limits.central)  # (REGIONS ** k, SAMPLES ** k, k)
     count, _, joints = regions.shape
-    feet = chain.foot(*_turned(regions.reshape(-1, joints))).T.reshape(count, -1, 3)
+    feet = chain.feet(regions.reshape(-1, joints)).reshape(count, -1, 3)
     poses = np.empty((len(foot), count, joints))
     for begin in range(0, len(foot), CHUNK):
         points = foot[begin : begin + CHUNK]
@@ -181,11 +170,6 @@ def _grid(limits: Limits) -> Array:
     cut = grid.reshape(*(REGIONS, SAMPLES) * joints, joints)
     ordered = cut.transpose(*range(0, 2 * joints, 2), *range(1, 2 * joints, 2), 2 * joints)
     return ordered.reshape(REGIONS**joints, SAMPLES**joints, joints)
-
-
-def _turned(poses: Array) -> tuple[Array, Array]:
-    """Cosines and sines of the joints (k, p) for poses (p, k)."""
-    return np.cos(poses.T), np.sin(poses.T)
 
 
 def _descend(chain: Chain, limits: Limits, points: Array, poses: Array) -> Array:
@@ -212,18 +196,18 @@ def _descend(chain: Chain, limits: Limits, points: Array, poses: Array) -> Array
 
 def _half_squares(chain: Chain, points: Array, poses: Array) -> Array:
     """Half the squared distance between foot and point [m²], shape (p,)."""
-    miss = chain.foot(*_turned(poses)) - points.T
-    return 0.5 * np.asarray((miss**2).sum(axis=0))
+    return 0.5 * np.asarray(((chain.feet(poses) - points) ** 2).sum(axis=1))
 
 
 def _newton_step(
     chain: Chain, limits: Limits, points: Array, poses: Array, damping: Array
 ) -> Array:
     """Newton's step for half the squared distance among the joints that are free to move."""
-    cosines, sines = _turned(poses)
-    foot, columns = chain.foot_and_jacobian(cosines, sines)
-    axes = chain.turned_axes(cosines, sines)
+    (*origins, foot), axes = chain.points_and_axes(np.cos(poses.T), np.sin(poses.T))
     miss = foot - points.T  # (3, p)
+    columns = [
+        np.cross(axis, foot - origin, axis=0) for axis, origin in zip(axes, origins, strict=True)
+    ]
     joints = range(len(columns))
     gradient = np.stack([(miss * column).sum(axis=0) for column in columns], axis=-1)  # (p, k)
     hessian = np.empty((len(poses), len(columns), len(columns)))
@@ -307,7 +291,7 @@ def jumps(chain: Chain, angles: Array) -> Indices:
     shape (n, k); samples are the indices before the jumps.
     """
     half_way = 0.5 * (angles[1:] + angles[:-1])
-    feet, middle = (chain.foot(np.cos(q.T), np.sin(q.T)).T for q in (angles, half_way))
+    feet, middle = chain.feet(angles), chain.feet(half_way)
     step = np.linalg.norm(feet[1:] - feet[:-1], axis=1)
     deviation = np.linalg.norm(middle - 0.5 * (feet[1:] + feet[:-1]), axis=1)
     return np.flatnonzero(deviation > step + 1e-6 * chain.size)
@@ -457,8 +441,11 @@ def find_closed_form(chain: Chain) -> ClosedForm | None:
     """The closed form of a chain, or None where its geometry has none."""
     if len(chain.axes) != 3:
         return None
-    directions, points, foot = chain.neutral_axes()
-    axes = tuple(Axis(*line) for line in zip(directions, points, strict=True))
+    (*points, foot), directions = chain.points_and_axes(np.ones(3), np.zeros(3))
+    axes = tuple(
+        Axis(direction[:, 0], point[:, 0])
+        for direction, point in zip(directions, points, strict=True)
+    )
     size = chain.size
     for odd in (2, 0):
         first, second = (axes[index] for index in (0, 1, 2) if index != odd)
@@ -466,11 +453,11 @@ def find_closed_form(chain: Chain) -> ClosedForm | None:
         parallel = np.linalg.norm(np.cross(first.direction, second.direction)) <= EXACT
         if common is not None and axes[odd].distance(common) > APART * size:
             kept, other = Kept(common, False), Kept(first.direction, True)
-            return ClosedForm(axes, foot, odd, kept, other)
+            return ClosedForm(axes, foot[:, 0], odd, kept, other)
         slanted = np.linalg.norm(np.cross(first.direction, axes[odd].direction)) > APART
         if parallel and slanted and first.distance(second.point) > APART * size:
             kept, other = Kept(first.direction, True), Kept(first.point, False)
-            return ClosedForm(axes, foot, odd, kept, other)
+            return ClosedForm(axes, foot[:, 0], odd, kept, other)
     return None
 
 

@@ -21,14 +21,7 @@ from kinematics.inverse import (
     jumps,
     solve_inverse,
 )
-from kinematics.robot import (
-    TO_LIMIT,
-    Robot,
-    find_frame,
-    joints_between,
-    named,
-    read_robot,
-)
+from kinematics.robot import TO_LIMIT, Robot, named, read_robot
 from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
 from planner.trajectory import Array, Indices, as_path
 from planner.validation import as_positive, as_reals, shown
@@ -57,7 +50,6 @@ class Leg:
         speeds: Their top speeds by the URDF [rad/s], NaN where it has none, shape (k,); or None.
         near: A pose [rad] near which paths start, shape (k,); None to start deep inside the limits.
         robot: The robot with the masses of its links; None where it was not read from a URDF.
-        joints: Pinocchio's numbers of the leg's joints, from the base to the foot.
     """
 
     base: str
@@ -68,7 +60,6 @@ class Leg:
     speeds: Array | None = None
     near: Array | None = None
     robot: Robot | None = None
-    joints: tuple[int, ...] = ()
 
     @classmethod
     def from_urdf(
@@ -102,39 +93,32 @@ class Leg:
         if not isinstance(path, str | os.PathLike) or "\0" in str(path):
             raise InvalidInput(f"path: got {type(path).__name__}, expected that of a URDF file")
         path = Path(path)
-        robot = read_robot(path, locked=locked)
-        model = robot.model
-        start = find_frame(model, base, role="base")
-        end = find_frame(model, foot, role="foot")
-        between = joints_between(model, start, end)
-        joints = [joint for joint in between if joint not in robot.locked]
-        names = tuple(str(model.names[joint]) for joint in joints)
-        if not names:
-            raise UnsupportedLeg(
-                f"every joint between {base!r} and {foot!r} is locked; leave one out"
-            )
+        robot = read_robot(path, base=base, foot=foot, locked=locked)
+        model, names = robot.model, robot.joint_names
         if copies := [name for name in names if name in robot.mimics]:
             raise UnsupportedLeg(
                 f"joint {copies[0]!r} between {base!r} and {foot!r} mimics another; every "
                 "joint of a leg must be driven: lock it, remove its <mimic> element, or choose a "
                 "foot above it"
             )
-        axes = [_axis(model, joint) for joint in joints]
-        *placements, tip = _placements(robot, between, start, end)
-        limits = _read_limits(path, model, joints)
+        axes = [_axis(model, joint) for joint in robot.joints]
+        placements = [model.jointPlacements[joint] for joint in robot.joints]
+        placements[0] = robot.base.placement.inverse() * placements[0]
+        limits = _read_limits(path, robot)
         chain = Chain(
             rotations=np.array([placement.rotation for placement in placements]),
             translations=np.array([placement.translation for placement in placements]),
             axes=np.array(axes),
-            tip=np.array(tip.translation),
+            tip=np.array(robot.foot.placement.translation),
         )
         if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
             raise InvalidInput(f"{path}: an origin between {base!r} and {foot!r} is not finite")
-        _check_against_pinocchio(robot, chain, start, end, joints)
+        _check_against_pinocchio(robot, chain)
         pose = None if near is None else _pose(near, names, limits)
-        speeds = np.array([model.velocityLimit[model.joints[joint].idx_v] for joint in joints])
+        places = [model.joints[joint].idx_v for joint in robot.joints]
+        speeds = np.array(model.velocityLimit)[places]
         speeds[~((speeds > 0.0) & (speeds <= 100.0))] = np.nan  # [rad/s]
-        return cls(base, foot, names, limits, chain, read_only(speeds), pose, robot, tuple(joints))
+        return cls(base, foot, names, limits, chain, read_only(speeds), pose, robot)
 
     @cached_property
     def closed_form(self) -> ClosedForm | None:
@@ -150,8 +134,7 @@ class Leg:
         Returns:
             Foot positions in the base frame [m], shape (n, 3), read-only.
         """
-        turned = self._angles(angles).T
-        return read_only(np.ascontiguousarray(self.chain.foot(np.cos(turned), np.sin(turned)).T))
+        return read_only(np.ascontiguousarray(self.chain.feet(self._angles(angles))))
 
     def joint_positions(self, angles: npt.ArrayLike) -> Array:
         """Positions of the joints and the foot along a path: the leg as a line to draw.
@@ -164,7 +147,7 @@ class Leg:
             (n, k + 1, 3), read-only.
         """
         turned = self._angles(angles).T
-        points = self.chain.joints_and_foot(np.cos(turned), np.sin(turned))
+        points, _ = self.chain.points_and_axes(np.cos(turned), np.sin(turned))
         shape = (3, turned.shape[1])
         columns = [np.broadcast_to(point, shape).T for point in points]
         return read_only(np.stack(columns, axis=1))
@@ -223,7 +206,7 @@ class Leg:
         if self.robot is None:
             raise UnsupportedLeg("the leg has no masses: make it with Leg.from_urdf")
         model = pinocchio.Model(self.robot.model)
-        carried = (int(joint) for joint in model.subtrees[self.joints[0]])
+        carried = (int(joint) for joint in model.subtrees[self.robot.joints[0]])
         if not any(model.inertias[joint].mass > 0.0 for joint in carried):
             raise UnsupportedLeg(
                 f"no link beyond joint {self.joint_names[0]!r} has a mass in the URDF, so the "
@@ -237,12 +220,12 @@ class Leg:
             speeds, accelerations = central_differences(path, step, cyclic=cyclic)
         model.gravity.linear = _vector(gravity)
         data = model.createData()
-        places = [model.joints[joint].idx_v for joint in self.joints]
+        places = [model.joints[joint].idx_v for joint in self.robot.joints]
         moving = np.zeros((2, model.nv))
         torques = np.empty_like(path)
         for sample, pose in enumerate(path):
             moving[:, places] = speeds[sample], accelerations[sample]
-            coordinates = self.robot.configuration(self.joints, pose)
+            coordinates = self.robot.configuration(pose)
             torques[sample] = -pinocchio.rnea(model, data, coordinates, *moving)[places]
         return read_only(torques + 0.0)  # no negative zero
 
@@ -291,15 +274,7 @@ class Leg:
                 joint that never moves the foot.
         """
         points = as_path(foot, name="foot", columns=3, unit="m", largest=FARTHEST)
-        return solve_inverse(
-            self.chain,
-            self.limits,
-            self.closed_form,
-            points,
-            names=self.joint_names,
-            unreachable=unreachable,
-            near=self.near,
-        )
+        return solve_inverse(self, points, unreachable)
 
     def jumps(self, angles: npt.ArrayLike) -> Indices:
         """Where a path of the joints changes to another pose: :func:`kinematics.inverse.jumps`.
@@ -362,23 +337,6 @@ def _vector(gravity: npt.ArrayLike) -> Array:
     return vector
 
 
-def _placements(robot: Robot, between: list[int], start: Any, end: Any) -> list[Any]:
-    """Placements of the driven joints, each in the one before it, and of the foot in the last."""
-    placements = []
-    reached = start.placement.inverse()
-    for joint in between:
-        reached = reached * robot.model.jointPlacements[joint]
-        if joint in robot.locked:
-            kind = robot.model.joints[joint]
-            data = kind.createData()
-            kind.calc(data, robot.rest)
-            reached = reached * data.M
-        else:
-            placements.append(reached)
-            reached = type(reached).Identity()
-    return [*placements, reached * end.placement]
-
-
 def _axis(model: Any, joint: int) -> Array:
     """The unit axis of a revolute joint in its own frame; other joints are refused."""
     import pinocchio
@@ -397,19 +355,20 @@ def _axis(model: Any, joint: int) -> Array:
     )
 
 
-def _read_limits(path: Path, model: Any, joints: list[int]) -> Limits:
+def _read_limits(path: Path, robot: Robot) -> Limits:
     """Joint limits; a continuous joint has none."""
-    lower, upper = np.full(len(joints), -np.inf), np.full(len(joints), np.inf)
-    for k, joint in enumerate(joints):
+    model, names = robot.model, robot.joint_names
+    lower, upper = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+    for k, joint in enumerate(robot.joints):
         if model.joints[joint].nq == 1:  # a continuous joint is stored as cosine and sine
             index = model.joints[joint].idx_q
             lower[k], upper[k] = model.lowerPositionLimit[index], model.upperPositionLimit[index]
         if not lower[k] <= upper[k]:
             raise InvalidInput(
-                f"{path}: joint {model.names[joint]!r} has the limits {lower[k]:g} and "
+                f"{path}: joint {names[k]!r} has the limits {lower[k]:g} and "
                 f"{upper[k]:g}, expected lower <= upper [rad]"
             )
-    if fixed := [str(model.names[joints[k]]) for k in np.flatnonzero(lower == upper)]:
+    if fixed := [names[k] for k in np.flatnonzero(lower == upper)]:
         raise InvalidInput(
             f"{path}: {named(fixed)} cannot turn: lower and upper limit are equal (one left out "
             f"counts as 0); {TO_LIMIT}; lock a joint that is to stay where it is"
@@ -420,23 +379,22 @@ def _read_limits(path: Path, model: Any, joints: list[int]) -> Limits:
     return Limits(read_only(lower), read_only(upper))
 
 
-def _check_against_pinocchio(
-    robot: Robot, chain: Chain, start: Any, end: Any, joints: list[int]
-) -> None:
+def _check_against_pinocchio(robot: Robot, chain: Chain) -> None:
     """Raise an error where the chain's foot disagrees with Pinocchio's at one of three poses."""
     import pinocchio
 
     data = robot.model.createData()
     for pose in (0.0, 0.7, -1.9):
-        angles = pose * np.arange(1.0, len(joints) + 1.0)
-        pinocchio.forwardKinematics(robot.model, data, robot.configuration(joints, angles))
-        from_base = (data.oMi[start.parentJoint] * start.placement).inverse()
-        expected = (from_base * data.oMi[end.parentJoint] * end.placement).translation
-        foot = chain.foot(np.cos(angles), np.sin(angles))[:, 0]
+        angles = pose * np.arange(1.0, len(robot.joints) + 1.0)
+        pinocchio.forwardKinematics(robot.model, data, robot.configuration(angles))
+        base, end = (
+            data.oMi[frame.parentJoint] * frame.placement for frame in (robot.base, robot.foot)
+        )
+        foot, expected = chain.feet(angles[None])[0], base.actInv(end).translation
         if not np.allclose(foot, expected, rtol=1e-12, atol=1e-12):  # rounding [m]
             raise UnsupportedLeg(
-                f"the chain from {start.name!r} to {end.name!r} disagrees with Pinocchio by "
-                f"{np.linalg.norm(foot - expected):.3g} m; please report this robot"
+                f"the chain from {robot.base.name!r} to {robot.foot.name!r} disagrees with "
+                f"Pinocchio by {np.linalg.norm(foot - expected):.3g} m; please report this robot"
             )
 
 

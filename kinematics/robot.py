@@ -38,29 +38,37 @@ SHIPPED = ("ers210a.urdf", "reference_leg.urdf")
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot, created by :func:`read_robot`."""
+    """A robot and a leg of it, created by :func:`read_robot`."""
 
-    model: Any  # Pinocchio's model of it
-    mimics: set[str]  # names of the joints that mimic another joint
-    locked: frozenset[int]  # indices of the locked joints
-    # Pinocchio's coordinates with these at their locked positions and all other joints at rest: at
-    # 0, or where 0 is out of the range at its nearer end
+    model: Any  # Pinocchio's model of it, with the locked joints fixed
+    base: Any  # Pinocchio's frame at the upper end of the leg
+    foot: Any  # its frame at the lower end
+    joints: tuple[int, ...]  # the joints that move the foot in the base frame, from the base
+    joint_names: tuple[str, ...]
+    mimics: frozenset[str]  # names of the joints that mimic another joint
+    # Pinocchio's coordinates with all joints at rest: at 0, or where 0 is out of the range at its
+    # nearer end
     rest: Any
 
-    def configuration(self, joints: Sequence[int], angles: Array) -> Any:
-        """Pinocchio's coordinates with these joints at these angles, all other joints at rest."""
+    def configuration(self, angles: Array) -> Any:
+        """Pinocchio's coordinates with the leg at these angles, all other joints at rest."""
         coordinates = self.rest.copy()
-        for joint, angle in zip(joints, angles, strict=True):
+        for joint, angle in zip(self.joints, angles, strict=True):
             _set(self.model, coordinates, joint, float(angle))
         return coordinates
 
 
-def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robot:
-    """The robot of a URDF, with positions of locked joints [rad; m for a prismatic one].
+def read_robot(
+    path: Path, *, base: str, foot: str, locked: Mapping[str, float] | None = None
+) -> Robot:
+    """The robot of a URDF with the leg between two frames.
+
+    Positions of locked joints are in rad, of prismatic ones in m.
 
     Raises:
-        InvalidInput: The file cannot be read or does not describe a robot, or a joint cannot be
-            locked at its position.
+        InvalidInput: The file cannot be read, does not describe a robot or has no such frame, or a
+            joint cannot be locked at its position.
+        UnsupportedLeg: The base is not above the foot, or no joint lies between them.
     """
     import pinocchio
 
@@ -84,15 +92,14 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
             "; expand xacro files first" if "xacro" in text[:2000].decode(errors="replace") else ""
         )
         raise InvalidInput(f"{path}: the root element is <{root.tag}>, expected <robot>{hint}")
-    if sum(1 for _ in root.iter("joint")) > MOST_MOVING:
+    elements = list(root.iter("joint"))
+    if len(elements) > MOST_MOVING:
         raise InvalidInput(f"{path}: has more than {MOST_MOVING} joints; is it the right file?")
-    mimics = {
-        joint.get("name", "") for joint in root.iter("joint") if joint.find("mimic") is not None
-    }
+    mimics = {each.get("name", "") for each in elements if each.find("mimic") is not None}
     unlimited = [
-        joint.get("name", "")
-        for joint in root.iter("joint")
-        if joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is None
+        each.get("name", "")
+        for each in elements
+        if each.get("type") in ("revolute", "prismatic") and each.find("limit") is None
     ]
     if unlimited:
         raise InvalidInput(f"{path}: {named(unlimited)} without <limit>; {TO_LIMIT}")
@@ -103,8 +110,25 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
             complaint = next(iter(complaints()), str(error))
             raise InvalidInput(f"{path}: is not a valid URDF: {complaint}") from error
     rest = np.clip(pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
-    indices = {_lock_joint(model, rest, *each) for each in (locked or {}).items()}
-    return Robot(model, mimics, frozenset(indices), read_only(rest))
+    if locked:
+        indices = [_lock_joint(model, rest, *each) for each in locked.items()]
+        model = pinocchio.buildReducedModel(model, indices, rest)
+        rest = np.clip(pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
+    start, end = _frame(model, base, role="base"), _frame(model, foot, role="foot")
+    above = [int(joint) for joint in model.supports[end.parentJoint]]
+    if start.parentJoint not in above:
+        raise UnsupportedLeg(
+            f"base {base!r} is not above foot {foot!r} in the robot's tree; are they "
+            "swapped, or on different limbs?"
+        )
+    joints = above[above.index(start.parentJoint) + 1 :]
+    if not joints:
+        raise UnsupportedLeg(
+            f"no joint lies between base {base!r} and foot {foot!r}: the foot cannot "
+            "move; choose a base further up or a foot further down, or lock fewer joints"
+        )
+    names = tuple(str(model.names[joint]) for joint in joints)
+    return Robot(model, start, end, tuple(joints), names, frozenset(mimics), read_only(rest))
 
 
 def named(joints: Sequence[str]) -> str:
@@ -173,7 +197,7 @@ def captured_stderr() -> Iterator[Any]:
             os.close(terminal)
 
 
-def find_frame(model: Any, name: str, *, role: str) -> Any:
+def _frame(model: Any, name: str, *, role: str) -> Any:
     """The frame of that name; where a link and a joint share it, their frames coincide."""
     if not isinstance(name, str):
         raise InvalidInput(f"{role}: got {type(name).__name__}, expected the name of a frame")
@@ -185,23 +209,6 @@ def find_frame(model: Any, name: str, *, role: str) -> Any:
     raise InvalidInput(
         f"{role}: frame {name!r} is not in the URDF; frames: {', '.join(names) or 'none'}"
     )
-
-
-def joints_between(model: Any, start: Any, end: Any) -> list[int]:
-    """The joints that move ``end`` in ``start``, from base to foot, including locked ones."""
-    above = [int(joint) for joint in model.supports[end.parentJoint]]
-    if start.parentJoint not in above:
-        raise UnsupportedLeg(
-            f"base {start.name!r} is not above foot {end.name!r} in the robot's tree; are they "
-            "swapped, or on different limbs?"
-        )
-    joints = above[above.index(start.parentJoint) + 1 :]
-    if not joints:
-        raise UnsupportedLeg(
-            f"no joint lies between base {start.name!r} and foot {end.name!r}: the foot cannot "
-            "move; choose a base further up or a foot further down"
-        )
-    return joints
 
 
 def urdf_path(name: str) -> Path:

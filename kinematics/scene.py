@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from kinematics.chain import read_only
-from kinematics.robot import Robot, captured_stderr, find_frame, joints_between, read_robot
+from kinematics.robot import Robot, captured_stderr, read_robot
 from planner.exceptions import InvalidInput
 from planner.trajectory import Array
 
@@ -29,12 +29,10 @@ MOST_BYTES = 32 * 2**20
 class Scene:
     """The robot around a leg, created by :meth:`from_urdf`."""
 
-    joint_names: tuple[str, ...]  # the joints of the leg, from the base to the foot
+    robot: Robot
     still: Any  # Pinocchio's geometry model of the shapes that the leg's joints do not move
     moving: Any  # geometry model of the shapes that they move
     to_base: Array  # from Pinocchio's world to the base frame, shape (4, 4), read-only
-    _robot: Robot
-    _joints: list[int]
 
     @classmethod
     def from_urdf(
@@ -55,33 +53,24 @@ class Scene:
         import pinocchio
 
         path = Path(path)
-        robot = read_robot(path, locked=locked)
+        robot = read_robot(path, base=base, foot=foot, locked=locked)
         model = robot.model
-        start, end = find_frame(model, base, role="base"), find_frame(model, foot, role="foot")
-        between = joints_between(model, start, end)
-        joints = [joint for joint in between if joint not in robot.locked]
         still, moving = pinocchio.GeometryModel(), pinocchio.GeometryModel()
         for shape in _read_shapes(path, model).geometryObjects:
             shape.meshPath, shape.meshScale = "", np.ones(3)  # it has been read, and scaled
-            moves = any(joint in joints for joint in model.supports[shape.parentJoint])
+            moves = any(joint in robot.joints for joint in model.supports[shape.parentJoint])
             (moving if moves else still).addGeometryObject(shape)
         if not moving.ngeoms:
-            for bone in _bones(model, between, end):
+            for bone in _bones(robot):
                 moving.addGeometryObject(bone)
         data = model.createData()
         pinocchio.forwardKinematics(model, data, robot.rest)
-        to_base = (data.oMi[start.parentJoint] * start.placement).inverse().homogeneous
-        names = tuple(str(model.names[joint]) for joint in joints)
-        return cls(names, still, moving, read_only(to_base), robot, joints)
-
-    @property
-    def model(self) -> Any:
-        """Pinocchio's model of the robot."""
-        return self._robot.model
+        to_world = data.oMi[robot.base.parentJoint] * robot.base.placement
+        return cls(robot, still, moving, read_only(to_world.inverse().homogeneous))
 
     def configurations(self, angles: Array) -> list[Any]:
         """Pinocchio's coordinates along a path of the leg [rad], (n, k), other joints at rest."""
-        return [self._robot.configuration(self._joints, row) for row in angles]
+        return [self.robot.configuration(row) for row in angles]
 
     def places(self, angles: Array) -> Array:
         """Middles of all shapes, the moving ones last, in the base frame [m], (shapes, 3).
@@ -90,8 +79,8 @@ class Scene:
         """
         import pinocchio
 
-        data = self.model.createData()
-        pinocchio.forwardKinematics(self.model, data, self.configurations(angles[None])[0])
+        data = self.robot.model.createData()
+        pinocchio.forwardKinematics(self.robot.model, data, self.configurations(angles[None])[0])
         to_world = [
             (data.oMi[shape.parentJoint] * shape.placement).translation
             for shapes in (self.still, self.moving)
@@ -153,16 +142,17 @@ def _find_mesh(path: Path, name: str) -> Path | None:
     return None
 
 
-def _bones(model: Any, joints: list[int], end: Any) -> list[Any]:
+def _bones(robot: Robot) -> list[Any]:
     """A bone from every joint of the leg to the next one, and from the last to the foot."""
     import coal
     import pinocchio
 
-    tips = [np.array(model.jointPlacements[joint].translation) for joint in joints[1:]]
-    tips.append(np.array(end.placement.translation))
+    model = robot.model
+    tips = [np.array(model.jointPlacements[joint].translation) for joint in robot.joints[1:]]
+    tips.append(np.array(robot.foot.placement.translation))
     radius = 0.05 * sum(float(np.linalg.norm(tip)) for tip in tips)
     bones = []
-    for joint, tip in zip(joints, tips, strict=True):
+    for joint, tip in zip(robot.joints, tips, strict=True):
         turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip).matrix()
         half_way = pinocchio.SE3(turn, tip / 2.0) if tip.any() else pinocchio.SE3.Identity()
         ball, bone = coal.Sphere(1.4 * radius), coal.Cylinder(radius, float(np.linalg.norm(tip)))

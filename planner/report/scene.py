@@ -135,7 +135,7 @@ def _show(viewer: Any, name: str, scene: Scene, shapes: Any, colour: list[float]
         for shape in shapes.geometryObjects:
             # Where legs coincide, the solid one is seen: a transparent one is thinner.
             shape.meshScale = np.full(3, 1.0 - 0.05 * (1.0 - colour[3]))
-    visualiser = MeshcatVisualizer(scene.model, visual_model=shapes)
+    visualiser = MeshcatVisualizer(scene.robot.model, visual_model=shapes)
     visualiser.initViewer(viewer)
     visualiser.loadViewerModel(name, visual_color=colour)
     viewer[name].set_transform(scene.to_base)

@@ -23,7 +23,7 @@ from made_up_robots import (
 
 from kinematics import UnreachableFoot
 from kinematics.chain import Limits
-from kinematics.inverse import choose, nearest_poses, solve_inverse
+from kinematics.inverse import choose, nearest_poses
 
 EXACT = 1e-9
 """An answer puts the foot within this of the point [m]."""
@@ -105,8 +105,9 @@ def test_the_closed_form_finds_every_pose_that_the_search_finds(closed_shape):
 def test_the_search_agrees_with_the_closed_form_on_the_robot():
     leg = ers210a_leg("hind_left")
     foot = leg.foot_positions(np.linspace([-0.5, 0.0, 0.3], [0.5, 0.6, 1.9], 40))
-    searched = solve_inverse(leg.chain, leg.limits, None, foot, names=leg.joint_names)
-    np.testing.assert_allclose(searched.angles, leg.joint_angles(foot), atol=SAME_POSE)
+    without = replace(leg)
+    without.__dict__["closed_form"] = None
+    np.testing.assert_allclose(without.joint_angles(foot), leg.joint_angles(foot), atol=SAME_POSE)
 
 
 def test_a_path_through_the_middle_of_the_range_comes_back_as_it_went_in(shape):

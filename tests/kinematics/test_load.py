@@ -96,7 +96,7 @@ def test_the_torque_of_gravity_is_the_slope_of_the_potential_energy(name: str) -
     data = model.createData()
 
     def energy(pose: np.ndarray) -> float:
-        coordinates = leg.robot.configuration(leg.joints, pose)
+        coordinates = leg.robot.configuration(pose)
         return float(pinocchio.computePotentialEnergy(model, data, coordinates))
 
     poses = np.random.default_rng(2).uniform(*leg.limits.finite, (10, 3))

@@ -70,7 +70,7 @@ def test_the_bodies_of_a_scene_are_where_the_joints_are_held(arm):
     scene, leg = Scene.from_urdf(arm, **ends), Leg.from_urdf(arm, **ends)
     angles = np.array([[0.3, -0.5, 0.9]])
     other = Scene.from_urdf(arm, base="link_0", foot="tip", locked=held(4, 5, at=-0.4))
-    assert scene.joint_names == leg.joint_names
+    assert scene.robot.joint_names == leg.joint_names
     places, elsewhere = scene.places(angles[0]), other.places(angles[0])
     assert np.abs(places[-1] - elsewhere[-1]).max() > 0.01
     spare = leg.chain.tip  # from the third joint over the held ones to the tip

@@ -137,7 +137,7 @@ def test_the_robot_can_be_seen(robots, name):
     assert any(isinstance(shape.geometry, coal.BVHModelBase) for shape in shapes)
     leg = Leg.from_urdf(robots / urdf, base=base, foot=foot, locked=locked)
     assert np.isfinite(scene.places(np.mean(leg.limits.central, axis=0))).all()
-    assert scene.joint_names == leg.joint_names
+    assert scene.robot.joint_names == leg.joint_names
 
 
 WALKERS = ("Solo12", "ANYmal B")

@@ -59,7 +59,7 @@ def _visual(geometry, rest=""):
 
 def places(scene, angles, names):
     """Where named shapes are in the base frame [m] by Pinocchio's own placements, (n, 3) each."""
-    model, shapes, found = scene.model, scene.moving, []
+    model, shapes, found = scene.robot.model, scene.moving, []
     data, of_shapes = model.createData(), shapes.createData()
     for pose in scene.configurations(angles):
         pinocchio.updateGeometryPlacements(model, data, shapes, of_shapes, pose)
@@ -79,7 +79,7 @@ def shapes_of(file):
 def test_the_foot_that_is_seen_is_where_the_leg_has_it(urdf, base, foot):
     scene = Scene.from_urdf(urdf_path(urdf), base=base, foot=foot)
     leg = Leg.from_urdf(urdf_path(urdf), base=base, foot=foot)
-    assert scene.joint_names == leg.joint_names
+    assert scene.robot.joint_names == leg.joint_names
     angles = ANGLES[:, : len(leg.joint_names)]
     (seen,) = places(scene, angles, [f"{foot}_0"])
     assert np.max(np.abs(seen - leg.foot_positions(angles))) <= SAME
@@ -141,8 +141,8 @@ def test_what_hangs_on_a_locked_joint_alone_stays():
     settings = {"base": "body", "foot": "front_left_ball"}
     file = urdf_path("ers210a.urdf")
     free = Scene.from_urdf(file, **settings)
-    first, *others = free.joint_names
+    first, *others = free.robot.joint_names
     scene = Scene.from_urdf(file, **settings, locked={first: 0.4})
-    assert list(scene.joint_names) == others
+    assert list(scene.robot.joint_names) == others
     assert 0 < scene.moving.ngeoms < free.moving.ngeoms
     assert scene.still.ngeoms + scene.moving.ngeoms == free.still.ngeoms + free.moving.ngeoms
