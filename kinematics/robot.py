@@ -19,6 +19,7 @@ import numpy as np
 from kinematics.chain import read_only
 from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
 from planner.trajectory import Array
+from planner.validation import shown
 
 MOST_BYTES = 64 * 2**20
 """Longest readable file [bytes]; meshes are in files of their own."""
@@ -31,9 +32,6 @@ TO_LIMIT = (
     'file, or type="continuous" where nothing stops the joint'
 )
 """What to do about revolute joints without limits."""
-
-SHIPPED = ("ers210a.urdf", "reference_leg.urdf")
-"""The files of the folder ``urdf``, which lies beside this package in a checkout and in a wheel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +210,9 @@ def _frame(model: Any, name: str, *, role: str) -> Any:
 
 
 def urdf_path(name: str) -> Path:
-    """Path of a robot description that is shipped: one of :data:`SHIPPED`.
+    """Path of a robot description that is shipped.
+
+    They are in the folder ``urdf``, which lies beside this package in a checkout and in a wheel.
 
     Args:
         name: File name, such as ``"ers210a.urdf"``.
@@ -227,11 +227,11 @@ def urdf_path(name: str) -> Path:
         >>> urdf_path("ers210a.urdf").name
         'ers210a.urdf'
     """
-    if not isinstance(name, str):
-        raise InvalidInput(f"name: got {type(name).__name__}, expected one of {', '.join(SHIPPED)}")
-    if name not in SHIPPED:
+    folder = Path(__file__).resolve().parent.parent / "urdf"
+    names = sorted(each.name for each in folder.glob("*.urdf"))
+    if not isinstance(name, str) or name not in names:
         raise InvalidInput(
-            f"robot description {name!r} is not shipped; shipped: {', '.join(SHIPPED)}; "
+            f"robot description: got {shown(name)}, expected a shipped one: {', '.join(names)}; "
             "a file of your own goes to Leg.from_urdf directly"
         )
-    return Path(__file__).resolve().parent.parent / "urdf" / name
+    return folder / name

@@ -16,7 +16,7 @@ left out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import astuple, dataclass, fields, replace
 
 import numpy as np
 
@@ -31,6 +31,13 @@ MOST_DELAY = 64
 
 AMBIENT = 25.0
 """Temperature of the surroundings [°C]."""
+
+STATE = (
+    *("angle", "speed", "through", "pace", "integral", "counted", "felt"),
+    *("duty", "current", "heat", "pushing"),
+)
+"""State of a servo: angle and speed; goal that the profile lets through and its speed; integral;
+counted angle and its speed; duty, current, temperature; time under overload."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,24 +183,22 @@ class Motors:
     def __init__(self, motors: list[Motor], angles: Array) -> None:
         """Servos at rest at these angles [rad], without torque."""
         count = len(motors)
-        self._constants = np.array(
-            [[getattr(motor, each.name) for each in fields(Motor)] for motor in motors]
-        )
+        types = [(each.name, np.float64) for each in fields(Motor)]
+        self._constants = np.array([astuple(motor) for motor in motors], dtype=types)
         self.goals = np.array(angles, dtype=float)
         self.powered, self.jammed = np.zeros(count), np.zeros(count)
         self.gains, self.profiles = np.zeros((count, 3)), np.zeros((count, 2))
         self.limits = np.ones(count)
-        # angle, speed, let-through goal and its speed, integral, counted angle, its speed, current,
-        # duty, temperature, time under overload
-        self._states = np.zeros((count, 11))
-        self._states[:, [0, 2, 5]] = self.goals[:, None]
-        self._states[:, 9] = AMBIENT
+        self._states = np.zeros(count, dtype=[(name, np.float64) for name in STATE])
+        for name in ("angle", "through", "counted"):
+            self._states[name] = self.goals
+        self._states["heat"] = AMBIENT
         # views: angles [rad] and speeds [rad/s] as they are counted, the share of the voltage that
         # is switched, -1 to 1, temperatures [°C], which a caller may write, and for how long each
         # has pushed at nearly full duty without moving [s]
-        self.angles, self.speeds = self._states[:, 5], self._states[:, 6]
-        self.duties, self.temperatures = self._states[:, 8], self._states[:, 9]
-        self.overload_times = self._states[:, 10]
+        self.angles, self.speeds, self.duties, self.temperatures, self.overload_times = (
+            self._states[name] for name in ("counted", "felt", "duty", "heat", "pushing")
+        )
         self._delayed = np.tile(self.goals[:, None], MOST_DELAY)
         self._done = 0
 
@@ -216,81 +221,61 @@ def _run(  # type: ignore[no-untyped-def]
     first, steps, constants, states, delayed, goals, powered, gains, profiles, limits, jammed
 ):
     for i in range(len(goals)):
-        (
-            voltage,
-            resistance,
-            torque_constant,
-            inertia,
-            dry,
-            load,
-            rest,
-            rest_speed,
-            viscous,
-            gravity,
-            current_limit,
-            duty_steps,
-            duty_dead_band,
-            proportional,
-            integral_unit,
-            derivative,
-            delay,
-            counts,
-            capacity,
-            cooling,
-        ) = constants[i]
-        late = min(MOST_DELAY - 1, round(delay / STEP))
-        quantum = 2.0 * math.pi / counts
-        angle, speed, through, pace, integral, counted, felt, current, duty, heat, pushing = states[
-            i
-        ]
+        motor, state = constants[i], states[i]
+        late = min(MOST_DELAY - 1, round(motor.delay / STEP))
+        quantum = 2.0 * math.pi / motor.counts
         top, acceleration = profiles[i]
         for step in range(first, first + steps):
             delayed[i, step % MOST_DELAY] = goals[i]
             goal = delayed[i, (step - late) % MOST_DELAY]
-            error = goal - through
+            error = goal - state.through
             if top == 0.0 and acceleration == 0.0:
-                through, pace = goal, 0.0
+                state.through, state.pace = goal, 0.0
             else:
                 aim = abs(error) / STEP
                 if top > 0.0:
                     aim = min(aim, top)
                 if acceleration > 0.0:
                     aim = min(aim, math.sqrt(2.0 * acceleration * abs(error)))
-                    change = math.copysign(aim, error) - pace
+                    change = math.copysign(aim, error) - state.pace
                     most = acceleration * STEP
-                    pace += min(most, max(-most, change))
+                    state.pace += min(most, max(-most, change))
                 else:
-                    pace = math.copysign(aim, error)
-                if abs(pace) * STEP >= abs(error) and pace * error >= 0.0:
-                    through, pace = goal, 0.0
+                    state.pace = math.copysign(aim, error)
+                if abs(state.pace) * STEP >= abs(error) and state.pace * error >= 0.0:
+                    state.through, state.pace = goal, 0.0
                 else:
-                    through += pace * STEP
-            sensed = round(angle / quantum) * quantum
-            felt += STEP / (STEP + 0.004) * ((sensed - counted) / STEP - felt)
-            counted = sensed
+                    state.through += state.pace * STEP
+            sensed = round(state.angle / quantum) * quantum
+            state.felt += STEP / (STEP + 0.004) * ((sensed - state.counted) / STEP - state.felt)
+            state.counted = sensed
             if powered[i] > 0.0:
-                e = through - counted
+                e = state.through - sensed
                 p, ki, d = gains[i]
-                integral = min(0.3, max(-0.3, integral + integral_unit * ki * e * STEP))
-                duty = proportional * p * e + integral - derivative * d * felt
-                duty = round(duty * duty_steps) / duty_steps
-                if abs(duty) <= duty_dead_band:
+                summed = state.integral + motor.integral * ki * e * STEP
+                state.integral = min(0.3, max(-0.3, summed))
+                duty = motor.proportional * p * e + state.integral
+                duty = round((duty - motor.derivative * d * state.felt) * motor.duty_steps)
+                duty = duty / motor.duty_steps
+                if abs(duty) <= motor.duty_dead_band:
                     duty = 0.0
-                duty = min(limits[i], max(-limits[i], duty))
-                current = (duty * voltage - torque_constant * speed) / resistance
-                current = min(current_limit, max(-current_limit, current))
+                state.duty = min(limits[i], max(-limits[i], duty))
+                induced = motor.torque_constant * state.speed
+                current = (state.duty * motor.voltage - induced) / motor.resistance
+                state.current = min(motor.current_limit, max(-motor.current_limit, current))
             else:
-                through, pace, integral, duty, current = counted, 0.0, 0.0, 0.0, 0.0
-            torque = torque_constant * current - gravity * math.sin(angle)
-            free = speed + STEP * (torque - viscous * speed) / inertia
-            friction = dry + load * abs(torque) + rest * math.exp(-abs(speed) / rest_speed)
-            speed = math.copysign(max(abs(free) - STEP * friction / inertia, 0.0), free)
-            if jammed[i] > 0.0:
-                speed = 0.0
-            angle += STEP * speed
-            pushing = pushing + STEP if abs(duty) > 0.8 and abs(speed) < 0.05 else 0.0
-            lost = (heat - AMBIENT) / cooling
-            heat += STEP * (current * current * resistance / capacity - lost)
-        states[i] = np.array(
-            [angle, speed, through, pace, integral, counted, felt, current, duty, heat, pushing]
-        )
+                state.through, state.pace, state.integral = sensed, 0.0, 0.0
+                state.duty, state.current = 0.0, 0.0
+            torque = motor.torque_constant * state.current - motor.gravity * math.sin(state.angle)
+            speed = state.speed
+            free = speed + STEP * (torque - motor.viscous_friction * speed) / motor.inertia
+            friction = motor.dry_friction + motor.load_friction * abs(torque)
+            friction += motor.rest_friction * math.exp(-abs(speed) / motor.rest_speed)
+            slowed = abs(free) - STEP * friction / motor.inertia
+            state.speed = 0.0 if jammed[i] > 0.0 else math.copysign(max(slowed, 0.0), free)
+            state.angle += STEP * state.speed
+            pushing = abs(state.duty) > 0.8 and abs(state.speed) < 0.05
+            state.pushing = state.pushing + STEP if pushing else 0.0
+            power = state.current * state.current * motor.resistance
+            lost = (state.heat - AMBIENT) / motor.cooling_time
+            state.heat += STEP * (power / motor.heat_capacity - lost)
