@@ -141,8 +141,7 @@ def play(
     def answer(tick: int, _: int) -> tuple[Array, bool] | None:
         return (rows[tick % len(rows)], False) if tick <= last else None
 
-    player = _Player(send, now, sleep, period)
-    return player.run(answer, way=way, last=last, on_stop=on_stop, report=report)
+    return _play(answer, send, now, sleep, period, on_stop, report, way=way, last=last)
 
 
 def check_functions(*, optional: bool = False, **functions: object) -> None:
@@ -152,96 +151,86 @@ def check_functions(*, optional: bool = False, **functions: object) -> None:
             raise InvalidInput(f"{name}: got {shown(each)}, expected a function")
 
 
-class _Player:
-    """Sends requests and counts the sent, skipped and late ones."""
+def _play(
+    answer: Callable[[int, int], tuple[Array, bool] | None],
+    send: Send,
+    now: Callable[[], float],
+    sleep: Callable[[float], object],
+    period: float,
+    on_stop: Callable[[], object] | None,
+    report: Callable[[Playback], object] | None,
+    *,
+    way: Iterable[Array] = (),
+    last: float = math.inf,
+) -> Playback:
+    """Lead along a way, then answer at each tick, to the end, Ctrl-C or an error: :func:`play`.
 
-    def __init__(
-        self, send: Send, now: Callable[[], float], sleep: Callable[[float], object], period: float
-    ) -> None:
-        self._send, self._now, self._sleep, self._period = send, now, sleep, period
-        self._counts = {"sent": 0, "skipped": 0, "held": 0, "overruns": 0}
-        self._late = self._latest = 0.0
+    ``answer`` is called when a tick is due, with its number and how many were missed since the
+    last one. It returns the requests [rad], shape (k,), not sent where one is not finite, and
+    whether the last request of a joint is repeated; or None at the end. The tick ``last`` is
+    not missed, however late.
+    """
+    sent = skipped = repeats = overruns = 0
+    late = latest = 0.0
+    interrupted, failed = False, True
 
-    def run(
-        self,
-        answer: Callable[[int, int], tuple[Array, bool] | None],
-        *,
-        way: Iterable[Array] = (),
-        last: float = math.inf,
-        on_stop: Callable[[], object] | None,
-        report: Callable[[Playback], object] | None,
-    ) -> Playback:
-        """Lead along a way, then answer at each tick, to the end, Ctrl-C or an error: :func:`play`.
+    def wait_until(due: float) -> None:
+        while (remaining := due - now()) > 0.0:
+            sleep(remaining)
 
-        ``answer`` is called when a tick is due, with its number and how many were missed since the
-        last one. It returns the requests [rad], shape (k,), not sent where one is not finite, and
-        whether the last request of a joint is repeated; or None at the end. The tick ``last`` is
-        not missed, however late.
-        """
-        interrupted, failed = False, True
-        try:
-            try:
-                start = self._lead(way)
-                self._keep_in_step(answer, start, last)
-                failed = False
-            except KeyboardInterrupt:
-                interrupted, failed = True, False
-            finally:
-                if on_stop is not None:
-                    on_stop()
-        finally:
-            playback = Playback(
-                **self._counts,
-                latest=self._latest,
-                mean_lateness=self._late / max(self._counts["sent"], 1),
-                interrupted=interrupted,
-                failed=failed,
-            )
-            if report is not None:
-                report(playback)
-        return playback
-
-    def _lead(self, way: Iterable[Array]) -> float:
-        """Send each row a full period after the one before; the time at which the next is due."""
-        due = self._now()
-        for row in way:
-            due = self._send_at(due, row) + self._period
-            self._counts["overruns"] += self._now() >= due
-        return max(due, self._now())
-
-    def _keep_in_step(
-        self, answer: Callable[[int, int], tuple[Array, bool] | None], start: float, last: float
-    ) -> None:
-        tick = 0
-        while True:
-            missed = max(int(min((self._now() - start) / self._period, last)) - tick, 0)
-            tick += missed
-            self._counts["skipped"] += missed
-            due = start + tick * self._period
-            self._wait_until(due)
-            reply = answer(tick, missed)
-            if reply is None:
-                return
-            requests, held = reply
-            self._counts["held"] += held
-            if np.isfinite(requests).all():
-                self._send_at(due, requests)
-            self._counts["overruns"] += self._now() >= due + self._period
-            tick += 1
-
-    def _send_at(self, due: float, row: Array) -> float:
+    def send_at(due: float, row: Array) -> float:
         """Send a row when it is due, or at once where it is late; the time at which that was."""
-        self._wait_until(due)
-        begun = self._now()
-        self._send(row)
-        self._counts["sent"] += 1
-        self._late += begun - due
-        self._latest = max(self._latest, begun - due)
+        nonlocal sent, late, latest
+        wait_until(due)
+        begun = now()
+        send(row)
+        sent += 1
+        late += begun - due
+        latest = max(latest, begun - due)
         return begun
 
-    def _wait_until(self, due: float) -> None:
-        while (remaining := due - self._now()) > 0.0:
-            self._sleep(remaining)
+    try:
+        try:
+            due = now()
+            for row in way:  # each a full period after the one before
+                due = send_at(due, row) + period
+                overruns += now() >= due
+            start, tick = max(due, now()), 0
+            while True:
+                missed = max(int(min((now() - start) / period, last)) - tick, 0)
+                tick += missed
+                skipped += missed
+                due = start + tick * period
+                wait_until(due)
+                reply = answer(tick, missed)
+                if reply is None:
+                    break
+                requests, held = reply
+                repeats += held
+                if np.isfinite(requests).all():
+                    send_at(due, requests)
+                overruns += now() >= due + period
+                tick += 1
+            failed = False
+        except KeyboardInterrupt:
+            interrupted, failed = True, False
+        finally:
+            if on_stop is not None:
+                on_stop()
+    finally:
+        playback = Playback(
+            sent=sent,
+            skipped=skipped,
+            held=repeats,
+            overruns=overruns,
+            latest=latest,
+            mean_lateness=late / max(sent, 1),
+            interrupted=interrupted,
+            failed=failed,
+        )
+        if report is not None:
+            report(playback)
+    return playback
 
 
 def timed_requests(
@@ -389,21 +378,14 @@ def follow(
         requests = stream.step(stretch, measured, missed=missed)
         if len(times) < JUDGED:
             times.append(now() - begun)
-            if len(times) == JUDGED:
-                _check_times(median(times), stream.period)
+            if len(times) == JUDGED and (used := median(times)) >= stream.period:
+                warnings.warn(
+                    f"stream: planning a tick takes {1e3 * used:.3g} ms here, and the period is "
+                    f"{1e3 * stream.period:g} ms: requests are late, and ticks are skipped; "
+                    "expected a longer period, a shorter preview, or no cycle",
+                    UserWarning,
+                    stacklevel=2,
+                )
         return requests, "held" in stream.status
 
-    player = _Player(send, now, sleep, stream.period)
-    return player.run(answer, on_stop=on_stop, report=report)
-
-
-def _check_times(used: float, period: float) -> None:
-    """Warn where a tick, which took so long [s], does not fit into a period [s]."""
-    if used >= period:
-        warnings.warn(
-            f"stream: planning a tick takes {1e3 * used:.3g} ms here, and the period is "
-            f"{1e3 * period:g} ms: requests are late, and ticks are skipped; expected a longer "
-            "period, a shorter preview, or no cycle",
-            UserWarning,
-            stacklevel=2,
-        )
+    return _play(answer, send, now, sleep, stream.period, on_stop, report)
