@@ -231,7 +231,7 @@ def urdf_path(name: str) -> Path:
     names = sorted(each.name for each in folder.glob("*.urdf"))
     if not isinstance(name, str) or name not in names:
         raise InvalidInput(
-            f"robot description: got {shown(name)}, expected a shipped one: {', '.join(names)}; "
+            f"name: got {shown(name)}, expected a description that is shipped: {', '.join(names)}; "
             "a file of your own goes to Leg.from_urdf directly"
         )
     return folder / name
