@@ -23,7 +23,7 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.plan import (
+from planner.report.plan_page import (
     advice,
     bound_title,
     expected_words,
@@ -233,7 +233,7 @@ def plan_report(
     written: Written = (),
 ) -> str:
     """The page about a plan, as HTML, with links to the files that were ``written``."""
-    from planner.report.plan import plan_page
+    from planner.report.plan_page import plan_page
 
     subjects = desired.legs or desired.names
     about = plan_page(

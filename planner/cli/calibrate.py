@@ -174,7 +174,7 @@ def calibrate(
                         arm, joint, period, choices["duration_s"], folder, resume, progress
                     )
                 _write(output, results, arm, checked.settings, choices)
-    from planner.report.identification.page import calibration_page, calibration_text
+    from planner.report.calibration import calibration_page, calibration_text
 
     page = "" if report is None else calibration_page(results, output).html()
     summary = calibration_text(results, output)
@@ -282,7 +282,7 @@ def _write(
     """Write bus, models and servos of the calibrated joints; keep other joints of the file."""
     from planner.files.joint_model import updated_text
     from planner.files.robot import BUS
-    from planner.report.identification.text import model_comments, remarks
+    from planner.report.identification_text import model_comments, remarks
 
     text = updated_text(
         output,

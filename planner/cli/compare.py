@@ -63,7 +63,7 @@ def compare(
     from planner.cli.answer import inputs_of, notes_of, origins_of
     from planner.cli.desired import check_angles, desired_of
     from planner.cli.models import leg_title, model_words
-    from planner.report.comparison import (
+    from planner.report.comparison_page import (
         comparison_page,
         comparison_text,
         verdict_line,

@@ -94,7 +94,7 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
     from planner.cli.models import models_of
     from planner.files.paths import write_joint_path
     from planner.identification.excitation import expect
-    from planner.report.identification.text import excitation_text
+    from planner.report.identification_text import excitation_text
 
     _check(choices)
     (model,) = models_of(run, [joint])

@@ -91,7 +91,7 @@ def fit(
     from planner.cli.desired import check_angles, load_joints
     from planner.cli.models import model_words
     from planner.files.paths import write_curve
-    from planner.report.fit import fit_page, fits_table
+    from planner.report.fit_page import fit_page, fits_table
 
     path = load_joints(desired, run)
     options.warn_of(path.remarks)

@@ -63,7 +63,7 @@ def identify(*, logs: tuple[str, ...], report: str | None, output: str, **choice
     """  # noqa: D301
     from planner.files.joint_model import has_content, read_model_file, updated_text
     from planner.model.evidence import with_reasons
-    from planner.report.identification.text import identification_text, model_comments, remarks
+    from planner.report.identification_text import identification_text, model_comments, remarks
 
     if report == "-":
         raise click.UsageError("--report: standard output takes the model; name a file.")
@@ -102,7 +102,7 @@ def identify(*, logs: tuple[str, ...], report: str | None, output: str, **choice
     )
     page = ""
     if report is not None:
-        from planner.report.identification.page import identification_page
+        from planner.report.identification_page import identification_page
 
         named = [*(("log", file) for file in logs), ("model", output)]
         page = identification_page(identifications).html(report, written=named)

@@ -26,8 +26,8 @@ from planner.learning.refine import refine
 from planner.model.response import load_columns, simulate_joints
 from planner.planning.plan import Plan, joined
 from planner.planning.task import limits_of_each
-from planner.report.learning import Trials, learning_page
-from planner.report.plan import no_bound
+from planner.report.learning_page import Trials, learning_page
+from planner.report.plan_page import no_bound
 from planner.report.table import number, text_table
 from planner.trajectory import Array
 

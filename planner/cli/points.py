@@ -34,7 +34,7 @@ from planner.files.results import Results, Task, digest_of
 from planner.files.text import Toml, read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
-from planner.report.sweep import Outcome, Point, Requirement, Swept
+from planner.report.sweep_page import Outcome, Point, Requirement, Swept
 from planner.trajectory import Array, error_norm, index_of_largest
 
 REQUIRED: Mapping[str, tuple[Literal["error", "speed"], str]] = {

@@ -20,7 +20,7 @@ from planner.files.text import STANDARD_STREAM, to_json, write_text
 
 if TYPE_CHECKING:
     from planner.cli.points import Space
-    from planner.report.sweep import Swept
+    from planner.report.sweep_page import Swept
 
 HEADING = (
     "A sweep of request-planner: `request-planner sweep FILE` carries it out.",
@@ -127,7 +127,7 @@ def write_sweep(
     from planner.files.results import made_from
     from planner.files.table import csv_text
     from planner.report.page import versions
-    from planner.report.sweep import sweep_page
+    from planner.report.sweep_page import sweep_page
 
     run, page, rows = space.settings, folder / "report.html", _rows(swept)
     write_text(folder / "points.csv", csv_text([*rows[0]], [[*row.values()] for row in rows]))
@@ -188,7 +188,7 @@ def _rows(swept: Swept) -> list[dict[str, Any]]:
 
 def summary(swept: Swept) -> str:
     """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
-    from planner.report.sweep import points_table
+    from planner.report.sweep_page import points_table
 
     lines = [swept.verdict]
     if swept.front:

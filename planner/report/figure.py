@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from planner.report.style import DESIRED, LIMIT, MUTED, Role
+from planner.report.wording import words_of
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -364,11 +365,7 @@ def foot_figure(timeline: Timeline, feet: Mapping[str, Sequence[Curve]]) -> Figu
             Panel(axis, tuple(curves), name, height=1.8 if only else 1.0)
             for name, curves in feet.items()
         ],
-        (
-            "The foot's error over time" if only else "The feet's errors over time",
-            f"Distance of {'the' if only else 'each'} foot from its desired position at the same "
-            "moment.",
-        ),
+        words_of("feet", several=not only),
         clock=True,
     )
 

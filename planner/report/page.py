@@ -8,7 +8,6 @@ import json
 import math
 import os
 import platform
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from planner._version import __version__
 from planner.report.figure import Figure
@@ -29,17 +28,12 @@ from planner.report.table import (
     Column,
     Row,
     Table,
-    at_most,
-    number,
-    percent,
     raised,
     signed,
-    two_digits,
 )
+from planner.report.wording import breakable, environment
 
 if TYPE_CHECKING:
-    import jinja2
-
     from planner.model.joint import JointModel
 
 LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib", "plotly")
@@ -122,60 +116,6 @@ class Page:
         )
 
 
-def environment() -> jinja2.Environment:
-    """Environment of the templates: their folder, filters and globals; it draws tables."""
-    import jinja2
-
-    def drawn(value: Any) -> Any:
-        if not isinstance(value, Table):
-            return value
-        return Markup(templates.get_template("table.html").render(table=value))
-
-    templates = jinja2.Environment(
-        loader=jinja2.PackageLoader("planner.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        finalize=drawn,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    words = {
-        "at_most": at_most,
-        "breakable": _breakable,
-        "degrees": math.degrees,
-        "digits": lambda value, digits=3: f"{value:.{digits}g}",
-        "fixed": lambda value, digits=2: f"{value:.{digits}f}",
-        "heading": heading,
-        "noted": _noted,
-        "number": number,
-        "percent": percent,
-        "sentence": sentence,
-        "two_digits": two_digits,
-    }
-    templates.filters |= words
-    templates.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
-    templates.globals |= vars(templates.get_template("macros.html").module)
-    return templates
-
-
-def rendered_text(template: str, **values: Any) -> str:
-    """A template of plain text, for a terminal."""
-    return _plain().get_template(template).render(values)
-
-
-@cache
-def _plain() -> jinja2.Environment:
-    return environment().overlay(autoescape=False)
-
-
-def words_of(figure: str, **values: Any) -> tuple[str, str]:
-    """Title and caption of a figure: the first line of its block in ``captions.txt``, the rest."""
-    template = _plain().get_template("captions.txt")
-    words = "".join(template.blocks[figure](template.new_context(values)))
-    title, _, caption = words.strip().partition("\n")
-    return title, " ".join(caption.split())
-
-
 def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
     """The elements at the end of a page's body that bring its figures, by identifier, to life.
 
@@ -249,7 +189,7 @@ def sources_of(
             name, href = _seen_from(folder, Path(file).resolve())
             links.setdefault(href, (role, file_link(name, href)))
     lists: list[tuple[str, list[tuple[str, Any]]]] = [
-        ("Where it comes from", [(name, _breakable(which)) for name, which in origins]),
+        ("Where it comes from", [(name, breakable(which)) for name, which in origins]),
         ("Files of this run", list(links.values())),
         ("Versions", list(versions().items())),
     ]
@@ -258,31 +198,7 @@ def sources_of(
 
 def file_link(name: str, href: str = "") -> Markup:
     """A link to a file, by default to the one of this name beside the page."""
-    return Markup('<a href="{}">{}</a>').format(href or name, _breakable(name))
-
-
-def heading(name: str) -> str:
-    """An identifier as words, to begin a line with."""
-    words = name.replace("_", " ")
-    return words[:1].upper() + words[1:]
-
-
-def sentence(words: str) -> str:
-    """Words, names in them as they are, to begin a line with and to end with a stop."""
-    name = not words.split(" ", 1)[0].replace("_", "A").islower()
-    return f"{words}." if name else f"{words[:1].upper()}{words[1:]}."
-
-
-def _noted(text: str) -> Markup:
-    """Words with minus signs, and a note after a line break in small letters."""
-    value, _, note = re.sub(r"(?<![\w.=])-(?=\d)", "−", text).partition("\n")
-    return Markup("{} <small>{}</small>").format(value, note) if note else escape(value)
-
-
-def _breakable(name: str) -> Markup:
-    """A name of a file that may break between its parts, not inside a word."""
-    parts = "".join(f"{letter}\0" if letter in "/_-" else letter for letter in name).split("\0")
-    return Markup("<wbr>").join(escape(part) for part in parts)
+    return Markup('<a href="{}">{}</a>').format(href or name, breakable(name))
 
 
 def _seen_from(folder: Path, file: Path) -> tuple[str, str]:

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import importing
-from planner.report.page import environment
 from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL, GRID, Role
+from planner.report.wording import environment
 from planner.trajectory import Array
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from planner.cli.reproduce import STEPS
 from planner.files.joint_model import read_model_file
 from planner.files.paths import read_foot_path, read_joint_path
 from planner.files.table import read_table
-from planner.report.paper.results import joint_paths
+from planner.report.paper_results import joint_paths
 
 WRITTEN = 1e-9
 """Rounding of 12 decimals [deg, m]."""

@@ -16,7 +16,7 @@ from planner.identification.judgement import (
     verdict_on,
 )
 from planner.identification.result import HeldOut
-from planner.report.identification.text import next_step
+from planner.report.identification_text import next_step
 from tests.identification.made import (
     AIBO,
     JOINT,

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import planner
-from planner.report import learning, plan, replay
-from planner.report.learning import AFTER, BEFORE, ERROR, EXECUTED, LEARNT, NEXT
+from planner.report import learning_page as learning
+from planner.report import plan_page as plan
+from planner.report import replay_page as replay
+from planner.report.learning_page import AFTER, BEFORE, ERROR, EXECUTED, LEARNT, NEXT
 from planner.report.style import FOOT_OPTIMAL
 from tests.corpus.page_text import figures_of, text_of
 from tests.corpus.test_corpus import masked

@@ -12,11 +12,7 @@ import pytest
 from planner.identification.parameters import PARAMETERS
 from planner.identification.result import Interval
 from planner.model.response import simulate
-from planner.report.identification.figures import (
-    cloud_figure,
-    cloud_of,
-)
-from planner.report.identification.page import identification_page
+from planner.report.identification_page import cloud_figure, cloud_of, identification_page
 from tests.report.made_up import JOINT, made_up, made_up_fit, made_up_log, never_saturated
 
 WIDTH, HEIGHT = 420, 900

@@ -10,12 +10,12 @@ import pytest
 
 from planner.files.joint_model import models_text
 from planner.identification.result import Alternative, Finding, Interval
-from planner.report.identification.text import (
+from planner.report.identification_text import (
     identification_text,
     model_comments,
     remarks,
 )
-from planner.report.identification.words import (
+from planner.report.identified_joint import (
     parameters,
     verdict,
 )

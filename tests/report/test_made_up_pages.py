@@ -11,12 +11,9 @@ import pytest
 from kinematics import Leg, urdf_path
 from planner import JointModel, Log, plan, replay, simulate
 from planner.model.evidence import Evidence
-from planner.report.identification.page import (
-    calibration_page,
-    calibration_text,
-)
-from planner.report.plan import plan_page
-from planner.report.replay import replay_page
+from planner.report.calibration import calibration_page, calibration_text
+from planner.report.plan_page import plan_page
+from planner.report.replay_page import replay_page
 from planner.robot.candidates import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.evaluation.reproduction import STEP_AMPLITUDES
-from planner.report.paper.figures import paper_figures
+from planner.report.paper_figures import paper_figures
 from planner.report.plotly_figure import plot
 from tests.report.test_figure import check_words
 

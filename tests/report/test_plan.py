@@ -11,7 +11,7 @@ import pytest
 import planner
 from kinematics import Limits
 from planner.model.response import PathSpeeds
-from planner.report.plan import (
+from planner.report.plan_page import (
     WITHOUT,
     beyond_limits,
     distances_figure,

@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from planner.report.page import environment
 from planner.report.table import NOTHING, Column, Row, Table, fitted_to, text_table
+from planner.report.wording import environment
 
 
 def drawn(table):

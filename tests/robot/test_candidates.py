@@ -11,7 +11,7 @@ import pytest
 from planner import JointModel, invert_optimal
 from planner.files.joint_model import read_model_file
 from planner.model.evidence import Evidence
-from planner.report.identification.page import WORDS, candidates_table
+from planner.report.calibration import WORDS, candidates_table
 from planner.robot import candidates
 
 LIMITS = (-0.7, 0.7)

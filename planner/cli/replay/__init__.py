@@ -126,7 +126,7 @@ def replay(
 def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
     from planner.cli.replay.dataset import write_replay
     from planner.cli.replay.task import document, fastest_document, missed
-    from planner.report.replay import replay_page, replay_text
+    from planner.report.replay_page import replay_page, replay_text
 
     fastest, page = None, ""
     with Progress() as progress:
@@ -173,7 +173,7 @@ def _answer(
     report: str | None,
 ) -> Answer:
     """The errors of the plans of many recordings, and a warning for each that failed."""
-    from planner.report.episodes import episodes_page, episodes_text
+    from planner.report.episodes_page import episodes_page, episodes_text
 
     page, failure = "", ""
     if report is not None:

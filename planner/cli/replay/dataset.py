@@ -32,8 +32,8 @@ from planner.files.text import to_json
 from planner.parallel import carry_out
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import JointReplay, Replay
-from planner.report.episodes import resent_words
-from planner.report.replay import LOG_UNITS
+from planner.report.episodes_page import resent_words
+from planner.report.replay_page import LOG_UNITS
 from planner.robot.schedule import Schedule
 from planner.trajectory import Array, error_norm
 

@@ -32,7 +32,7 @@ from planner.recording.recorded_path import (
 )
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
-from planner.report.replay import LOG_UNITS
+from planner.report.replay_page import LOG_UNITS
 from planner.trajectory import Array, error_norm
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
-from planner.report.paper.figures import (
+from planner.report.paper_figures import (
     ROLES,
     Drawn,
     distance_panel,
@@ -17,6 +17,7 @@ from planner.report.paper.figures import (
     timeline_of,
 )
 from planner.report.style import Role
+from planner.report.wording import words_of
 
 if TYPE_CHECKING:
     from planner.evaluation.virtual_experiment import VirtualOutcome
@@ -50,12 +51,6 @@ def _foot_paths(outcome: VirtualOutcome) -> Figure:
         paths += [mean, thin(mean, [draw(path, role) for path in cycles])]
     return foot_paths_figure(
         "foot_paths",
-        (
-            "The foot, every cycle (the paper's Figure 8)",
-            "What the robot's foot does in each recorded cycle under three methods; the cycles "
-            "nearly cover one another. On the page the leg walks the first of them, whose error is "
-            "beside its name.",
-        ),
         outcome.planned,
         paths,
         {method: outcome.legs[method][0] for method in ROLES},
@@ -87,12 +82,7 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
     return once.figure(
         "step_tests",
         panels,
-        (
-            "The step tests (Figures 3 and 4)",
-            "Dots: what each joint's sensor recorded in the last cycle of each test, around the "
-            "middle of the joint's range in the walk. Lines: the one model that was identified "
-            "from all of them. Below, what it leaves unexplained.",
-        ),
+        words_of("step_tests"),
     )
 
 
@@ -106,11 +96,6 @@ def _joint_figures(outcome: VirtualOutcome) -> list[Figure]:
         joints_figure(
             planned,
             "joints_direct",
-            (
-                "The direct method (Figure 2), predicted before it was seen",
-                "The models come from step tests alone; this walk is new to them. Dotted: what "
-                "they predict.",
-            ),
             [
                 desired._replace(label="requested = desired"),
                 Drawn(walked["direct"], style.DIRECT, f"actual, {count} cycles"),
@@ -120,11 +105,6 @@ def _joint_figures(outcome: VirtualOutcome) -> list[Figure]:
         joints_figure(
             planned,
             "trajectories",
-            (
-                "The four trajectories of the paper's method (Figure 7)",
-                "How close the actual angles stay to the approximation is the paper's measure of "
-                "the model's fidelity. Requests beyond a joint's limits are cut off by the robot.",
-            ),
             [
                 desired,
                 Drawn(planned.requests[plain], style.REQUESTED),
@@ -135,25 +115,17 @@ def _joint_figures(outcome: VirtualOutcome) -> list[Figure]:
         joints_figure(
             planned,
             "foot_optimised_trajectories",
-            (
-                "The joints under requests for the foot",
-                "Dotted: what the plan predicted. Single joints leave their desired angles to "
-                "bring the foot closer, as planned.",
-            ),
             [
                 desired,
                 Drawn(outcome.runs["foot_optimal"].requests, style.REQUESTED),
                 Drawn(walked["foot_optimal"], style.FOOT_OPTIMAL, "actual"),
                 Drawn(planned.angles["foot_optimal"], PREDICTED),
             ],
+            words="virtual_foot_optimised_trajectories",
         ),
         joints_figure(
             planned,
             "joints_by_method",
-            (
-                "The joints under the methods, every cycle",
-                "What the joints do while the foot goes along its paths.",
-            ),
             [
                 desired,
                 *(
@@ -162,7 +134,8 @@ def _joint_figures(outcome: VirtualOutcome) -> list[Figure]:
                     if method != "shift"
                 ),
             ],
-            distance_panel(planned, outcome.foot_paths),
+            words="virtual_joints_by_method",
+            below=[distance_panel(planned, outcome.foot_paths)],
         ),
     ]
 
@@ -185,9 +158,7 @@ def _learning(outcome: VirtualOutcome) -> Figure:
     )
     return Figure(
         "learning",
-        "Ten trials of learning",
-        "The foot's error from the foot-optimised plan on, each next trial with requests that are "
-        "refined by what the sensors measured (the axis does not begin at zero).",
+        *words_of("virtual_learning"),
         Axis("trial", names={trial: f"{trial:.0f}" for trial in trials}, range=(0.8, ends[1])),
         (
             Panel(

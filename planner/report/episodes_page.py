@@ -11,8 +11,9 @@ import numpy as np
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, joined
 from planner.report.page import Page
-from planner.report.replay import RESENT, SIGNS
+from planner.report.replay_page import RESENT, SIGNS
 from planner.report.table import NOTHING, Column, Row, Table, by_columns, number
+from planner.report.wording import words_of
 from planner.trajectory import Array
 
 MOST_ROWS = 500
@@ -105,8 +106,7 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
         curves.append(Curve(style.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
     return Figure(
         f"errors_{unit}",
-        "Error of each recording",
-        "Of its joint that is farthest off. Point at a dot for its recording and joint.",
+        *words_of("episodes"),
         Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers),
         (Panel(Axis("error, rms", SIGNS[unit], from_zero=True), tuple(curves), height=2.2),),
     )

@@ -15,6 +15,7 @@ from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.table import Column, Row, Table
+from planner.report.wording import words_of
 
 WORDS = {
     "length": ("half stroke", "m"),
@@ -226,9 +227,7 @@ def front_figure(swept: Swept) -> Figure:
         curves.append(curve(INK, [swept.best], "best", marks="dots"))
     return Figure(
         "front",
-        "Speed against error",
-        "Each point is a plan; those on the line are best: none is faster at a smaller error. "
-        "Point at one for its parameters.",
+        *words_of("front"),
         Axis("speed", swept.speed_unit, None if high > low else (0.9 * low, 1.1 * high)),
         (Panel(Axis("error", swept.error_unit, from_zero=True, decimals=3), tuple(curves),
                height=2.4),),

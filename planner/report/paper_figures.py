@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from planner.report.figure import (
     line,
 )
 from planner.report.style import Role
+from planner.report.wording import words_of
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -57,26 +58,64 @@ ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "
 
 def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
     """Every figure, in the order of the paper's."""
-    step_tests = zip(
-        (3, 4),
-        STEP_AMPLITUDES,
-        (
-            "From rest to top speed: lag, acceleration time, plateau.",
-            "From top speed to top speed the other way: twice the change of speed in the same "
-            "acceleration time, where a limit on the acceleration would take twice as long.",
-        ),
-        strict=True,
-    )
-    direct, approximation, trajectories, *others = _joint_figures(reproduction)
+    timeline, desired = timeline_of(reproduction), Drawn(reproduction.walk.desired, style.DESIRED)
+    requests, angles, plain = reproduction.requests, reproduction.angles, "closed_form_plain"
+
+    def lines(j: int) -> list[Curve]:
+        fit = reproduction.plans[plain][j].approximation
+        assert fit is not None, "a closed form has an approximation"
+        fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
+        knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
+        role = style.APPROXIMATION
+        return [
+            Curve(role, timeline.step * fine, np.degrees(fit(fine))),
+            Curve(role, timeline.step * knots, values, "knots", marks="rings"),
+        ]
+
+    def joints(name: str, *drawn: Drawn, **more: Any) -> Figure:
+        return joints_figure(reproduction, name, [desired, *drawn], **more)
+
+    def beyond(name: str, method: str) -> Figure:
+        requested = Drawn(requests[method], style.REQUESTED)
+        return joints(name, requested, Drawn(angles[method], ROLES[method], "actual"))
+
+    paths = [
+        timeline.path(reproduction.foot[method], role)
+        for method, role in ROLES.items()
+        if method not in HIDDEN
+    ]
     return (
         direct_foot_figure(reproduction),
-        direct,
-        *(_step_test(reproduction, *each) for each in step_tests),
+        joints_figure(
+            reproduction,
+            "figure2_joints_direct",
+            [
+                desired._replace(label="requested = desired"),
+                Drawn(angles["direct"], style.DIRECT, "actual"),
+            ],
+        ),
+        *(_step_test(reproduction, k, each) for k, each in enumerate(STEP_AMPLITUDES, 3)),
         _speed(reproduction),
-        approximation,
-        trajectories,
-        _foot_paths(reproduction),
-        *others,
+        joints("figure6_approximation", more=lines),
+        joints(
+            "figure7_trajectories",
+            Drawn(requests[plain], style.REQUESTED),
+            Drawn(reproduction.approximations[plain], style.APPROXIMATION),
+            Drawn(angles[plain], style.CLOSED_FORM, "actual"),
+        ),
+        foot_paths_figure("figure8_foot_paths", reproduction, paths, reproduction.legs),
+        joints(
+            "joints_by_method",
+            *(
+                Drawn(angles[method], role, hidden=method == "optimal")
+                for method, role in ROLES.items()
+                if method != "shift"
+            ),
+            Drawn(requests["foot_optimal"], style.REQUESTED, "requests, foot-optimised", True),
+            below=[distance_panel(reproduction, reproduction.foot)],
+        ),
+        beyond("optimised_trajectories", "optimal"),
+        beyond("foot_optimised_trajectories", "foot_optimal"),
     )
 
 
@@ -96,40 +135,15 @@ def direct_foot_figure(reproduction: Reproduction) -> Figure:
     )
     return Figure(
         "figure1_foot_direct",
-        "Figure 1: the foot, desired and actual",
-        "Request the desired angles as they are, and the foot lags: it cuts the swing short. Thin "
-        "lines join the two paths at the same instants.",
+        *words_of("figure1_foot_direct"),
         ACROSS,
         (Panel(UPWARD, curves, height=1.8),),
         equal=True,
     )
 
 
-def _foot_paths(reproduction: Reproduction) -> Figure:
-    """Figure 8."""
-    paths = [
-        timeline_of(reproduction).path(reproduction.foot[method], role)
-        for method, role in ROLES.items()
-        if method not in HIDDEN
-    ]
-    return foot_paths_figure(
-        "figure8_foot_paths",
-        (
-            "Figure 8: the foot under the methods",
-            "The desired path, what the direct method makes of it, the closed form as in the "
-            "paper, and requests optimised for the foot. The best time shift runs along the "
-            "direct method's path, only earlier; requests optimised joint by joint run nearly "
-            "along the closed form's.",
-        ),
-        reproduction,
-        paths,
-        reproduction.legs,
-    )
-
-
 def foot_paths_figure(
     name: str,
-    words: tuple[str, str],
     planned: PlannedWalk,
     paths: Sequence[Curve],
     legs: Mapping[str, Array],
@@ -163,7 +177,7 @@ def foot_paths_figure(
         distances = np.linalg.norm(legs[method][:, -1] - foot, axis=1)
         motions.append(Motion(role, legs[method], distances, hidden=method in HIDDEN))
     movie = Movie(tuple(motions), planned.models[0].period, cyclic=True, ground=ground)
-    return Figure(name, *words, ACROSS, (panel,), equal=True, movie=movie)
+    return Figure(name, *words_of(name), ACROSS, (panel,), equal=True, movie=movie)
 
 
 def distance_panel(planned: PlannedWalk, paths: Mapping[str, Array]) -> Panel:
@@ -197,14 +211,16 @@ class Drawn(NamedTuple):
 def joints_figure(
     planned: PlannedWalk,
     name: str,
-    words: tuple[str, str],
     drawn: Sequence[Drawn],
-    *below: Panel,
+    *,
+    words: str = "",
+    below: Sequence[Panel] = (),
     more: Callable[[int], Sequence[Curve]] = lambda _: (),
 ) -> Figure:
     """A panel per joint over one step of the walk, with ``more`` curves by its index.
 
-    With panels below it follows the moving leg.
+    With panels ``below`` it follows the moving leg. ``words``: the block of its caption, its name
+    by default.
     """
     timeline, panels = timeline_of(planned), list[Panel]()
     for j, joint in enumerate(planned.walk.joint_names):
@@ -217,118 +233,13 @@ def joints_figure(
                 held = role is style.REQUESTED
                 curves.append(timeline.curve(own, role, label, held=held, hidden=hidden))
         panels.append(Panel(Axis("angle", "deg"), (*curves, *more(j)), joint))
-    return timeline.figure(name, [*panels, *below], words, clock=bool(below))
-
-
-def _joint_figures(reproduction: Reproduction) -> list[Figure]:
-    """Figures 2, 6 and 7, the joints under all methods, and figures beyond the paper."""
-    timeline, desired = timeline_of(reproduction), Drawn(reproduction.walk.desired, style.DESIRED)
-    requests, angles, plain = reproduction.requests, reproduction.angles, "closed_form_plain"
-
-    def lines(j: int) -> list[Curve]:
-        fit = reproduction.plans[plain][j].approximation
-        assert fit is not None, "a closed form has an approximation"
-        fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
-        knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
-        role = style.APPROXIMATION
-        return [
-            Curve(role, timeline.step * fine, np.degrees(fit(fine))),
-            Curve(role, timeline.step * knots, values, "knots", marks="rings"),
-        ]
-
-    return [
-        joints_figure(
-            reproduction,
-            "figure2_joints_direct",
-            (
-                "Figure 2: the joints under the direct method",
-                "Every joint starts late and then moves at its top speed at most. The paper shows "
-                "the rotator.",
-            ),
-            [
-                desired._replace(label="requested = desired"),
-                Drawn(angles["direct"], style.DIRECT, "actual"),
-            ],
-        ),
-        joints_figure(
-            reproduction,
-            "figure6_approximation",
-            (
-                "Figure 6: piecewise linear approximations",
-                "Six lines per joint, none steeper than the top speed, with knots chosen "
-                "automatically; in the paper they were drawn by hand. Where the desired angles are "
-                "faster than the joint, the lines must leave them.",
-            ),
-            [desired],
-            more=lines,
-        ),
-        joints_figure(
-            reproduction,
-            "figure7_trajectories",
-            (
-                "Figure 7: the four trajectories of the paper's method",
-                "The requests run ahead of the approximation, the joint stays approximately on it. "
-                "They know no limits: where the joint has some, a robot would clip them.",
-            ),
-            [
-                desired,
-                Drawn(requests[plain], style.REQUESTED),
-                Drawn(reproduction.approximations[plain], style.APPROXIMATION),
-                Drawn(angles[plain], style.CLOSED_FORM, "actual"),
-            ],
-        ),
-        joints_figure(
-            reproduction,
-            "joints_by_method",
-            (
-                "The joints under the methods",
-                "What the joints do while the foot goes as in Figure 8.",
-            ),
-            [
-                desired,
-                Drawn(angles["direct"], style.DIRECT),
-                Drawn(angles[plain], style.PLAIN),
-                Drawn(angles["optimal"], style.OPTIMAL, hidden=True),
-                Drawn(angles["foot_optimal"], style.FOOT_OPTIMAL),
-                Drawn(requests["foot_optimal"], style.REQUESTED, "requests, foot-optimised", True),
-            ],
-            distance_panel(reproduction, reproduction.foot),
-        ),
-        joints_figure(
-            reproduction,
-            "optimised_trajectories",
-            (
-                "Beyond the paper: optimised requests",
-                "Found on the full nonlinear model, inside the joint's limits, and within a "
-                "fraction of a percent of the lower bound.",
-            ),
-            [
-                desired,
-                Drawn(requests["optimal"], style.REQUESTED),
-                Drawn(angles["optimal"], style.OPTIMAL, "actual"),
-            ],
-        ),
-        joints_figure(
-            reproduction,
-            "foot_optimised_trajectories",
-            (
-                "Beyond the paper: requests for the foot",
-                "All joints are planned at once for the foot: single joints have larger errors, "
-                "which compensate for one another.",
-            ),
-            [
-                desired,
-                Drawn(requests["foot_optimal"], style.REQUESTED),
-                Drawn(angles["foot_optimal"], style.FOOT_OPTIMAL, "actual"),
-            ],
-        ),
-    ]
+    return timeline.figure(name, [*panels, *below], words_of(words or name), clock=bool(below))
 
 
 # The model.
 
 
-def _step_test(reproduction: Reproduction, number: int, amplitude: float, caption: str) -> Figure:
+def _step_test(reproduction: Reproduction, number: int, amplitude: float) -> Figure:
     """Figures 3 and 4: the answer to a step test, its lag and its acceleration time shaded."""
     response = reproduction.steps[amplitude]
     timeline = Timeline(reproduction.model.period, len(response.angles))
@@ -354,7 +265,7 @@ def _step_test(reproduction: Reproduction, number: int, amplitude: float, captio
         ),
         height=1.6,
     )
-    words = (f"Figure {number}: step test, {amplitude:g} degrees", caption)
+    words = words_of("step_test", number=number, amplitude=amplitude)
     return timeline.figure(f"figure{number}_step_{amplitude:g}", [panel], words)
 
 
@@ -385,8 +296,7 @@ def _speed(reproduction: Reproduction) -> Figure:
     )
     return Figure(
         "figure5_speed",
-        "Figure 5: the function f",
-        "The speed that an error calls for: proportional up to θ₀, top speed beyond.",
+        *words_of("figure5_speed"),
         Axis("request minus angle, x", "deg", (-far, far)),
         (panel,),
     )

@@ -11,8 +11,9 @@ import numpy as np
 
 from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
-from planner.report.page import Page, heading
+from planner.report.page import Page
 from planner.report.table import NOTHING, Column, Row, Table
+from planner.report.wording import words_of
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -75,25 +76,22 @@ def learning_page(
 
 def errors_figure(progress: Trials, name: str = "learning") -> Figure:
     """The error of each trial, with the lower bound."""
-    count, notes = len(progress.errors), list[str]()
+    count, bounded = len(progress.errors), not math.isnan(progress.bound)
     goes_on = not math.isnan(progress.predicted) and not progress.stopped
     last = count + goes_on
     trials, ends = np.arange(1.0, count + 1.0), (0.8, last + 0.2)
     error = style.OPTIMAL._replace(label="error", dashes="-")
     curves = [Curve(error, trials, progress.errors, marks=marks) for marks in ("", "dots")]
-    if not math.isnan(progress.bound):
+    if bounded:
         curves.insert(0, Curve(BOUND, np.array(ends), np.full(2, progress.bound)))
-        notes.append("No requests have less error than the lower bound of the model.")
     if goes_on:
         at = np.array([count + 1.0])
         curves.append(Curve(NEXT, at, np.array([progress.predicted]), marks="rings"))
-        notes.append("The ring is the error predicted of the next requests.")
     top = 1.1 * float(np.nanmax([*progress.errors, progress.noise, progress.predicted]))
     names = {float(number): str(number) for number in range(1, last + 1)}
     return Figure(
         name,
-        f"{heading(progress.name)}: the error of each trial",
-        " ".join(notes),
+        *words_of("trials", name=progress.name, bounded=bounded, goes_on=goes_on),
         Axis("trial", names=names, range=ends),
         (Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), tuple(curves)),),
     )
@@ -107,14 +105,10 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
     def curves(*looks: tuple[Array, style.Role], held: bool = False) -> list[Curve]:
         return [timeline.degrees(values[:, j], role, held=held) for values, role in looks]
 
-    words = (
-        "Angles; the measured error, and by how much the joint differs from its model in every "
-        "cycle; and requests."
-    )
     return figure.joint_figure(
         timeline,
         f"learning_joint_{j + 1}",
-        (heading(plan.names[j]), words),
+        words_of("learning_joint", name=plan.names[j]),
         angles=curves((plan.desired, style.DESIRED), (measured, EXECUTED), (plan.predicted, NEXT)),
         errors=curves((measured - plan.desired, ERROR), (disturbance, LEARNT)),
         requests=curves((executed, BEFORE), (plan.requests, AFTER), held=True),

@@ -15,7 +15,7 @@ from planner._version import __version__
 from planner.files.joint_model import PARAMETER_UNITS
 from planner.identification.excitation import Excitation
 from planner.identification.result import Identification, Topic
-from planner.report.identification.words import (
+from planner.report.identified_joint import (
     errors_table,
     explained,
     joints_table,

@@ -1,10 +1,12 @@
-"""The figures of an identification: f from data, intervals, errors, and every log."""
+"""The page about identified joints: verdict first, then what is known, every log, the sources."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Literal
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +14,26 @@ import numpy.typing as npt
 from planner.identification.result import Identification, Interval, LogFit, SpeedPoints
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
-from planner.report.identification.words import (
+from planner.report.identified_joint import (
+    determined_words,
+    errors_table,
     estimate,
+    explained,
     figure,
+    joints_table,
+    of_several,
     parameters,
+    parameters_table,
+    profile,
+    telling_error,
     unit_of,
     units_of,
+    verdict,
 )
-from planner.report.page import words_of
+from planner.report.page import Page, parameters_of
 from planner.report.style import Role
+from planner.report.table import Column, Row, Table
+from planner.report.wording import words_of
 from planner.trajectory import Array, index_of_largest
 
 CLOSE_UP = 3.0
@@ -34,6 +47,108 @@ BAR = 9.0
 
 SIDES: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
 """Where the numbers below a strip stand."""
+
+
+def identification_page(identifications: Mapping[str, Identification]) -> Page:
+    """The whole page: of a joint, or of several one after the other, below a table of all."""
+    several = len(identifications) > 1
+    joints = [
+        _joint_values(name, each, f"joint{k}_" if several else "")
+        for k, (name, each) in enumerate(identifications.items(), 1)
+    ]
+    return Page(
+        "identification",
+        joints=joints,
+        good=all(each.accepted for each in identifications.values()),
+        summary=of_several(list(identifications.values())),
+        table=_units_above(joints_table(identifications)),
+        rare=explained(identifications),
+    )
+
+
+def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, Any]:
+    """What the page shows of a joint: figures, tables, and numbers in the units of the page."""
+    units, (error, where) = units_of(found), telling_error(found)
+
+    def angle(radians: float) -> str:
+        return f"{units.factor * radians:.3g} {units.angle}"
+
+    return {
+        "name": name,
+        "of": found,
+        "anchor": re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"),
+        "verdict": verdict(found),
+        "determined": determined_words(found),
+        "profile": profile(found),
+        "error": angle(error).split(" ", 1),
+        "where": where,
+        "noise": angle(found.noise),
+        "signal": angle(found.signal),
+        "short": {row.name: row.bounds if row.rough else row.value for row in parameters(found)},
+        # whether the joint may be faster than anything in the logs
+        "open": math.isinf(found.intervals["v_max"].upper),
+        "saturated": saturated(found),
+        "speeds": cloud_figure(found, prefix),
+        "parameters": parameters_table(found, page=True),
+        "intervals": intervals_figure(found, prefix),
+        "errors": errors_table(found),
+        "logs": [
+            (fit.log.name, angle(fit.rms), log_figure(found, fit, f"{prefix}log{k}_"))
+            for k, fit in enumerate(found.fits, 1)
+        ],
+        "rows": logs_table(found),
+        "names": parameters_of([found.model.parameters()]),
+    }
+
+
+def saturated(identification: Identification) -> float:
+    """Share of the measured intervals that were wholly at the top speed."""
+    points, *_ = cloud_of(identification)
+    return int(np.sum(points.saturated)) / max(1, len(points.errors))
+
+
+def _units_above(table: Table) -> Table:
+    """The table with a unit beside the title of a column whose cells all have it, if any."""
+    columns, cells = [], []
+    by_column = zip(*(row.cells for row in table.rows), strict=True)
+    for column, own in zip(table.columns, by_column, strict=True):
+        numbers = [str(cell).removeprefix("≥ ").removeprefix("≤ ").partition(" ") for cell in own]
+        units = {unit for number, _, unit in numbers if unit and re.match(r"−?\d", number)}
+        unit = units.pop() if len(units) == 1 else ""
+        columns.append(Column(f"{column.title} [{unit}]" if unit else column.title))
+        cells.append([str(cell).removesuffix(f" {unit}") if unit else cell for cell in own])
+    rows = zip(table.rows, zip(*cells, strict=True), strict=True)
+    return replace(
+        table,
+        columns=tuple(columns),
+        rows=tuple(replace(row, cells=of_row) for row, of_row in rows),
+    )
+
+
+def logs_table(identification: Identification) -> Table:
+    """Every log: its rows, its length, which rows were not fitted and why, and how it was read."""
+    rows = tuple(
+        Row(
+            fit.log.name,
+            (
+                f"{fit.used.sum()} of {len(fit.used)}",
+                f"{fit.log.times[-1] - fit.log.times[0]:.1f}",
+                f"{1.0 / fit.log.period:.1f} Hz",
+                ", ".join(f"{count} {reason}" for reason, count in fit.left_out.items()) or "none",
+                "; ".join(fit.log.notes),
+            ),
+        )
+        for fit in identification.fits
+    )
+    columns = (
+        *map(Column, ("rows used", "seconds", "rate")),
+        Column("rows left out, and why", words=True),
+        Column("how it was read", words=True),
+    )
+    return Table("log", columns, rows, label="Logs")
+
+
+# The figures.
 
 
 def cloud_of(identification: Identification) -> tuple[SpeedPoints, float, float]:

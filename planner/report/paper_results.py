@@ -31,8 +31,9 @@ from planner.evaluation.virtual_experiment import (
 )
 from planner.identification.result import Identification
 from planner.model.joint import JointModel
-from planner.report.page import rendered_text, versions
+from planner.report.page import versions
 from planner.report.table import NOTHING, Column, Row, Table, number, percent, signed
+from planner.report.wording import rendered_text
 from planner.trajectory import Array, Distance
 
 PAPER_NOTE = (

@@ -14,7 +14,7 @@ from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
-from planner.report.page import Page, heading, models_table
+from planner.report.page import Page, models_table
 from planner.report.table import (
     NO_BOUND,
     NOTHING,
@@ -25,6 +25,7 @@ from planner.report.table import (
     percent,
     signed,
 )
+from planner.report.wording import words_of
 from planner.trajectory import Array, Distance, error_norm, rms
 
 if TYPE_CHECKING:
@@ -376,12 +377,10 @@ def leg_figure(plan: Plan, role: style.Role) -> Figure:
     """The moving leg, as desired, without a plan and with it."""
     task = plan.task
     assert task.leg is not None, "only a leg moves"
-    words = (
-        "The leg and the paths of its foot",
-        "Move the slider and the leg follows, drag it and it turns.",
-    )
     others = ((WITHOUT, plan.direct), (role, plan.predicted))
-    return Timeline.of(plan).leg("leg", words, task.leg, plan.desired, others, task.desired_foot)
+    return Timeline.of(plan).leg(
+        "leg", words_of("plan_leg"), task.leg, plan.desired, others, task.desired_foot
+    )
 
 
 def distances_figure(legs: Mapping[str, Plan], role: style.Role) -> Figure:
@@ -399,9 +398,7 @@ def distances_figure(legs: Mapping[str, Plan], role: style.Role) -> Figure:
 
 def joint_figure(plan: Plan, role: style.Role, j: int) -> Figure:
     """A joint's angles as desired, without a plan and with it, and its requests."""
-    timeline, comparison = Timeline.of(plan), "without a plan, and with it"
-    if plan.method == "shift":
-        comparison = "with the desired angles as requests, and with these the best time early"
+    timeline = Timeline.of(plan)
     desired, direct, predicted = (
         timeline.degrees(values[:, j], looks)
         for values, looks in (
@@ -413,11 +410,7 @@ def joint_figure(plan: Plan, role: style.Role, j: int) -> Figure:
     return figure.joint_figure(
         timeline,
         f"joint_{j}",
-        (
-            heading(plan.names[j]),
-            f"Above: the joint's angle as desired, {comparison}. Below: its requests; limits are "
-            "drawn where they are near.",
-        ),
+        words_of("plan_joint", name=plan.names[j], shift=plan.method == "shift"),
         angles=(desired, direct, predicted),
         requests=(desired, timeline.degrees(plan.requests[:, j], style.REQUESTED, held=True)),
         limits=(math.degrees(plan.task.lower[j]), math.degrees(plan.task.upper[j])),

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, line
-from planner.report.page import Page, heading
+from planner.report.page import Page
 from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, LOWER_BOUND, MUTED
 from planner.report.table import Table, by_columns
+from planner.report.wording import words_of
 
 if TYPE_CHECKING:
     from planner.approximation.fit import Choices, PiecewiseLinearFit
@@ -72,10 +73,7 @@ def fit_figure(name: str, fit: PiecewiseLinearFit) -> Figure:
     return timeline.figure(
         "fit",
         [Panel(Axis("angle", "deg"), tuple(curves), height=1.3)],
-        (
-            f"{heading(name)}: {fit.segments} lines, rms {np.degrees(fit.rms):.2f}°",
-            "The samples, and the lines through them.",
-        ),
+        words_of("fit", name=name, fit=fit),
     )
 
 
@@ -98,9 +96,7 @@ def choices_figure(choices: Choices, fit: PiecewiseLinearFit) -> Figure:
         curves.append(Curve(APPROXIMATION, numbers[[at]], errors[[at]], "automatic", marks="rings"))
     return Figure(
         "choices",
-        "Other numbers of lines",
-        "The error of each number of lines. No approximation whose slopes are within the top speed "
-        "has an error below the lower bound.",
+        *words_of("choices"),
         Axis("number of lines", names={each: f"{each:.0f}" for each in numbers}),
         (Panel(Axis("rms error", "deg", (low, high)), tuple(curves), height=1.3),),
     )

@@ -7,8 +7,8 @@ from typing import Any
 
 from planner.report.figure import Figure
 from planner.report.page import Page, file_link, parameters_of
-from planner.report.paper.figures import FEATURED
-from planner.report.paper.results import (
+from planner.report.paper_figures import FEATURED
+from planner.report.paper_results import (
     Results,
     bounds_table,
     dropped_words,

@@ -22,9 +22,10 @@ from planner.report.figure import (
     Timeline,
     line,
 )
-from planner.report.page import Page, models_table, sentence
-from planner.report.plan import motions_table
+from planner.report.page import Page, models_table
+from planner.report.plan_page import motions_table
 from planner.report.table import NOTHING, Column, Row, Table, number
+from planner.report.wording import words_of
 from planner.trajectory import Array, Distance, error_norm
 
 if TYPE_CHECKING:
@@ -268,8 +269,7 @@ def moment_figure(replay: Replay) -> Figure:
         {name: values(kind) for name, kind in kinds.items()},
         replay.period,
     )
-    words = ("Through the episode", "Move the slider, and the plots below follow.")
-    return Figure("moment", *words, _timeline_of(replay).axis, moments=moments)
+    return Figure("moment", *words_of("moment"), _timeline_of(replay).axis, moments=moments)
 
 
 def arm_figure(replay: Replay, arm: Leg) -> Figure:
@@ -282,12 +282,8 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
         return np.column_stack([getattr(*each) for each in zip(joints, kinds, strict=True)])
 
     others = ((AS_IT_IS, angles("direct")), (style.OPTIMAL, angles("predicted")))
-    words = (
-        "The arm and the paths of its end",
-        "Move the slider and the arm follows, drag it and it turns; the plots below follow.",
-    )
     desired = np.column_stack([each.desired for each in joints])
-    return _timeline_of(replay).leg("arm", words, arm, desired, others)
+    return _timeline_of(replay).leg("arm", words_of("arm"), arm, desired, others)
 
 
 def joint_figure(replay: Replay, j: int) -> Figure:
@@ -303,11 +299,10 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         )
     ]
     if joint.inversion is None:
-        words = f"{joint.path.reason}: its recorded requests at the same moments"
         return figure.joint_figure(
             timeline,
             f"joint_{j}",
-            (joint.name, sentence(words)),
+            words_of("replay_joint", joint=joint),
             unit=SIGNS[unit],
             requests=(desired, *request_curves),
         )
@@ -322,15 +317,10 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         Span(timeline.per_second * a, timeline.per_second * b, style.DIRECT, 0.16)
         for a, b in joint.too_fast
     )
-    shade_note = "; shaded where the path is faster than the joint can be" if joint.too_fast else ""
-    words = (
-        "Above: the angle to follow, with the path itself as requests, with the best time shift of "
-        f"it, and as planned{shade_note}. In the middle: errors. Below: requests"
-    )
     return figure.joint_figure(
         timeline,
         f"joint_{j}",
-        (joint.name, sentence(words)),
+        words_of("replay_joint", joint=joint),
         unit=SIGNS[unit],
         angles=(desired, *(timeline.curve(factor * each, role) for each, role in angles)),
         errors=[timeline.curve(factor * (each - joint.desired), role) for each, role in angles[1:]],
@@ -362,8 +352,7 @@ def speeds_figure(fastest: Fastest) -> Figure:
     ]
     return Figure(
         "speeds",
-        "Error against speed",
-        "The horizontal line is the tolerance.",
+        *words_of("speeds"),
         Axis("times the recorded speed", range=ends),
         (Panel(Axis("largest error", unit, (0.0, top)),
                (line(ends, (tolerance, tolerance), style.LIMIT), *curves), height=1.8),),
@@ -381,7 +370,7 @@ def factors_figure(fastest: Fastest) -> Figure:
     return timeline.figure(
         "factors",
         [Panel(Axis("times the recorded speed", from_zero=True), (constant, *curves), height=1.8)],
-        ("Speed along the replay", "One factor for all of it, or one that varies."),
+        words_of("factors"),
         clock=True,
     )
 

@@ -20,8 +20,9 @@ from planner.evaluation.cross_check import (
 from planner.model.evidence import untested_words
 from planner.report import figure, style
 from planner.report.figure import Axis, Figure, Panel, Timeline, line, near_limits
-from planner.report.page import Page, heading, models_table
+from planner.report.page import Page, models_table
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
+from planner.report.wording import words_of
 from planner.trajectory import error_norm, index_of_largest, rms
 
 SHOWN = "closed_form_paper"
@@ -243,11 +244,7 @@ def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
             Panel(Axis("difference", "deg"), (line((0.0, end), (0.0, 0.0)), difference),
                   "requests, closed form − optimised", height=0.8),
         ],
-        (
-            heading(joint.name),
-            "Above: the joint's angle as desired, and under either plan. In the middle: its "
-            "requests. Below: how far the requests differ.",
-        ),
+        words_of("comparison_joint", name=joint.name),
         clock=True,
     )  # fmt: skip
 
@@ -264,14 +261,9 @@ def foot_figure(check: CrossCheck, foot: FootComparison) -> Figure:
 
 def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
     """The leg as desired, and under the plans."""
-    words = (
-        "The leg under the plans",
-        "Move the slider and the leg follows, drag it and it turns; the numbers are distances of "
-        "the foot from its path.",
-    )
     desired = np.column_stack([joint.desired for joint in check.joints])
     others = ((role, foot.plans[method].predicted) for method, role in FOOT_ROLES.items())
-    return _timeline_of(check).leg("leg", words, leg, desired, others)
+    return _timeline_of(check).leg("leg", words_of("comparison_leg"), leg, desired, others)
 
 
 def _timeline_of(check: CrossCheck) -> Timeline:

@@ -1,1 +1,0 @@
-"""The identification of joints: in words, on a terminal, and on a page."""

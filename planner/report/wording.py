@@ -1,0 +1,93 @@
+"""The words of pages, figures and terminals: templates, and how these write numbers and names."""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup, escape
+
+from planner.report.table import Table, at_most, number, percent, two_digits
+
+if TYPE_CHECKING:
+    import jinja2
+
+
+def environment() -> jinja2.Environment:
+    """Environment of the templates: their folder, filters and globals; it draws tables."""
+    import jinja2
+
+    def drawn(value: Any) -> Any:
+        if not isinstance(value, Table):
+            return value
+        return Markup(templates.get_template("table.html").render(table=value))
+
+    templates = jinja2.Environment(
+        loader=jinja2.PackageLoader("planner.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        finalize=drawn,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    words = {
+        "at_most": at_most,
+        "breakable": breakable,
+        "degrees": math.degrees,
+        "digits": lambda value, digits=3: f"{value:.{digits}g}",
+        "fixed": lambda value, digits=2: f"{value:.{digits}f}",
+        "heading": heading,
+        "noted": _noted,
+        "number": number,
+        "percent": percent,
+        "sentence": sentence,
+        "two_digits": two_digits,
+    }
+    templates.filters |= words
+    templates.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
+    templates.globals |= vars(templates.get_template("macros.html").module)
+    return templates
+
+
+def rendered_text(template: str, **values: Any) -> str:
+    """A template of plain text, for a terminal."""
+    return _plain().get_template(template).render(values)
+
+
+@cache
+def _plain() -> jinja2.Environment:
+    return environment().overlay(autoescape=False)
+
+
+def words_of(figure: str, **values: Any) -> tuple[str, str]:
+    """Title and caption of a figure: the first line of its block in ``captions.txt``, the rest."""
+    template = _plain().get_template("captions.txt")
+    words = "".join(template.blocks[figure](template.new_context(values)))
+    title, _, caption = words.strip().partition("\n")
+    return title, " ".join(caption.split())
+
+
+def heading(name: str) -> str:
+    """An identifier as words, to begin a line with."""
+    words = name.replace("_", " ")
+    return words[:1].upper() + words[1:]
+
+
+def sentence(words: str) -> str:
+    """Words, names in them as they are, to begin a line with and to end with a stop."""
+    name = not words.split(" ", 1)[0].replace("_", "A").islower()
+    return f"{words}." if name else f"{words[:1].upper()}{words[1:]}."
+
+
+def _noted(text: str) -> Markup:
+    """Words with minus signs, and a note after a line break in small letters."""
+    value, _, note = re.sub(r"(?<![\w.=])-(?=\d)", "−", text).partition("\n")
+    return Markup("{} <small>{}</small>").format(value, note) if note else escape(value)
+
+
+def breakable(name: str) -> Markup:
+    """A name of a file that may break between its parts, not inside a word."""
+    parts = "".join(f"{letter}\0" if letter in "/_-" else letter for letter in name).split("\0")
+    return Markup("<wbr>").join(escape(part) for part in parts)
