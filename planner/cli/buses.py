@@ -140,7 +140,7 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
 @contextmanager
 def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str) -> Iterator[Arm]:
     """The joints on the bus that the options name, or else the model file, in the block."""
-    from planner.files.robot import read_bus
+    from planner.files.joint_model import read_bus
     from planner.robot.arm import Arm
 
     if choices["bus"] is None:

@@ -280,13 +280,12 @@ def _write(
     choices: Mapping[str, Any],
 ) -> None:
     """Write bus, models and servos of the calibrated joints; keep other joints of the file."""
-    from planner.files.joint_model import updated_text
-    from planner.files.robot import BUS
+    from planner.files.joint_model import BUS, models_text
     from planner.report.identification_text import model_comments, remarks
 
-    text = updated_text(
-        output,
+    text = models_text(
         {name: each.model for name, each in results.items()},
+        beside=output,
         remarks=remarks(),
         about=model_comments({name: each.identification for name, each in results.items()}),
         servos={name: replace(arm.servos[name], settings=settings[name]) for name in results},
@@ -348,8 +347,7 @@ def check(
     """  # noqa: D301
     from tempfile import TemporaryDirectory
 
-    from planner.files.joint_model import read_model_file
-    from planner.files.robot import read_servos
+    from planner.files.joint_model import read_model_file, read_servos
     from planner.robot import measure
 
     servos = read_servos(model)

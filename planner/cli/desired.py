@@ -25,6 +25,7 @@ from planner.cli.models import (
 )
 from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile, nearest
 from planner.files.columns import LEAST_DEG, SHARES
+from planner.files.joint_model import read_servos
 from planner.files.paths import (
     FootPath,
     JointPath,
@@ -34,7 +35,6 @@ from planner.files.paths import (
     path_table,
     write_joint_path,
 )
-from planner.files.robot import read_servos
 from planner.model.joint import JointModel
 from planner.trajectory import Array, most_lost
 

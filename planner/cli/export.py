@@ -81,7 +81,7 @@ def export(
 
 def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
     """The settings with the servos of a model file."""
-    from planner.files.robot import read_servos
+    from planner.files.joint_model import read_servos
     from planner.robot.arm import check_ranges
 
     if export.unit != "ticks":
@@ -192,7 +192,7 @@ def write_rows(file: str, export: Export, rows: Schedule) -> None:
 
         write_controller_csv(file, rows, unit=export.unit or "rad", ticks=_ticks(export))
     elif export.format == "lerobot":
-        from planner.files.lerobot_export import TASK, write_lerobot
+        from planner.files.exports import TASK, write_lerobot
 
         write_lerobot(file, rows, task=export.task or TASK)
     else:

@@ -61,7 +61,7 @@ def identify(*, logs: tuple[str, ...], report: str | None, output: str, **choice
         request-planner identify log.csv -o joint.toml --report report.html
         request-planner plan desired.csv --model joint.toml -o requests.csv
     """  # noqa: D301
-    from planner.files.joint_model import has_content, read_model_file, updated_text
+    from planner.files.joint_model import has_content, models_text, read_model_file
     from planner.model.evidence import with_reasons
     from planner.report.identification_text import identification_text, model_comments, remarks
 
@@ -93,9 +93,9 @@ def identify(*, logs: tuple[str, ...], report: str | None, output: str, **choice
         document = {"joint": joint, **identification.to_dict()}
     if kept := [joint for joint in others if joint not in tables]:
         remark(f"{output}: the models of {', '.join(kept)} stay")
-    text = updated_text(
-        output,
+    text = models_text(
         {joint: each.model for joint, each in tables.items()},
+        beside=output,
         remarks=remarks(),
         about=model_comments(tables),
         of_joint=of_joint,

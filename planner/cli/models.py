@@ -12,8 +12,7 @@ from planner.cli import settings
 from planner.cli.console import BadSetting, Key, Remark
 from planner.exceptions import InvalidFile, InvalidModel
 from planner.files.columns import SHARES
-from planner.files.joint_model import read_model_file
-from planner.files.robot import LegPlace, read_legs
+from planner.files.joint_model import LegPlace, read_legs, read_model_file
 from planner.files.text import STANDARD_STREAM
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel, joint_of_top_speed

@@ -53,8 +53,8 @@ def play(
     import numpy as np
 
     from planner.files.columns import SHARES
+    from planner.files.joint_model import read_servos
     from planner.files.paths import GrowingLog, read_joint_path, write_joint_path
-    from planner.files.robot import read_servos
 
     path = read_joint_path(requests)
     for name, unit in zip(path.names, path.units, strict=True):
@@ -157,8 +157,8 @@ def record(
 
     import numpy as np
 
+    from planner.files.joint_model import read_servos
     from planner.files.paths import GrowingLog
-    from planner.files.robot import read_servos
 
     servos = read_servos(model)
     kinds = ("",) if by_hand else ("requested", "actual")

@@ -134,14 +134,13 @@ def _write_records(folder: Path, outcome: VirtualOutcome) -> None:
     """Models, logs of the step tests, and requests and angles of every walk."""
     import numpy as np
 
-    from planner.files.joint_model import write_model
     from planner.files.paths import write_joint_path
     from planner.files.table import write_table
 
     period = outcome.constants.request_period
     walk = outcome.planned.walk
     for name, identification in zip(walk.joint_names, outcome.identifications, strict=True):
-        write_model(folder / f"{name}.toml", identification.model)
+        identification.model.to_toml(folder / f"{name}.toml")
         for fit in identification.fits:
             log = fit.log
             height = np.degrees(np.ptp(log.requests))

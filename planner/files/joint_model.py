@@ -1,26 +1,26 @@
-"""Joint models as TOML: the fields of JointModel in SI, for every joint or in a table per joint."""
+"""Model files as TOML: the fields of JointModel in SI, for every joint or in a table per joint.
+
+A file may hold the robot, too: its legs, its bus and its servos.
+"""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
-from planner.files.robot import SERVO, is_of_robot, legs_text, read_bus, read_servos, servo_lines
-from planner.files.text import key_name, read_toml, toml_value, write_text
+from planner.files.text import STANDARD_STREAM, Toml, key_name, read_toml, toml_value
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
+from planner.robot.arm import SETTINGS, Servo
 from planner.trajectory import LARGEST, Array
-from planner.validation import as_reals, is_one_of, shown
-
-if TYPE_CHECKING:
-    from planner.robot.arm import Servo
+from planner.validation import as_number, as_reals, as_whole, is_one_of, shown
 
 PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
 """The unit of every parameter."""
@@ -70,6 +70,64 @@ KINDS = ("a number from 0 to 1e9", "two numbers up to 1e9", "pairs of numbers fr
 """Expected values in words, by number of axes: 1e9 is ``LARGEST``."""
 
 REQUIRED = tuple(each.name for each in fields(JointModel) if each.default is MISSING)
+
+LEG, SERVO = "leg", "servo"
+"""Keys of the tables ``[leg.<name>]`` and ``[<joint>.servo]``."""
+
+BUS = {"bus": str, "port": str, "baud_rate": int}
+"""Keys above all tables for the place and the type of the servos."""
+
+Kinds = Mapping[str, tuple[Callable[[Any], bool], str]]
+"""By key, whether a value is one, and what is expected."""
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and value != ""
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(as_number(value))
+
+
+def _is_pose(value: Any) -> bool:
+    return isinstance(value, dict) and all(map(_is_number, value.values()))
+
+
+def _is_whole(value: Any) -> bool:
+    return as_whole(value) is not None
+
+
+def _is_range(value: Any) -> bool:
+    return isinstance(value, list) and [*map(_is_number, value)] == [True, True]
+
+
+LEG_KEYS: Kinds = {
+    "urdf": (_is_text, "the description of the robot, a file beside this one"),
+    "base": (_is_text, "the frame at the leg's upper end"),
+    "foot": (_is_text, "the frame at its lower end"),
+    "near_deg": (_is_pose, "a table of angles of the standing pose [deg]"),
+    "lock_deg": (_is_pose, "a table of joints that are held, with their angles [deg]"),
+}
+
+SERVO_KEYS: Kinds = {
+    **dict.fromkeys(("zero_tick", "direction", *SETTINGS), (_is_whole, "a whole number")),
+    "id": (_is_whole, "a whole number, the servo's identifier on the bus"),
+    "ticks_per_turn": (_is_number, "a number"),
+    "limits": (_is_range, "two angles [rad]"),
+}
+
+
+class LegPlace(NamedTuple):
+    """A leg in the file that describes it: the frames at its ends, and locked joints [rad or m].
+
+    Paths start near the pose ``near`` [rad]; None is any.
+    """
+
+    urdf: str
+    base: str
+    foot: str
+    locked: Mapping[str, float] = {}
+    near: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -178,14 +236,10 @@ def read_model_file(path: Path | str) -> ModelFile:
     return ModelFile(path, model, by_joint, of_joint)
 
 
-def write_model(path: Path | str, model: JointModel) -> None:
-    """Write one model for every joint as TOML, each key with its unit; ``-`` is standard output."""
-    write_text(path, models_text({"": model}))
-
-
 def models_text(
     models: Mapping[str, JointModel],
     *,
+    beside: Path | str = STANDARD_STREAM,
     remarks: Sequence[str] = (),
     about: Mapping[str, Mapping[str, str]] | None = None,
     servos: Mapping[str, Servo] | None = None,
@@ -197,9 +251,23 @@ def models_text(
     The model above all tables is that ``of_joint``, if this has a name. ``remarks`` are comments at
     the top; ``about`` are, by joint, comments by key that take the place of the key's unit, and
     under "" one above the joint's keys.
+
+    Of a file ``beside``, if there is one, other joints, servos and legs are kept, and its bus where
+    none is named. A joint whose table changes nothing of the model above all tables keeps to that
+    model, also to a new one. A model above all tables of a known joint gets a table of its own
+    beside a model of another joint.
     """
+    models, servos, legs = dict(models), dict(servos or {}), ""
+    if has_content(beside):
+        file = read_model_file(beside)
+        above = file.joint if file.joint not in ("", of_joint) else ""
+        kept = {} if file.common is None else {above: file.common}
+        for joint, model in file.by_joint.items():
+            kept[joint] = models.get("", model) if model == file.common else model
+        models, servos = kept | models, read_servos(beside, optional=True) | servos
+        bus, legs = read_bus(beside) if bus is None else bus, legs_text(beside)
     # A table inherits the keys above all tables, unless it sets them.
-    above = models[""].parameters() if "" in models else {}
+    inherited = models[""].parameters() if "" in models else {}
     blocks = ["\n".join(_comment(remark) for remark in remarks)] if remarks else []
     if bus:
         blocks.append("\n".join(f"{key} = {toml_value(value)}" for key, value in bus.items()))
@@ -213,53 +281,31 @@ def models_text(
         lines += [
             f"{name} = {getattr(model, name)!r}  "
             + _comment(comments.get(name, f"[{PARAMETER_UNITS[name]}]"))
-            for name in model.parameters() | above
+            for name in model.parameters() | inherited
         ]
         if model.evidence is not None:
             lines += _evidence_lines(model.evidence)
-        if servos and joint in servos:
-            lines += servo_lines(joint, servos[joint])
+        if joint in servos:
+            servo = servos[joint]
+            lines += [
+                "",
+                f"[{key_name((joint,))}.{SERVO}]",
+                f"id = {servo.id}",
+                f"zero_tick = {servo.zero_tick}  # count at angle 0",
+                f"direction = {servo.direction}  "
+                "# -1 where the servo is mounted the other way round",
+                f"ticks_per_turn = {servo.ticks_per_turn}",
+                f"limits = {list(servo.limits)}  # [rad] least and largest request",
+                *(f"{name} = {value}" for name, value in servo.settings.items()),
+            ]
         blocks.append("\n".join(lines))
-    return "\n\n".join(blocks) + "\n"
-
-
-def updated_text(
-    path: Path | str,
-    models: Mapping[str, JointModel],
-    *,
-    remarks: Sequence[str] = (),
-    about: Mapping[str, Mapping[str, str]] | None = None,
-    servos: Mapping[str, Servo] | None = None,
-    bus: Mapping[str, str | int] | None = None,
-    of_joint: str = "",
-) -> str:
-    """Models as :func:`models_text` writes them, with what else the model file at ``path`` holds.
-
-    Other joints, servos and legs of the file stay, and its bus where none is named. A joint whose
-    table changes nothing of the model above all tables keeps to that model, also to a new one. A
-    model above all tables of a known joint gets a table of its own beside a model of another joint.
-    """
-    if not has_content(path):
-        return models_text(
-            models, remarks=remarks, about=about, servos=servos, bus=bus, of_joint=of_joint
-        )
-    file = read_model_file(path)
-    above = file.joint if file.joint not in ("", of_joint) else ""
-    kept = {} if file.common is None else {above: file.common}
-    for joint, model in file.by_joint.items():
-        kept[joint] = models.get("", model) if model == file.common else model
-    servos = read_servos(path, optional=True) | dict(servos or {})
-    bus = read_bus(path) if bus is None else bus
-    models = kept | dict(models)
-    text = models_text(
-        models, remarks=remarks, about=about, servos=servos, bus=bus, of_joint=of_joint
-    )
-    return text + legs_text(path)
+    return "\n\n".join(blocks) + "\n" + legs
 
 
 def has_content(path: Path | str) -> bool:
     """Whether there is a file that is not empty; not on standard output, ``-``."""
-    return str(path) != "-" and Path(path).is_file() and Path(path).stat().st_size > 0
+    name = str(path)
+    return name != STANDARD_STREAM and Path(path).is_file() and Path(path).stat().st_size > 0
 
 
 def _comment(text: str) -> str:
@@ -324,28 +370,17 @@ def _model(
     if doubtful and not any(key in INTERVALS for key in own):  # identify writes them, and radians
         raise InvalidFile(path, place + "; ".join(doubtful))
     try:
-        evidence = _tested(own) if "expected_error" in own else {}
-        evidence |= _intervals(own, model)
-        if VERDICT in own:
-            evidence["verdict"] = own[VERDICT]
-            if not is_one_of(own[VERDICT], get_args(Verdict)):
-                names = ", ".join(f"'{each}'" for each in get_args(Verdict))
-                raise InvalidInput(f"{VERDICT}: got {shown(own[VERDICT])}, expected one of {names}")
-        if REASON in own:
-            evidence["reason"] = own[REASON]
-            if not isinstance(own[REASON], str):
-                got = shown(own[REASON])
-                raise InvalidInput(f"{REASON}: got {got}, expected the reason in words")
+        evidence = _evidence(own, model)
         return model.with_evidence(Evidence(**evidence)) if evidence else model
     except InvalidInput as error:
         raise InvalidFile(path, f"{place}{error}") from error
 
 
-def _tested(keys: Mapping[str, Any]) -> dict[str, Any]:
-    """The test of a model, as fields of Evidence."""
+def _evidence(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
+    """The test, the intervals and the verdict of a model, as fields of Evidence."""
     evidence: dict[str, Any] = {}
     for (key, (shape, words)), name in zip(TESTED.items(), Evidence._fields, strict=False):
-        if key not in keys:
+        if "expected_error" not in keys or key not in keys:
             continue
         values = _reals(keys[key])
         fits = values.ndim == len(shape) and values.shape[-1:] == shape[-1:]
@@ -354,11 +389,6 @@ def _tested(keys: Mapping[str, Any]) -> dict[str, Any]:
             expected = f"{KINDS[len(shape)]}: {words}"
             raise InvalidInput(f"{key}: got {shown(keys[key])}, expected {expected}")
         evidence[name] = _as_tuples(values.tolist())
-    return evidence
-
-
-def _intervals(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
-    """The intervals and correlations of a model's parameters, as fields of Evidence."""
     declared = [key for key in keys if key in INTERVALS]
     both = [f"{name}_interval" for name in (GAIN, "theta_0")]
     if set(both) <= set(declared):
@@ -376,9 +406,19 @@ def _intervals(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
                 f"{value:g}, that of the model, between them; inf or -inf where there is none"
             )
         intervals[name] = (float(ends[0]), float(ends[1]))
-    evidence: dict[str, Any] = {"intervals": intervals} if intervals else {}
+    if intervals:
+        evidence["intervals"] = intervals
     if CORRELATIONS in keys:
         evidence["correlations"] = _as_tuples(keys[CORRELATIONS])
+    verdicts = ", ".join(f"'{each}'" for each in get_args(Verdict))
+    for key, name, fits, words in (
+        (VERDICT, "verdict", is_one_of(keys.get(VERDICT), get_args(Verdict)), f"one of {verdicts}"),
+        (REASON, "reason", isinstance(keys.get(REASON), str), "the reason in words"),
+    ):
+        if key in keys:
+            evidence[name] = keys[key]
+            if not fits:
+                raise InvalidInput(f"{key}: got {shown(keys[key])}, expected {words}")
     return evidence
 
 
@@ -392,3 +432,112 @@ def _reals(value: Any) -> Array:
 
 def _as_tuples(value: Any) -> Any:
     return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
+
+
+def is_of_robot(key: str, value: Any) -> bool:
+    """Whether a key of a model file is about the robot, and no parameter and no joint."""
+    if key == LEG:
+        return isinstance(value, dict) and all(isinstance(each, dict) for each in value.values())
+    return type(value) is BUS.get(key)
+
+
+def read_legs(path: Path | str) -> dict[str, LegPlace]:
+    """The legs of a model file, by name: its tables ``[leg.<name>]``; none where it has none."""
+    file = read_toml(path, example='urdf = "robot.urdf"')
+    legs = {}
+    for name, table in _leg_tables(file).items():
+        _check(file, (LEG, name), table, LEG_KEYS, ("urdf", "base", "foot"))
+        locked, near = (
+            {joint: math.radians(angle) for joint, angle in table.get(key, {}).items()}
+            for key in ("lock_deg", "near_deg")
+        )
+        urdf = str(Path(file.path).parent / table["urdf"])
+        pose = near if "near_deg" in table else None
+        legs[name] = LegPlace(urdf, table["base"], table["foot"], locked, pose)
+    return legs
+
+
+def legs_text(path: Path | str) -> str:
+    """The tables of the legs of a model file as TOML, as they are, but for comments."""
+    tables = _leg_tables(read_toml(path, example='urdf = "robot.urdf"'))
+    return "".join(
+        f"\n[{LEG}.{key_name((name,))}]\n"
+        + "".join(f"{key} = {toml_value(value)}\n" for key, value in table.items())
+        for name, table in tables.items()
+    )
+
+
+def _leg_tables(file: Toml) -> dict[str, dict[str, Any]]:
+    tables: dict[str, Any] = file.content.get(LEG, {})
+    return tables if is_of_robot(LEG, tables) else {}
+
+
+def read_bus(path: Path | str) -> dict[str, Any]:
+    """Bus, port and baud rate of a model file, where it has them."""
+    file = read_toml(path, example='bus = "feetech"')
+    settings = {
+        key: value
+        for key, value in file.content.items()
+        if key in BUS and not isinstance(value, dict)
+    }
+    for key, value in settings.items():
+        if not is_of_robot(key, value):
+            expected = "a text in quotes" if BUS[key] is str else "a whole number"
+            raise file.fault(f"{key}: got {shown(value)}, expected {expected}", (key,))
+        if "\0" in str(value):
+            raise file.fault(f"{key}: got {shown(value)}, expected no null character", (key,))
+    return settings
+
+
+def read_servos(
+    path: Path | str, joints: Sequence[str] | None = None, *, optional: bool = False
+) -> dict[str, Servo]:
+    """The servos of a model file, of these joints or of all: its tables ``[<joint>.servo]``.
+
+    There may be none only if they are ``optional``.
+    """
+    file, servos = read_toml(path, example="id = 1"), {}
+    for joint, own in file.content.items():
+        table = own.get(SERVO) if isinstance(own, dict) else None
+        if not isinstance(table, dict):
+            continue
+        _check(file, (joint, SERVO), table, SERVO_KEYS, ("id",))
+        arguments = {key: value for key, value in table.items() if key not in SETTINGS}
+        if "limits" in arguments:
+            arguments["limits"] = tuple(map(float, arguments["limits"]))
+        settings = {key: value for key, value in table.items() if key in SETTINGS}
+        try:
+            servos[joint] = Servo(**arguments, settings=settings)
+        except InvalidInput as error:
+            raise InvalidFile(file.path, f"[{joint}.{SERVO}]: {error}") from error
+    if not servos and not optional:
+        raise InvalidFile(
+            file.path,
+            "no table of a servo; expected tables such as [knee.servo] with id, zero_tick and "
+            "direction, as calibrate writes them",
+        )
+    if missing := [name for name in joints or () if name not in servos]:
+        raise InvalidFile(
+            file.path,
+            f"no servo of {', '.join(missing)}; servos are of {', '.join(servos)}: calibrate it, "
+            "or name the columns alike",
+        )
+    return servos if joints is None else {name: servos[name] for name in joints}
+
+
+def _check(
+    file: Toml, place: Sequence[str], table: Mapping[str, Any], kinds: Kinds, needed: Sequence[str]
+) -> None:
+    """Refuse unknown keys of a table, values that are not of their kind, and missing keys."""
+    name = ".".join(place)
+    for key, value in table.items():
+        words = ""
+        if key not in kinds:
+            words = f"unknown key '{key}'{nearest(key, [*kinds])}; keys: {', '.join(kinds)}"
+        elif not kinds[key][0](value):
+            words = f"{key}: got {shown(value)}, expected {kinds[key][1]}"
+        if words:
+            raise file.fault(f"[{name}]: {words}", (*place, key))
+    if missing := [key for key in needed if key not in table]:
+        meanings = "; ".join(f"{key} is {kinds[key][1]}" for key in missing)
+        raise file.fault(f"[{name}] has no {', '.join(missing)}; {meanings}", place)

@@ -357,9 +357,10 @@ class JointModel:
         Raises:
             InvalidFile: The file cannot be written.
         """
-        from planner.files.joint_model import write_model  # files know models, not vice versa
+        from planner.files.joint_model import models_text  # files know models, not vice versa
+        from planner.files.text import write_text
 
-        write_model(path, self)
+        write_text(path, models_text({"": self}))
 
     def parameters(self) -> dict[str, Any]:
         """The parameters by name, as in files: those of ``LEFT_OUT`` only if not the default."""

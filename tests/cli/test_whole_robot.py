@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
+from planner.files.joint_model import read_legs
 from planner.files.paths import read_joint_path
-from planner.files.robot import read_legs
 from tests.cli.test_servos import ARM
 
 LEGS = ("front-left", "front-right", "hind-left", "hind-right")

@@ -10,11 +10,14 @@ from hypothesis import given
 
 from planner.exceptions import InvalidFile
 from planner.files.joint_model import (
+    legs_text,
     models_text,
+    read_bus,
+    read_legs,
     read_model_file,
     read_models,
+    read_servos,
 )
-from planner.files.robot import legs_text, read_bus, read_legs, read_servos
 from planner.model.joint import JointModel
 from tests.strategies import models
 

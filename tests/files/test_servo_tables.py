@@ -7,7 +7,7 @@ import math
 import pytest
 
 from planner import InvalidFile
-from planner.files.robot import read_servos
+from planner.files.joint_model import read_servos
 from planner.robot.arm import Servo
 
 SERVO = {

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from planner import JointModel, parallel, simulate
-from planner.files.lerobot_export import Layout, lerobot_dataset
+from planner.files.exports import Layout, lerobot_dataset
 from planner.files.results import Results
 from planner.files.staging import list_files
 from planner.parallel import SchedulerLost

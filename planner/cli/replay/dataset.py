@@ -21,8 +21,7 @@ from planner.cli.replay.task import ReplayTask
 from planner.cli.settings import ReplayFormat
 from planner.exceptions import InvalidInput, PlannerError
 from planner.files.columns import TIME
-from planner.files.exports import check_installed
-from planner.files.lerobot_export import TASK, Layout, frame_rate, lerobot_dataset
+from planner.files.exports import TASK, Layout, check_installed, frame_rate, lerobot_dataset
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.paths import write_joint_path

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner import InvalidInput, LogOptions, read_logs
-from planner.files.lerobot_export import Layout, lerobot_dataset, write_lerobot
+from planner.files.exports import Layout, lerobot_dataset, write_lerobot
 from planner.files.staging import list_files
 
 SINGLE = 1e-7
