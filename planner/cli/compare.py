@@ -60,9 +60,9 @@ def compare(
         request-planner gait -o foot.csv
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
-    from planner.cli.answer import inputs_of, notes_of, origins_of
     from planner.cli.desired import check_angles, desired_of
     from planner.cli.models import leg_title, model_words
+    from planner.cli.planning import inputs_of, notes_of, origins_of
     from planner.report.comparison_page import (
         comparison_page,
         comparison_text,

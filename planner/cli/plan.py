@@ -47,8 +47,16 @@ def plan(*, run: Run, path: str, output: str, report: str | None) -> Answer:  # 
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
-    from planner.cli.answer import document, plan_report, summary
-    from planner.cli.planning import beyond_limits, doubted, misses, plan_of, prepare
+    from planner.cli.planning import (
+        beyond_limits,
+        document,
+        doubted,
+        misses,
+        plan_of,
+        plan_report,
+        prepare,
+        summary,
+    )
 
     desired = prepare(run)
     options.warn_of(desired.remarks)

@@ -1,23 +1,37 @@
-"""From the desired motion to its plan, which is checked before it is handed over."""
+"""From the desired motion to its plan, which is checked before it is handed over, and answers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, FailedCheck, Key, Remark
 from planner.cli.desired import Desired, desired_of
-from planner.cli.models import model_words
+from planner.cli.models import beside, leg_title, model_words, verdict_document
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
+from planner.planning.result import FootInversion, Inversion
 from planner.planning.task import Task, checked_leg, limits_of_each
-from planner.trajectory import Array, error_norm, index_of_largest
+from planner.planning.time_shift import (
+    has_refused,
+    refining_recommended,
+    shift_recommended,
+    shifted,
+)
+from planner.report.plan_page import no_bound
+from planner.report.plan_text import plan_text
+from planner.trajectory import Array, error_norm, index_of_largest, rms
+
+if TYPE_CHECKING:
+    from kinematics import Leg
+    from planner.report.page import Written
 
 ROUNDING = 1e-9
 """Limits and bounds hold up to this [rad]; files carry 12 decimals of a degree."""
@@ -242,4 +256,184 @@ def doubted(desired: Desired, plan: Plan) -> list[Remark]:
         )
         for name, error, expected, unit, most in errors
         if error <= most < expected
+    ]
+
+
+# The answer: JSON for machines, text and pages for people.
+
+
+def document(desired: Desired, plan: Plan, missed: list[str]) -> dict[str, Any]:
+    """The plan for machines; fields that a plan for the foot does not have are null."""
+    run, task = desired.settings, plan.task
+    joints, shift = {}, shifted(task)
+    for j, name in enumerate(desired.names):
+        inversion, unit = plan.inversions[j] if plan.inversions else None, desired.unit(j)
+        ends = np.degrees([plan.expected[j].low, plan.expected[j].high]).tolist()
+        motion = plan.motions[j]
+        joints[name] = {
+            **errors_document(np.degrees(plan.errors[:, j]), unit),
+            "norm": inversion and inversion.norm,
+            "solver": inversion and inversion.solver,
+            f"expected_rms_{unit}": math.degrees(plan.expected[j].error),
+            f"expected_range_{unit}": ends if np.isfinite(ends).all() else None,
+            "untested": list(plan.expected[j].untested),
+            f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
+            "gap": inversion and inversion.gap,
+            "over_models": inversion and _over_models(inversion, unit, math.degrees(1.0)),
+            "best_shift": {
+                "lead_s": shift.leads[j],
+                f"rms_{unit}": float(np.degrees(rms(shift.errors[:, j]))),
+                f"expected_rms_{unit}": math.degrees(shift.expected[j].error),
+            },
+            **verdict_document(desired.models[j]),
+            f"largest_step_{unit}": math.degrees(motion.largest_step),
+            "reversals_per_s": motion.reversals_per_s,
+            f"path_length_{unit}": math.degrees(motion.path_length),
+            f"desired_path_length_{unit}": math.degrees(motion.desired_length),
+            f"beyond_desired_{unit}": math.degrees(motion.beyond),
+            f"requests_{unit}": np.degrees(plan.requests[:, j]).tolist(),
+            f"predicted_{unit}": np.degrees(plan.predicted[:, j]).tolist(),
+            **({} if task.load is None else {"load_Nm": task.load[:, j].tolist()}),
+        }
+    foot = None
+    if desired.foot is not None:
+        bound, foot_inversion = plan.foot_bound, plan.of_foot
+        foot = {
+            **errors_document(100.0 * plan.distances, "cm"),
+            "expected_rms_cm": plan.expected_foot and 100.0 * plan.expected_foot,
+            "norm": foot_inversion and foot_inversion.norm,
+            "best_shift": {
+                "rms_cm": 100.0 * rms(shift.distances),
+                "expected_rms_cm": shift.expected_foot and 100.0 * shift.expected_foot,
+            },
+            "lower_bound_cm": None if bound is None else 100.0 * bound,
+            "gap": None if bound is None else foot_inversion and foot_inversion.gap,
+            "over_models": foot_inversion and _over_models(foot_inversion, "cm", 100.0),
+            "predicted_m": plan.foot.tolist(),
+        }
+    legs = {}
+    for name, leg in desired.legs.items():
+        part = plan.of_leg(leg)
+        leg_shift = shifted(part.task)
+        legs[name] = {
+            **errors_document(100.0 * part.distances, "cm"),
+            "expected_rms_cm": part.expected_foot and 100.0 * part.expected_foot,
+            "without_plan_rms_cm": 100.0 * rms(part.direct_distances),
+            "best_shift_rms_cm": 100.0 * rms(leg_shift.distances),
+        }
+    recommended = "shift" if shift_recommended(plan, shift) else run.plan.method
+    step = float(np.min(task.max_step))
+    has_tolerance = run.tolerance.deg is not None or run.tolerance.cm is not None
+    return {
+        "method": run.plan.method,
+        "recommended_method": None if has_refused(plan) else recommended,
+        "refining_recommended": bool(refining_recommended(plan, shift)),
+        "cyclic": desired.cyclic,
+        "period_s": desired.period,
+        "robust": run.plan.robust,
+        "max_step_deg": None if math.isinf(step) else math.degrees(step),
+        "unreachable_samples": desired.unreachable,
+        "lower_bound_withdrawn": no_bound(plan) or None,
+        "joints": joints,
+        "foot": foot,
+        **({"legs": legs} if legs else {}),
+        "within_tolerance": not missed if has_tolerance else None,
+    }
+
+
+def summary(desired: Desired, plan: Plan) -> str:
+    """The plan for people."""
+    return plan_text(
+        plan,
+        desired.labels,
+        model=model_words(desired.settings.model),
+        legs=desired.legs,
+        by_feet=desired.settings.plan.method == "foot-optimal",
+        of_foot=desired.foot is not None,
+        unreachable=desired.unreachable,
+    )
+
+
+def _over_models(
+    inversion: Inversion | FootInversion, unit: str, factor: float
+) -> dict[str, Any] | None:
+    """Errors over the drawn models, for machines; None without drawn models."""
+    if inversion.nominal is None:
+        return None
+    return {
+        name: {
+            **{f"{which}_{unit}": factor * e for which, e in plan.over_models._asdict().items()},
+            f"of_each_{unit}": (factor * plan.errors_of_models).tolist(),
+        }
+        for name, plan in (("robust_plan", inversion), ("nominal_plan", inversion.nominal))
+    }
+
+
+def plan_report(
+    desired: Desired,
+    plan: Plan,
+    *,
+    missed: Sequence[str],
+    page: Path | str,
+    written: Written = (),
+) -> str:
+    """The page about a plan, as HTML, with links to the files that were ``written``."""
+    from planner.report.plan_page import plan_page
+
+    subjects = desired.legs or desired.names
+    about = plan_page(
+        plan,
+        title=leg_title(desired.settings.leg) or ", ".join(subjects),
+        method=desired.settings.plan.method,
+        foot_given=desired.foot_given,
+        unreachable=desired.unreachable,
+        legs=desired.legs,
+        missed=missed,
+        notes=notes_of(desired),
+    )
+    return about.html(page, origins_of(desired, plan.task.leg), [*inputs_of(desired), *written])
+
+
+def notes_of(desired: Desired) -> list[str]:
+    """Remarks on the models and the units, for a page."""
+    notes = []
+    if desired.settings.model.file == settings.FROM_URDF:
+        notes.append(
+            "The URDF has no more than the top speeds of the servos; the rest of their models is "
+            "assumed. Identify the joints before these requests are sent."
+        )
+    if shares := [name for j, name in enumerate(desired.names) if desired.unit(j) != "deg"]:
+        notes.append(f"{', '.join(shares)}: degrees stand for percent of the joint's range.")
+    return notes
+
+
+def inputs_of(desired: Desired) -> list[tuple[str, str]]:
+    """The files that the settings name: role and path of each."""
+    run = desired.settings
+    named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
+    places = [(role, beside(desired.folder, name)) for role, name in named if name]
+    return [(role, place) for role, place in places if Path(place).is_file()]
+
+
+def origins_of(desired: Desired, leg: Leg | None) -> list[tuple[str, str]]:
+    """Inputs and settings of the plans: pairs of name and value."""
+
+    def pairs_of(by_joint: Mapping[str, float] | None) -> list[str]:
+        return [f"{joint}={position:g}" for joint, position in (by_joint or {}).items()]
+
+    run = desired.settings
+    chosen = [name for name in run.plan.keys if name in run.plan.keys_set - {"method", "cyclic"}]
+    values: dict[str, Any] = {
+        "path": run.path.file or "a half ellipse",
+        "leg": leg and f"{run.leg.name or run.leg.urdf}, from {leg.base} to {leg.foot}",
+        "model": run.model.file,
+        "unreachable": leg and run.leg.unreachable,
+        **{name: getattr(run.plan, name) for name in chosen},
+        "lock": [*pairs_of(run.leg.lock), *(f"{each}m" for each in pairs_of(run.leg.lock_m))],
+        "near": pairs_of(run.leg.near),
+    }
+    return [
+        (name, ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value))
+        for name, value in values.items()
+        if value or value == 0.0
     ]

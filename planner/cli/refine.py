@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, Progress, warn
+from planner.cli.console import Answer, BadSetting, Key, Progress, Remark, warn
 from planner.cli.settings import SMOOTHING, Run
+from planner.exceptions import NoSteadyCycle, about
+
+if TYPE_CHECKING:
+    from planner.cli.desired import Desired
+    from planner.files.learning_history import LearningState
+    from planner.files.measured import Measured
+    from planner.planning.plan import Plan
+    from planner.report.learning_page import Trials
+    from planner.trajectory import Array
+
+FOOT = "foot"
+"""Name of the plan of a foot."""
 
 
 @click.command()
@@ -47,7 +64,7 @@ from planner.cli.settings import SMOOTHING, Run
 def refine(
     *,
     run: Run,
-    path: str,  # noqa: ARG001
+    path: str,
     requests: str,
     measured: tuple[str, ...],
     history: str | None,
@@ -72,17 +89,15 @@ def refine(
         request-planner refine requests.csv measured.csv --desired path.csv --model arm.toml \\
             --history learning.json -o requests.csv
     """  # noqa: D301
-    from planner.cli.learning import (
-        document,
-        learning_report,
-        read_executed,
-        read_measured,
-        recorded_in_a_cycle,
-        refined,
-        summary,
-        write_states,
-    )
+    import numpy as np
+
+    from planner.cli.models import leg_title
     from planner.cli.planning import prepare
+    from planner.files.learning_history import LearningState, write_history
+    from planner.files.measured import read_executed, read_measured
+    from planner.model.response import load_columns
+    from planner.planning.plan import joined
+    from planner.report.learning_page import learning_page
 
     desired = prepare(run)
     if history is None or not Path(history).is_file():  # else the first trial has said it
@@ -92,8 +107,16 @@ def refine(
             f"learning joint by joint, as --method is {run.plan.method}: after a plan for the foot "
             "give --method foot-optimal here too"
         )
-    executed = read_executed(requests, desired)
-    angles = read_measured(measured, desired, executed, cycles=cycles)
+    period = desired.period
+    executed = read_executed(requests, desired.names, len(desired.angles), period)
+    angles = read_measured(
+        measured,
+        executed,
+        period=period,
+        cyclic=desired.cyclic,
+        units=desired.units,
+        cycles=cycles,
+    )
     if words := recorded_in_a_cycle(desired, executed.angles, angles):
         options.warn_of([words])
     if angles.unused:
@@ -110,15 +133,287 @@ def refine(
         )
     if answer.not_measured:
         warn(answer.about_not_measured)
+    plans, html = answer.plans.values(), ""
     if history is not None:
-        write_states(history, answer)
-    page = ""
+        states = {
+            name: LearningState(plan.models, plan.learning[0])
+            for name, plan in answer.plans.items()
+            if plan.learning
+        }
+        write_history(history, desired.angles, {**answer.states, **states})
     if report is not None:
-        files = [("requests", output), ("history", history)]
-        page = learning_report(answer, page=report, written=files)
+        columns = [desired.names.index(name) for name in angles.names]
+        learnt = list(answer.learnt.values())
+        page = learning_page(
+            learnt[0] if len(learnt) == 1 else joined(learnt),
+            executed=executed.angles[:, columns],
+            measured=angles.angles.mean(axis=0),
+            progress=progress_of(answer),
+            about_others=answer.about_not_measured,
+            title=leg_title(run.leg) or ", ".join(desired.names),
+        )
+        origins = [("path", path), ("model", run.model.file)]
+        html = page.html(report, origins, [("requests", output), ("history", history)])
+    rows = np.hstack([plan.requests for plan in plans])
+    loads = load_columns([load for plan in plans for load in plan.task.loads], len(rows))
     return Answer(
         document(answer),
         summary(answer),
-        lambda file: desired.write(file, answer.requests, answer.loads),
-        pages=[(report, page)],
+        lambda file: desired.write(file, rows, loads),
+        pages=[(report, html)],
     )
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The next plans, with their inputs; joints that were not measured keep the executed plan.
+
+    ``states`` are of other plans in the history: of the foot if joints were learnt one by one, or
+    the reverse.
+    """
+
+    desired: Desired
+    executed: Array
+    measured: Measured
+    plans: Mapping[str, Plan]
+    states: Mapping[str, LearningState]
+
+    @property
+    def learnt(self) -> Mapping[str, Plan]:
+        """The plans of the measured joints."""
+        return {name: self.plans[name] for name in self.plans if name not in self.not_measured}
+
+    @property
+    def not_measured(self) -> tuple[str, ...]:
+        """The joints that were not measured: their requests are the executed ones."""
+        names = self.desired.names
+        return tuple(name for name in names if name not in self.measured.names)
+
+    @property
+    def about_not_measured(self) -> str:
+        """A remark on the joints that were not measured; empty if all were measured."""
+        if not self.not_measured:
+            return ""
+        words = f"no measured angles of {', '.join(self.not_measured)}: requests kept as they are"
+        if self.desired.settings.plan.method == "foot-optimal":
+            words += (
+                f"; {', '.join(self.measured.names)} learnt by the angles of the plan for the "
+                "foot, joint by joint"
+            )
+        return words
+
+
+def recorded_in_a_cycle(desired: Desired, executed: Array, measured: Measured) -> Remark | None:
+    """A remark where a motion is to begin at rest, and the joints were in their steady cycle."""
+    import numpy as np
+
+    from planner.cli.desired import repeats
+    from planner.model.response import simulate_joints
+
+    columns = [desired.names.index(name) for name in measured.names]
+    requests = executed[:, columns]
+    if desired.cyclic or not repeats(requests, None)[0]:
+        return None
+    models = [desired.models[j] for j in columns]
+    starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
+    try:
+        cycle = simulate_joints(models, requests, cyclic=True)
+    except NoSteadyCycle:
+        return None
+    apart = cycle - simulate_joints(models, requests, cyclic=False, starts=starts)
+    nearer = np.sum(apart * (measured.angles.mean(axis=0) - cycle + apart)) / np.sum(apart**2)
+    if np.max(np.abs(apart)) < math.radians(0.5) or nearer < 0.5:
+        return None
+    return Remark(
+        "the measured angles begin as in a cycle that repeats, and ",
+        Key("plan.cyclic", False),
+        " is for a motion from rest: if the requests were repeated, leave it out, here and in plan",
+    )
+
+
+def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False) -> dict[str, Plan]:
+    """The plans whose requests [rad], (n, k), were executed, planned by any method.
+
+    ``by_joint``: each joint of a plan for the foot is to follow its predicted angles in that plan.
+    """
+    from planner.cli.planning import plan_of, task_of
+    from planner.planning.plan import Plan
+    from planner.planning.task import limits_of_each
+
+    plan_settings, load = desired.settings.plan, desired.load
+    of_foot = plan_settings.method == "foot-optimal"
+    if of_foot and (desired.leg is None or desired.foot is None):
+        raise BadSetting(Key("plan.method", "foot-optimal"), " plans for a foot path of a leg")
+    setup = replace(desired, load=load(desired.angles) if callable(load) else load)
+    single = by_joint or not of_foot
+    if single:
+        plan_settings = replace(plan_settings, method="optimal")
+        setup = replace(setup, settings=replace(desired.settings, plan=plan_settings), limits={})
+    task = task_of(setup)
+    task = replace(task, load_of_pose=callable(load) and task.load is not None)
+    if not single:
+        return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
+    lower, upper = limits_of_each(desired.limits, desired.names)
+    angles = desired.angles
+    if of_foot:
+        angles = plan_of(desired, bounded=False).predicted  # not the executed requests
+    task = replace(task, lower=lower, upper=upper, desired=angles)
+    plan = Plan(task=task, requests=requests, solver=plan_settings.solver or "gauss-newton")
+    return {name: plan.joint(j) for j, name in enumerate(desired.names)}
+
+
+def refined(
+    desired: Desired,
+    executed: Array,
+    measured: Measured,
+    *,
+    history: str | None,
+    sensor_delay: float | None,
+    reidentify: bool,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Refined:
+    """The next requests; those of joints that were not measured stay as they are.
+
+    A ``history`` need not exist yet; a ``sensor_delay`` [s] of None is estimated.
+    """
+    from planner.files.learning_history import read_history
+    from planner.learning.refine import refine
+
+    names = desired.names
+    plans = executed_plans(desired, executed, by_joint=measured.names != names)
+    states: dict[str, LearningState] = {}
+    if history is not None and Path(history).is_file():
+        plan_names = (FOOT, *names) if desired.settings.plan.method == "foot-optimal" else names
+        states = read_history(history, plan_names, desired.angles)
+        for name in plans.keys() & states.keys():
+            models, learning = states.pop(name)
+            task = plans[name].task.with_models(models)
+            plans[name] = replace(plans[name], learning=(learning,), task=task)
+    answer: dict[str, Plan] = {}
+    for name, plan in plans.items():
+        if name not in (FOOT, *measured.names):
+            answer[name] = plan
+            continue
+        progress(name if name == FOOT else f"the {name}")
+        foot = name == FOOT
+        columns = slice(None) if foot else [measured.names.index(name)]
+        with desired.units_in_messages(), about(", ".join(names) if foot else ""):
+            answer[name] = refine(
+                plan,
+                measured.angles[:, :, columns],
+                sensor_delay=sensor_delay,
+                reidentify=reidentify,
+            )
+    return Refined(desired, executed, measured, answer, states)
+
+
+def document(answer: Refined) -> dict[str, Any]:
+    """The answer for machines."""
+    import numpy as np
+
+    desired = answer.desired
+    rows = progress_of(answer)
+    joints = {}
+    for plan in answer.plans.values():
+        learnt = plan.task.disturbance
+        for k, name in enumerate(plan.names):
+            unit = desired.unit(desired.names.index(name))
+            joints[name] = {
+                f"requests_{unit}": np.degrees(plan.requests[:, k]).tolist(),
+                f"predicted_{unit}": np.degrees(plan.predicted[:, k]).tolist(),
+                f"learnt_{unit}": None if learnt is None else np.degrees(learnt[:, k]).tolist(),
+            }
+    return {
+        "cyclic": desired.cyclic,
+        "period_s": desired.period,
+        "learning": {
+            each.name: {
+                "trials": len(each.errors),
+                f"errors_{each.unit}": each.errors.tolist(),
+                f"predicted_{each.unit}": each.predicted,
+                f"lower_bound_{each.unit}": each.bound,
+                f"noise_{each.unit}": each.noise,
+                "gain": each.gain,
+                "best_trial": each.best + 1,
+                "stopped": each.stopped or None,
+                "remarks": list(each.remarks),
+                "sensor_delay_ms": [
+                    1e3 * delay.removed for delay in answer.plans[each.name].learning[0].delays
+                ],
+            }
+            for each in rows
+        },
+        "not_measured": list(answer.not_measured),
+        "joints": joints,
+    }
+
+
+def summary(answer: Refined) -> str:
+    """The answer for people."""
+    import numpy as np
+
+    from planner.cli.models import model_words
+    from planner.report.table import number, text_table
+
+    rows, cells, measured = progress_of(answer), [], len(answer.measured.angles)
+    for each in rows:
+        errors = (each.errors[0], each.errors[-1], np.min(each.errors), each.predicted)
+        bound, noise = number(each.bound, 3), f"{each.noise:.3f}"
+        cells.append([f"{each.name} [{each.unit}]", *map("{:.3f}".format, errors), bound, noise])
+    titles = ["rms error", "first", "last", "best", "predicted next", "lower bound", "noise"]
+    lines = [
+        f"{measured} measured {'cycle' if measured == 1 else 'cycles'} of {len(answer.executed)} "
+        f"requests; {model_words(answer.desired.settings.model)}",
+        text_table(titles, cells),
+    ]
+    for each in rows:
+        lines += [f"{each.name}: {text}" for text in each.remarks]
+        if each.stopped:
+            lines.append(f"{each.name}: learning has ended: {each.stopped}")
+    return "\n".join(lines)
+
+
+def progress_of(answer: Refined) -> list[Trials]:
+    """The errors of each joint, or of the foot, in the user's units."""
+    from planner.report.learning_page import Trials
+    from planner.report.plan_page import no_bound
+
+    desired, rows = answer.desired, []
+    file_models = dict(zip(desired.names, desired.models, strict=True))
+    for name, plan in answer.learnt.items():
+        learning, foot = plan.learning[0], plan.task.goal == "foot"
+        factor = 100.0 if foot else math.degrees(1.0)
+        bound, noise = learning.floor
+        remarks = [as_options(text, desired.names) for text in learning.remarks]
+        names = desired.names if foot else (name,)
+        pairs_of_models = zip(names, plan.models, strict=True)
+        changed = [joint for joint, model in pairs_of_models if model != file_models[joint]]
+        if changed and not any("identified anew" in text for text in remarks):
+            whose = f" of {', '.join(changed)}" if foot else ""
+            anew = "is not that of the file: earlier trials identified it anew"
+            remarks.append(f"the model{whose} {anew}")
+        rows.append(
+            Trials(
+                name=name,
+                unit="cm" if foot else desired.unit(desired.names.index(name)),
+                errors=factor * learning.errors,
+                predicted=factor * learning.next_error,
+                bound=math.nan if no_bound(plan) else factor * bound,
+                noise=factor * noise,
+                gain=learning.gain,
+                best=learning.best,
+                stopped=learning.stopped,
+                remarks=tuple(remarks),
+            )
+        )
+    return rows
+
+
+def as_options(text: str, names: Sequence[str]) -> str:
+    """A remark of the library, with options for arguments and names for numbers of joints."""
+    text = re.sub(
+        r"sensor_delay=([-+.\de]+\d|\d)",
+        lambda match: f"--sensor-delay-ms {1e3 * float(match[1]):g}",
+        text,
+    )
+    return re.sub(r"\bjoint (\d+)\b", lambda match: names[int(match[1]) - 1], text)

@@ -147,8 +147,15 @@ def _check_names(run: Run) -> None:
 
 def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
     """Plan, and write the folder of the results, ``results.json`` among them."""
-    from planner.cli.answer import document, plan_report, summary
-    from planner.cli.planning import beyond_limits, doubted, misses, plan_of
+    from planner.cli.planning import (
+        beyond_limits,
+        document,
+        doubted,
+        misses,
+        plan_of,
+        plan_report,
+        summary,
+    )
     from planner.files.paths import write_foot_path
     from planner.report.page import versions
     from planner.robot.schedule import Schedule

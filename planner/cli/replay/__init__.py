@@ -86,11 +86,12 @@ def replay(
             --as lerobot -o planned_dataset
     """  # noqa: D301
     from planner.cli.export import FOLDERS
-    from planner.cli.replay.dataset import ABOUT, check_writing, left_out, origin_of, replay_many
+    from planner.cli.replay.dataset import ABOUT, check_writing, origin_of, replay_many
     from planner.cli.replay.task import tasks_of
     from planner.files.logs import recordings_in
     from planner.files.results import finished
     from planner.parallel import executor_of
+    from planner.recording.episode import left_out
 
     options.check_parallel(workers, scheduler)
     recordings = recordings_in(logs, options.to_log_options({**choices, "joint": "all"}))

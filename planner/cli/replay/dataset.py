@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +16,23 @@ from planner.cli.export import FOLDERS, check_rows, write_rows
 from planner.cli.models import find_leg
 from planner.cli.replay.task import ReplayTask
 from planner.cli.settings import ReplayFormat
-from planner.exceptions import InvalidInput, PlannerError
+from planner.exceptions import PlannerError
 from planner.files.columns import TIME
-from planner.files.exports import TASK, Layout, check_installed, frame_rate, lerobot_dataset
+from planner.files.exports import check_installed, lerobot_dataset
 from planner.files.logs import Recording
-from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
+from planner.files.logs.lerobot import ACTION
 from planner.files.paths import write_joint_path
 from planner.files.results import Results, Task, digest_of, made_from
 from planner.files.table import write_table
 from planner.files.text import to_json
 from planner.parallel import carry_out
+from planner.recording.episode import as_written, decoded, encoded, lerobot_episode
 from planner.recording.recorded_path import WHY
-from planner.recording.replaying import JointReplay, Replay
+from planner.recording.replaying import Replay
 from planner.report.episodes_page import resent_words
 from planner.report.replay_page import LOG_UNITS
 from planner.robot.schedule import Schedule
-from planner.trajectory import Array, error_norm
+from planner.trajectory import error_norm
 
 
 def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
@@ -79,63 +77,6 @@ def write_replay(file: str, recording: Recording, replay: Replay, form: ReplayFo
         check_rows(export, schedule)
         write_rows(file, export, schedule)
 
-
-def lerobot_episode(recording: Recording, replay: Replay) -> tuple[Layout, dict[str, Array], str]:
-    """Layout of a planned dataset, as in the dataset that was read; rows and task of an episode.
-
-    Actions are planned, observations re-timed.
-    """
-    rate = frame_rate(replay.period)
-    if not recording.dataset:
-        layout = Layout(features={ACTION: replay.names, STATE: replay.names}, rate=rate)
-        action = [as_written(joint, joint.requests) for joint in replay.joints]
-        state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
-        return layout, {ACTION: np.column_stack(action), STATE: np.column_stack(state)}, TASK
-    dataset, rows = find_dataset(recording.place.file), read_episode(recording.place)
-    arrays = {ACTION: rows.action, STATE: rows.state}
-    numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in arrays.items()}
-    features = {key: dataset.written[key] or numbers[key] for key in arrays}
-    layout = Layout(features=features, rate=rate, robot_type=dataset.robot_type)
-    whole = ~np.isnan(np.column_stack([rows.times, rows.action, rows.state])).any(axis=1)
-    times = rows.times[whole]
-    moments = replay.moments + times[0]
-    values = {
-        key: np.column_stack([np.interp(moments, times, column) for column in each[whole].T])
-        for key, each in arrays.items()
-    }
-    names = dataset.names[ACTION] or numbers[ACTION]
-    if len(names) != len(numbers[ACTION]):
-        raise InvalidInput(
-            f"{recording.name}: {len(numbers[ACTION])} actions, expected {len(names)}"
-        )
-    for joint in replay.planned:
-        values[ACTION][:, names.index(joint.name)] = as_written(joint, joint.requests)
-    return layout, values, rows.task or TASK
-
-
-def left_out(recording: Recording) -> str:
-    """The parts of the read dataset that the planned one leaves out, in words; "" if complete."""
-    if not recording.dataset:
-        return ""
-    dataset = find_dataset(recording.place.file)
-    words = []
-    if dataset.others:
-        words.append(f"{', '.join(dataset.others)} left out: the frames are of other moments")
-    if dataset.task_file and not dataset.tasks():
-        words.append(f"{dataset.task_file} cannot be read: the task is called '{TASK}'")
-    return "; ".join(words)
-
-
-def as_written(joint: JointReplay, values: Array) -> Array:
-    """Angles of a joint in the numbers of the file that it was read from, shape (n,)."""
-    written = joint.path.log.written
-    if written is None:
-        return values
-    return np.asarray((values - written.shift) / written.factor)
-
-
-HEAD = "head"
-"""The array of an encoded episode that holds all but its rows, as JSON."""
 
 ABOUT = "replay.json"
 """The file of a planned dataset with its settings and errors."""
@@ -206,21 +147,7 @@ def replay_many(
 def replayed(task: ReplayTask) -> bytes:
     """A replayed recording as the bytes of an NPZ file: a task of :mod:`planner.parallel`."""
     replay = task.run()
-    layout, rows, words = lerobot_episode(task.recording, replay)
-    head = {"task": words, "layout": asdict(layout), "figures": episode_figures(replay)}
-    stream = io.BytesIO()
-    np.savez(stream, **{HEAD: np.array(json.dumps(head))}, **rows)  # type: ignore[arg-type]
-    return stream.getvalue()
-
-
-def decoded(content: bytes) -> tuple[Layout, dict[str, Array], dict[str, Any]]:
-    """Layout and rows of such a file, by feature, and ``task`` and ``figures``: to the last bit."""
-    with np.load(io.BytesIO(content)) as arrays:
-        head = json.loads(str(arrays[HEAD]))
-        rows = {name: arrays[name] for name in arrays.files if name != HEAD}
-    layout = head["layout"]
-    layout["features"] = {name: tuple(each) for name, each in layout["features"].items()}
-    return Layout(**layout), rows, head
+    return encoded(lerobot_episode(task.recording, replay), episode_figures(replay))
 
 
 def episode_figures(replay: Replay) -> dict[str, Any]:

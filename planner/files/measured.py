@@ -1,0 +1,184 @@
+"""Executed requests, and the cycles that were measured meanwhile, a row for each request."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+
+from planner.exceptions import InvalidFile
+from planner.files.columns import pairs, split_unit, with_unit
+from planner.files.paths import JOINT_UNITS, UNEVEN, JointPath, joint_path, read_joint_path
+from planner.files.table import Table, read_table
+from planner.identification.grid import mean_period
+from planner.trajectory import Array
+
+MOST_LOST = 3
+"""Measured rows in sequence that may be missing, and are interpolated."""
+
+
+class Measured(NamedTuple):
+    """Measured angles of some joints [rad], (cycles, n, joints), and how many rows are unused."""
+
+    names: tuple[str, ...]
+    angles: Array
+    unused: int
+
+
+def read_executed(path: str, names: Sequence[str], samples: int, period: float) -> JointPath:
+    """The requests to joints that were executed, so many, one every ``period`` [s]."""
+    executed = read_joint_path(path, joints=names)
+    _check_rate(path, executed.step, period)
+    executed.check_samples(samples)
+    return executed
+
+
+def _check_rate(path: str, step: float, period: float) -> None:
+    """Raise InvalidFile if the rows of a file, ``step`` [s] apart, are not ``period`` apart."""
+    if abs(step - period) > UNEVEN * period:
+        raise InvalidFile(
+            path,
+            f"one row every {step:.6g} s, expected one every {period:.6g} s, the time "
+            f"between requests; refine with --rate-hz {1.0 / step:.6g} if that is the rate "
+            "at which they were planned and sent, else record a row for each request",
+        )
+
+
+def read_measured(
+    paths: Sequence[str],
+    executed: JointPath,
+    *,
+    period: float,
+    cyclic: bool,
+    units: Sequence[str] | None = None,
+    cycles: int | None = None,
+) -> Measured:
+    """Measured angles of the joints that are in all files, which begin at the start of a cycle.
+
+    Files that have requests, too, must have those that were executed.
+
+    Args:
+        paths: The files.
+        executed: The executed requests of all joints.
+        period: Time between requests [s].
+        cyclic: Whether the files may hold rows of a cycle that is not whole.
+        units: Units of the joints; None for any angles.
+        cycles: How many cycles to take; None for all.
+
+    Raises:
+        InvalidFile: The files hold no whole cycle, too few, or another motion.
+    """
+    blocks, unused_rows = [], 0
+    joints, samples = executed.names, len(executed.angles)
+    tables = [_of_a_path(read_table(path), joints) for path in paths]
+    columns = [
+        {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
+        for table in tables
+    ]
+    names = tuple(name for name in joints if all(name in each for each in columns))
+    for path, table in zip(paths, tables, strict=True):
+        log = joint_path(table, joints=names or joints, even=False)
+        angles = rows_by_request(table, log, period)
+        for name, got in zip(log.names, log.units, strict=True):
+            expected = got if units is None else units[joints.index(name)]
+            if got != expected and {got, expected} - {"deg", "rad"}:
+                raise InvalidFile(
+                    path, f"'{name}' is in {got}, expected {expected} as in the path", line=1
+                )
+        count, extra = divmod(len(angles), samples)
+        if not count:
+            raise InvalidFile(
+                path,
+                f"got {len(angles)} rows, expected {samples} a cycle, one for each request; "
+                "record whole cycles, or cut the file where a cycle begins",
+            )
+        if extra and (cycles is None or not cyclic):
+            raise InvalidFile(
+                path,
+                f"got {len(angles)} rows, {extra} more than {count} cycles of {samples}: cut "
+                "the file where cycles begin and end, or say with --cycles how many to take"
+                + (", or give the times in t_s if rows were lost" if log.times is None else ""),
+            )
+        _check_requests(table, log, executed, period)
+        unused_rows += extra
+        blocks.append(angles[: count * samples].reshape(count, samples, -1))
+    angles = np.concatenate(blocks)
+    if cycles is not None and cycles > len(angles):
+        raise InvalidFile(
+            paths[0], f"got {len(angles)} of {samples} rows, expected {cycles} cycles"
+        )
+    return Measured(names or joints, angles[: cycles or len(angles)], unused_rows)
+
+
+def _check_requests(table: Table, log: JointPath, executed: JointPath, period: float) -> None:
+    """Raise InvalidFile if a log has other requests than those executed.
+
+    Its requests may be up to two rows early or late, and rounded or clamped a little: what counts
+    is their distance from the range of the executed ones in five rows.
+    """
+    for pair in pairs(table.names):
+        joint = pair.joint or (log.names[0] if len(log.names) == 1 else "")
+        parts = split_unit(pair.requested[0], JOINT_UNITS) if len(pair.requested) == 1 else None
+        if joint not in log.names or parts is None or parts[0] in log.names:
+            continue
+        k = executed.names.index(joint)
+        if parts[1] != executed.units[k] and {parts[1], executed.units[k]} - {"deg", "rad"}:
+            continue
+        column = pair.requested[0]
+        values = with_unit(table, [column], JOINT_UNITS)[2]
+        got = rows_by_request(table, replace(log, angles=values), period)[:, 0]
+        sent = np.resize(executed.angles[:, k], len(got))  # repeats the cycle
+        low, high = minimum_filter1d(sent, 5), maximum_filter1d(sent, 5)
+        beyond = np.maximum(np.maximum(low - got, got - high), 0.0)
+        if np.sqrt(np.mean(beyond**2)) > max(math.radians(1.0), 0.05 * np.std(sent)):
+            worst, factor = int(np.argmax(beyond)), JOINT_UNITS[parts[1]]
+            cycle, request = divmod(worst, len(executed.angles))
+            raise InvalidFile(
+                table.path,
+                f"column '{column}' has {got[worst] / factor:.4g} at request {request + 1} of "
+                f"cycle {cycle + 1}, expected {sent[worst] / factor:.4g} as in {executed.path}: "
+                "this is a log of other requests, or does not begin with a cycle; give the "
+                "requests that were played, and cut the log where a cycle begins",
+            )
+
+
+def _of_a_path(table: Table, joints: Sequence[str]) -> Table:
+    """The table, where it is a log with its actual angles in columns as a path has them."""
+    names = list(table.names)
+    for pair in pairs(table.names):
+        joint = pair.joint or (joints[0] if len(joints) == 1 else "")
+        parts = split_unit(pair.actual[0], JOINT_UNITS) if len(pair.actual) == 1 else None
+        if pair.requested and joint in joints and parts and f"{joint}_{parts[1]}" not in names:
+            names[table.place(pair.actual[0])] = f"{joint}_{parts[1]}"
+    return replace(table, names=tuple(names))
+
+
+def rows_by_request(table: Table, log: JointPath, period: float) -> Array:
+    """Measured angles [rad], (n, k), a row for each request; rows may come early or late, or miss.
+
+    A row belongs to the request that is whole periods after that of the row before. The time of a
+    request is the mean of those of the rows around it: a clock's jitter is not learnt, and a loop
+    that falls behind keeps its rows.
+    """
+    if log.times is None:
+        return log.angles
+    steps = np.diff(log.times)
+    step = mean_period(steps, float(np.median(steps)))
+    _check_rate(log.path, step, period)
+    places = np.concatenate([[0.0], np.cumsum(np.rint(steps / step))])
+    longest = int(np.argmax(steps))
+    if places[longest + 1] - places[longest] > MOST_LOST + 1:
+        raise table.fault(
+            f"{steps[longest]:.3g} s after the row before, expected a row every {step:.3g} s, of "
+            f"which at most {MOST_LOST} in sequence may be missing; leave out the cycle with the "
+            "hole, such as by two files of whole cycles",
+            longest + 1,
+        )
+    every = np.arange(places[-1] + 1.0)
+    late = np.interp(every, places, log.times - step * places)
+    due = step * every + uniform_filter1d(late, 21, mode="nearest")  # the mean of 21 rows
+    return np.column_stack([np.interp(due, log.times, column) for column in log.angles.T])

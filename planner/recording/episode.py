@@ -1,0 +1,97 @@
+"""A replay as an episode of a LeRobot dataset, and as bytes, for a process that writes it later."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from planner.exceptions import InvalidInput
+from planner.files.exports import TASK, Layout, frame_rate
+from planner.files.logs import Recording
+from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
+from planner.recording.replaying import JointReplay, Replay
+from planner.trajectory import Array
+
+Episode = tuple[Layout, dict[str, Array], str]
+"""Layout of a dataset, rows of an episode by feature, and its task in words."""
+
+HEAD = "head"
+"""The array of an encoded episode that holds all but its rows, as JSON."""
+
+
+def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
+    """Layout of a planned dataset, as in the dataset that was read; rows and task of an episode.
+
+    Actions are planned, observations re-timed.
+    """
+    rate = frame_rate(replay.period)
+    if not recording.dataset:
+        layout = Layout(features={ACTION: replay.names, STATE: replay.names}, rate=rate)
+        action = [as_written(joint, joint.requests) for joint in replay.joints]
+        state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
+        return layout, {ACTION: np.column_stack(action), STATE: np.column_stack(state)}, TASK
+    dataset, rows = find_dataset(recording.place.file), read_episode(recording.place)
+    arrays = {ACTION: rows.action, STATE: rows.state}
+    numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in arrays.items()}
+    features = {key: dataset.written[key] or numbers[key] for key in arrays}
+    layout = Layout(features=features, rate=rate, robot_type=dataset.robot_type)
+    whole = ~np.isnan(np.column_stack([rows.times, rows.action, rows.state])).any(axis=1)
+    times = rows.times[whole]
+    moments = replay.moments + times[0]
+    values = {
+        key: np.column_stack([np.interp(moments, times, column) for column in each[whole].T])
+        for key, each in arrays.items()
+    }
+    names = dataset.names[ACTION] or numbers[ACTION]
+    if len(names) != len(numbers[ACTION]):
+        raise InvalidInput(
+            f"{recording.name}: {len(numbers[ACTION])} actions, expected {len(names)}"
+        )
+    for joint in replay.planned:
+        values[ACTION][:, names.index(joint.name)] = as_written(joint, joint.requests)
+    return layout, values, rows.task or TASK
+
+
+def left_out(recording: Recording) -> str:
+    """The parts of the read dataset that the planned one leaves out, in words; "" if complete."""
+    if not recording.dataset:
+        return ""
+    dataset = find_dataset(recording.place.file)
+    words = []
+    if dataset.others:
+        words.append(f"{', '.join(dataset.others)} left out: the frames are of other moments")
+    if dataset.task_file and not dataset.tasks():
+        words.append(f"{dataset.task_file} cannot be read: the task is called '{TASK}'")
+    return "; ".join(words)
+
+
+def as_written(joint: JointReplay, values: Array) -> Array:
+    """Angles of a joint in the numbers of the file that it was read from, shape (n,)."""
+    written = joint.path.log.written
+    if written is None:
+        return values
+    return np.asarray((values - written.shift) / written.factor)
+
+
+def encoded(episode: Episode, figures: Mapping[str, Any]) -> bytes:
+    """An episode and figures about it as the bytes of an NPZ file."""
+    layout, rows, task = episode
+    head = json.dumps({"task": task, "layout": asdict(layout), "figures": figures})
+    stream = io.BytesIO()
+    np.savez(stream, **{HEAD: np.array(head)}, **rows)  # type: ignore[arg-type]
+    return stream.getvalue()
+
+
+def decoded(content: bytes) -> tuple[Layout, dict[str, Array], dict[str, Any]]:
+    """Layout and rows of such a file, by feature, and ``task`` and ``figures``: to the last bit."""
+    with np.load(io.BytesIO(content)) as arrays:
+        head = json.loads(str(arrays[HEAD]))
+        rows = {name: arrays[name] for name in arrays.files if name != HEAD}
+    layout = head["layout"]
+    layout["features"] = {name: tuple(each) for name, each in layout["features"].items()}
+    return Layout(**layout), rows, head
