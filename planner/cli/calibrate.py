@@ -176,7 +176,12 @@ def calibrate(
                 _write(output, results, arm, checked.settings, choices)
     from planner.report.calibration import calibration_page, calibration_text
 
-    page = "" if report is None else calibration_page(results, output).html()
+    page = ""
+    if report is not None:
+        settings = {"bus": choices["bus"], "port": choices["port"], "logs": folder,
+                    "rate": f"{choices['rate_hz']:g} Hz"}  # fmt: skip
+        origins = [(name, str(value)) for name, value in settings.items() if value]
+        page = calibration_page(results, output).html(report, origins, [("models", output)])
     summary = calibration_text(results, output)
     return Answer(_document(results, arm, checked), summary, pages=[(report, page)])
 

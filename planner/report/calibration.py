@@ -7,11 +7,26 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from planner.report.identification_page import cloud_figure
+import numpy as np
+
+from planner.report import style
+from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
+from planner.report.identification_page import cloud_figure, units_above
 from planner.report.identification_text import next_step
+from planner.report.identified_joint import explained, joints_table
 from planner.report.page import Page
 from planner.report.table import Column, Row, Table, number
-from planner.robot.candidates import WORDS, Compared
+from planner.report.wording import words_of
+from planner.robot.candidates import WORDS, Compared, Way
+
+ROLES: Mapping[Way, style.Role] = {
+    "direct": style.DIRECT,
+    "shift": style.SHIFT._replace(label=WORDS["shift"]),
+    "closed_form": style.CLOSED_FORM,
+    "optimal": style.OPTIMAL,
+    "optimal_friction": style.FOOT_OPTIMAL._replace(label=WORDS["optimal_friction"], width=1.6),
+}
+"""Looks of every way."""
 
 
 def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
@@ -51,27 +66,76 @@ def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:
 
 
 def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
-    """The same as a page, with every joint's model beside its measurements."""
+    """The same as a page: what every joint did, and every model beside its measurements."""
 
     def spread(values: Sequence[float], digits: str) -> str:
         return "–".join(dict.fromkeys(f"{end:{digits}}" for end in (min(values), max(values))))
 
     joints = list(comparisons.items())
-    gains = [each.named("shift").error / each.recommended.error for _, each in joints]
-    errors = [math.degrees(each.recommended.error) for _, each in joints]
-    figures = []
-    for k, (joint, each) in enumerate(joints, 1):
-        figure = cloud_figure(each.identification, f"joint{k}_")
-        figures.append(replace(figure, title=f"{joint}: {figure.title}"))
-    step = next_step({joint: each.identification for joint, each in joints}, output)
+    found = {joint: each.identification for joint, each in joints}
+    worst = max(comparisons, key=lambda joint: comparisons[joint].recommended.max_error)
+    step = next_step(found, output)
+    clouds = [
+        (joint, cloud_figure(each, f"joint{k}_"))
+        for k, (joint, each) in enumerate(found.items(), 1)
+    ]
     return Page(
         "calibration",
-        joint=joints[0][0],
+        joints=comparisons,
         lines=[recommendation(joint, each) for joint, each in joints],
-        good=all(each.identification.accepted for _, each in joints),
-        errors=spread(errors, ".2f"),
-        gains=spread(gains, ".2g"),
+        good=all(each.accepted for each in found.values()),
+        errors=spread([math.degrees(each.recommended.error) for _, each in joints], ".2f"),
+        gains=spread(
+            [each.named("shift").error / each.recommended.error for _, each in joints], ".2g"
+        ),
+        top_speeds=spread([math.degrees(each.model.v_max) for each in found.values()], ".0f"),
+        worst=worst,
+        largest=math.degrees(comparisons[worst].recommended.max_error),
         step=re.split("(request-planner [^;]+)", step[:1].upper() + step[1:]),
+        ways=ways_figure(comparisons),
         table=candidates_table(comparisons),
-        pictures=figures,
+        motions=[motion_figure(*each, k) for k, each in enumerate(joints, 1)],
+        models=units_above(joints_table(found)),
+        rare=explained(found),
+        clouds=[replace(figure, title=f"{joint}: {figure.title}") for joint, figure in clouds],
     )
+
+
+def ways_figure(comparisons: Mapping[str, Compared]) -> Figure:
+    """The measured error of every way, a row for each joint."""
+    count, curves = len(comparisons), list[Curve]()
+    for way, role in ROLES.items():
+        errors = [
+            next((each.error for each in compared.candidates if each.way == way), math.nan)
+            for compared in comparisons.values()
+        ]
+        curves.append(Curve(role, np.degrees(errors), np.arange(float(count)), marks="dots"))
+    best = np.degrees([each.recommended.error for each in comparisons.values()])
+    curves.append(Curve(style.INK, best, np.arange(float(count)), "recommended", marks="rings"))
+    names = {float(k): joint for k, joint in enumerate(comparisons)}
+    top = 1.06 * float(np.nanmax(np.concatenate([curve.x for curve in curves])))
+    return Figure(
+        "ways",
+        *words_of("ways"),
+        Axis("error, rms", "deg", (0.0, top), decimals=3),
+        (Panel(Axis("", range=(count - 0.5, -0.5), names=names), tuple(curves),
+               height=0.6 + 0.25 * count),),
+    )  # fmt: skip
+
+
+def motion_figure(joint: str, compared: Compared, number: int) -> Figure:
+    """The test motion of a joint: what it did in every way, and its errors."""
+    desired = compared.desired
+    timeline = Timeline(compared.model.period, len(desired), cyclic=False)
+    shown = (compared.recommended.way, "shift")
+    angles, errors = [timeline.degrees(desired, style.DESIRED)], list[Curve]()
+    for each in compared.candidates:
+        looks, hidden = ROLES[each.way], each.way not in shown
+        angles.append(timeline.degrees(each.angles, looks, hidden=hidden))
+        errors.append(timeline.degrees(each.angles - desired, looks, hidden=hidden))
+    panels = [
+        Panel(Axis("angle", "deg"), tuple(angles), "measured"),
+        Panel(Axis("error", "deg"), tuple(errors), "errors"),
+    ]
+    best = WORDS[compared.recommended.way]
+    return timeline.figure(f"motion_{number}", panels, words_of("motion", name=joint, best=best))

@@ -61,7 +61,7 @@ def identification_page(identifications: Mapping[str, Identification]) -> Page:
         joints=joints,
         good=all(each.accepted for each in identifications.values()),
         summary=of_several(list(identifications.values())),
-        table=_units_above(joints_table(identifications)),
+        table=units_above(joints_table(identifications)),
         rare=explained(identifications),
     )
 
@@ -107,7 +107,7 @@ def saturated(identification: Identification) -> float:
     return int(np.sum(points.saturated)) / max(1, len(points.errors))
 
 
-def _units_above(table: Table) -> Table:
+def units_above(table: Table) -> Table:
     """The table with a unit beside the title of a column whose cells all have it, if any."""
     columns, cells = [], []
     by_column = zip(*(row.cells for row in table.rows), strict=True)

@@ -55,6 +55,7 @@ class Candidate(NamedTuple):
     max_error: float  # the largest of them [rad]
     largest_step: float  # largest change between requests [rad]
     expected: float  # the error that the model led one to expect [rad]; NaN without one
+    angles: Array  # the measured angles [rad], NaN where none was read, shape (n,)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,6 +66,7 @@ class Compared:
     candidates: tuple[Candidate, ...]  # every way, the simplest first
     recommended: Candidate
     model: JointModel  # of the recommended way, with its verdict
+    desired: Array  # the test motion [rad], shape (n,)
 
     def named(self, way: Way) -> Candidate:
         """The candidate of this way."""
@@ -101,11 +103,12 @@ def compare(
     candidates = []
     for name, (signal, expected) in requests.items():
         allowed = np.clip(signal, *limits)
-        errors = (measure(name, allowed) - desired)[round(RUN_IN / model.period) :]
+        angles = measure(name, allowed)
+        errors = (angles - desired)[round(RUN_IN / model.period) :]
         errors = errors[np.isfinite(errors)]
         step = float(np.max(np.abs(np.diff(allowed))))
         largest = float(np.max(np.abs(errors)))
-        candidates.append(Candidate(name, rms(errors), largest, step, expected))
+        candidates.append(Candidate(name, rms(errors), largest, step, expected, angles))
     least = min(each.error for each in candidates)
     recommended = next(each for each in candidates if each.error <= AS_GOOD * least)
     used, evidence = model, model.evidence or Evidence()
@@ -129,6 +132,7 @@ def compare(
         candidates=tuple(candidates),
         recommended=recommended,
         model=used.with_evidence(evidence),
+        desired=desired,
     )
 
 

@@ -30,14 +30,19 @@ EXPECTED = (math.nan, math.nan, 0.2, 0.15, 0.14)
 
 def calibrated(best, *, accepted=True):
     """A joint whose ways have errors of 1, 2, 3 ... tenths of a degree, the best one 0.05."""
-    ways = [
-        Candidate(way, *np.radians([0.05 if way == best else 0.1 * k, 0.3 * k, 2.0 * k, expected]))
-        for k, (way, expected) in enumerate(zip(WORDS, EXPECTED, strict=True), 1)
-    ]
+    desired = np.sin(np.linspace(0.0, 6.0, 50))
+    ways = []
+    for k, (way, expected) in enumerate(zip(WORDS, EXPECTED, strict=True), 1):
+        sizes = np.radians([0.05 if way == best else 0.1 * k, 0.3 * k, 2.0 * k, expected])
+        ways.append(Candidate(way, *sizes, desired + sizes[0]))
     found = made_up(made_up_log(duration=4.0), verdict="holds" if accepted else "refused")
     (chosen,) = (each for each in ways if each.way == best)
     return Compared(
-        identification=found, candidates=tuple(ways), recommended=chosen, model=found.model
+        identification=found,
+        candidates=tuple(ways),
+        recommended=chosen,
+        model=found.model,
+        desired=desired,
     )
 
 
