@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidModel
 from planner.model.evidence import GAIN, Evidence, check_correlations, warn_of_refused
-from planner.model.law import Law, fastest_integral, motor_share
+from planner.model.law import REST_STEPS, Law, fastest_integral, motor_share
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
@@ -32,10 +32,6 @@ a simulation's time grows with them. Models identified by default have half as m
 
 MOST_POSE_SAG = 0.9
 """Largest sag by the angle [rad]; from 1 on a joint may rest at several angles."""
-
-REST_STEPS = 8
-"""Steps of Newton's method to the angle at rest: with a sag of at most 0.9 the last one is of
-1e-15 rad, begun anywhere within the sag."""
 
 LEFT_OUT = (
     "time_constant",

@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.joint import REST_STEPS
-from planner.model.law import Law, State
+from planner.model.law import REST_STEPS, Law, State
 from planner.trajectory import Array, Indices
 
 
@@ -110,15 +109,9 @@ def left_at_rest(law: Law, sag: float) -> float:
 
 
 @inner
-def rest_offset(law: Law, sag: float, by_pose: float) -> float:
-    """How far a joint rests beside its request, by its sags under a load and by the pose [rad]."""
-    return law.offset + left_at_rest(law, sag) + left_at_rest(law, by_pose)
-
-
-@inner
 def rest_angle(law: Law, request: float, sag: float) -> float:
     """The angle at which a request holds the joint [rad]: :meth:`JointModel.rest` for a number."""
-    level = request + rest_offset(law, sag, 0.0)
+    level = request + (law.offset + left_at_rest(law, sag))
     angle = level
     if law.integral_share == 0.0 and (law.sag_sin != 0.0 or law.sag_cos != 0.0):
         for _ in range(REST_STEPS):  # Newton's method
@@ -326,8 +319,7 @@ def periods(
     faster: Array,
     rounded: Array,
     states: Array,
-    slopes: Array,
-    bends: Array,
+    derivatives: Array,
 ) -> None:
     """Request periods with rounded corners, to second order, each from its own initial state.
 
@@ -343,22 +335,23 @@ def periods(
         rounded: Square of the radius of the corners [rad^2/tick^2], (n,).
         states: State before each period, as :class:`planner.model.law.State`; replaced by the one
             after it, (2, n), or (3, n) with an integral.
-        slopes: Filled with the derivatives of the state after the period by the state before it and
-            by each request, (2, 2 + width, n) or (3, 3 + width, n).
-        bends: Filled with the second derivatives of the state by each request's distance from the
-            angle, (2, width, n) or (3, width, n); where requests are held for several ticks, or
-            several saturate together, an estimate. Left out where the width is 0.
+        derivatives: Filled with those of the state after the period by the state before it, by each
+            request, and with the second ones by each request's distance from the angle,
+            (2, 2 + 2 width, n) or (3, 3 + 2 width, n). Where requests are held for several ticks,
+            or several saturate together, the second ones are an estimate; without their columns
+            they are left out.
     """
     (hold, width), count, size = weights.shape, states.shape[1], len(states)
     gain, top, inside = law.gain, law.top, law.integral_inside
-    slopes[:] = 0.0
-    bends[:] = 0.0
+    derivatives[:] = 0.0
     for s in range(size):
-        slopes[s, s] = 1.0
-    own, bent = window[1], window[2]
+        derivatives[s, s] = 1.0
+    flat = window.reshape(3 * width, count)
+    own, bent = flat[width : 2 * width], flat[2 * width :]
     angles, speeds, integrals = states[0], states[1], states[size - 1]
     demand, restoring, by_demand, by_speed, bend = np.empty((5, count))
-    (opened, closing, raising, turning), level = np.zeros((4, count)), law.offset + sags
+    opened, closing, raising, turning, zero, extra = np.zeros((6, count))
+    level = law.offset + sags
     for tick in range(hold):
         demand[:] = 0.0
         restoring[:] = 0.0
@@ -388,44 +381,30 @@ def periods(
                 integrals[k], opened[k], closing[k] = rounded_integral(
                     law, driven, gain * (sags[k] + by_pose), before, speeds[k], rounded[k]
                 )
-        for c in range(size + width):
+        for c in range(derivatives.shape[1]):
+            # A state before has no part in the drive, and a first derivative no second one.
+            part, second = flat[width + c - size] if c >= size else zero, zero
+            if c >= size + width:
+                j, second = c - size - width, extra
+                for k in range(count):
+                    extra[k] = bend[k] * own[j, k] * restoring[k]
+            by_angle, by_rate, by_sum = (
+                derivatives[0, c],
+                derivatives[1, c],
+                derivatives[size - 1, c],
+            )
             for k in range(count if size == 2 else 0):
-                by_angle = -by_demand[k] * restoring[k]
-                change = by_speed[k] * slopes[1, c, k] + by_angle * slopes[0, c, k]
-                if c >= 2:
-                    change += by_demand[k] * own[c - 2, k]
-                slopes[1, c, k] = change
-                slopes[0, c, k] += change
+                driven = part[k] - restoring[k] * by_angle[k]
+                by_rate[k] = by_speed[k] * by_rate[k] + by_demand[k] * driven + second[k]
+                by_angle[k] += by_rate[k]
             for k in range(count if size == 3 else 0):
-                driven = raising[k] * slopes[2, c, k] - restoring[k] * slopes[0, c, k]
-                if c >= 3:
-                    driven += own[c - 3, k]
-                aim = aimed(law, driven, slopes[2, c, k])
-                change = by_speed[k] * slopes[1, c, k] + by_demand[k] * aim
-                fed = driven - turning[k] * slopes[0, c, k]
-                fed -= fed_back(law, change, slopes[2, c, k])
-                slopes[2, c, k] += closing[k] * (aim - slopes[1, c, k])
-                slopes[2, c, k] += opened[k] * law.integral_share * fed
-                slopes[1, c, k] = change
-                slopes[0, c, k] += change
-        for j in range(bends.shape[1]):
-            for k in range(count if size == 2 else 0):
-                by_angle = -by_demand[k] * restoring[k]
-                change = by_speed[k] * bends[1, j, k] + by_angle * bends[0, j, k]
-                change += by_demand[k] * bent[j, k] + bend[k] * own[j, k] * restoring[k]
-                bends[1, j, k] = change
-                bends[0, j, k] += change
-            for k in range(count if size == 3 else 0):
-                driven = raising[k] * bends[2, j, k] - restoring[k] * bends[0, j, k] + bent[j, k]
-                aim = aimed(law, driven, bends[2, j, k])
-                change = by_speed[k] * bends[1, j, k] + by_demand[k] * aim
-                change += bend[k] * own[j, k] * restoring[k]
-                fed = driven - turning[k] * bends[0, j, k]
-                fed -= fed_back(law, change, bends[2, j, k])
-                bends[2, j, k] += closing[k] * (aim - bends[1, j, k])
-                bends[2, j, k] += opened[k] * law.integral_share * fed
-                bends[1, j, k] = change
-                bends[0, j, k] += change
+                driven = part[k] + raising[k] * by_sum[k] - restoring[k] * by_angle[k]
+                aim = aimed(law, driven, by_sum[k])
+                change = by_speed[k] * by_rate[k] + by_demand[k] * aim + second[k]
+                fed = driven - turning[k] * by_angle[k] - fed_back(law, change, by_sum[k])
+                by_sum[k] += closing[k] * (aim - by_rate[k]) + opened[k] * law.integral_share * fed
+                by_rate[k] = change
+                by_angle[k] += change
 
 
 class Servo(NamedTuple):

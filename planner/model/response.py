@@ -10,14 +10,12 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
+from planner.model.law import MOST_CYCLES
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, shown
 
 Loads = Sequence[Array | None]
 """For each joint the torque on it at every sample [N m], shape (n,), or None."""
-
-MOST_CYCLES = 200
-"""Most cycles of a response that still drifts; bisection ends well before."""
 
 MOST_TICKS = 20_000_000
 """Longest simulation [ticks]: more than two days at 100 Hz."""
@@ -109,7 +107,6 @@ def motion_under(
         model.faster_per_tick(torques),
         np.nan if start is None else start,
         cyclic,
-        MOST_CYCLES,
         motion,
     )
     if apart:

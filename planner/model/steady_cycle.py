@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.compilation import compiled, inner
 from planner.model.kernel import at_rest, exceeds_drive, moving_states, rest_angle, run_period
-from planner.model.law import Law, State
+from planner.model.law import MOST_CYCLES, Law, State
 from planner.trajectory import Array
 
 CYCLE_TOLERANCE = 1e-12
@@ -25,27 +25,15 @@ afterwards bisection takes its place."""
 
 
 class Cycle(NamedTuple):
-    """The request periods of a cycle, or of a motion from rest.
-
-    Attributes:
-        law: The joint.
-        weights: Weight of each request at each tick of a period, youngest first, (hold, width).
-        history: Requests, oldest first [rad], (n + width - 1,).
-        oldest: So many of them are of the cycle before.
-        sags: Sag under the load in each period, kappa tau [rad], (n,).
-        faster: How much faster the joint is in the positive direction [rad/tick], (n,).
-        motion: Filled with the state after each period, (3, n).
-        most: Most runs of a cycle that still drifts.
-    """
+    """The request periods of a cycle, or of a motion from rest; see :func:`motion_of`."""
 
     law: Law
     weights: Array
-    history: Array
-    oldest: int
+    history: Array  # requests, oldest first [rad], (n + width - 1,)
+    oldest: int  # so many of them are of the cycle before
     sags: Array
     faster: Array
     motion: Array
-    most: int
 
 
 @compiled
@@ -58,7 +46,6 @@ def motion_of(
     faster: Array,
     start: float,
     cyclic: bool,
-    most: int,
     motion: Array,
 ) -> float:
     """The response of a joint to requests.
@@ -73,7 +60,6 @@ def motion_of(
         start: From rest: angle before the first request [rad]; NaN where that one holds the joint.
             It is the angle near which the ends of a cycle are sought.
         cyclic: Whether the requests repeat for ever.
-        most: Most runs of a cycle that still drifts.
         motion: Filled with the state after each period, (3, n).
 
     Returns:
@@ -86,7 +72,7 @@ def motion_of(
         history[i] = requests[(i - oldest) % samples if cyclic else max(i - oldest, 0)]
     if np.isnan(start):
         start = rest_angle(law, requests[0], sags[0])
-    cycle = Cycle(law, weights, history, oldest, sags, faster, motion, most)
+    cycle = Cycle(law, weights, history, oldest, sags, faster, motion)
     if cyclic:
         return _run_steady_cycle(cycle, start)
     run(cycle, at_rest(law, start, sags[0]), len(weights) - 1)
@@ -96,7 +82,7 @@ def motion_of(
 @compiled
 def run(cycle: Cycle, state: State, skipped: int) -> State:
     """The state at the end, from that before the first tick but for some that are left out."""
-    law, weights, history, _, sags, faster, motion, _ = cycle
+    law, weights, history, _, sags, faster, motion = cycle
     for k in range(motion.shape[1]):
         left_out = skipped if k == 0 else 0
         state = run_period(law, weights, history, k, sags[k], faster[k], state, left_out)
@@ -126,7 +112,9 @@ def _run_steady_cycle(cycle: Cycle, near: float) -> float:
     if inert:
         return _settled_motion(cycle, near, low, high, tolerance)
     if law.friction > 0.0:
-        return _nearest_cycle(cycle, near, low, high, tolerance)
+        # There may be many: how much further a cycle ends than it starts does not increase with the
+        # angle where it starts, so they start in one range, and the nearest one is an end of it.
+        return _closing_start(cycle, State(near, 0.0, 0.0), low, high, tolerance, True)[1]
     return _closed_cycle(cycle, near, low, high, tolerance)
 
 
@@ -136,8 +124,8 @@ def begun(cycle: Cycle, angle: float) -> State:
     history, oldest = cycle.history, cycle.oldest
     resting = history.copy()
     resting[:oldest] = history[oldest % cycle.motion.shape[1]]  # the first request
-    law, weights, _, _, sags, faster, motion, most = cycle
-    first = Cycle(law, weights, resting, oldest, sags, faster, motion, most)
+    law, weights, _, _, sags, faster, motion = cycle
+    first = Cycle(law, weights, resting, oldest, sags, faster, motion)
     return run(first, at_rest(law, angle, sags[0]), len(weights) - 1)
 
 
@@ -158,7 +146,7 @@ def _closed_cycle(cycle: Cycle, start: float, low: float, high: float, tolerance
     fixed points the method finds one.
     """
     earlier, ended_earlier, mismatch = np.nan, np.nan, np.inf
-    for turn in range(cycle.most):
+    for turn in range(MOST_CYCLES):
         end = run(cycle, State(start, 0.0, 0.0), 0).angle
         mismatch = abs(end - start)
         if mismatch <= tolerance:
@@ -185,35 +173,6 @@ def _closed_cycle(cycle: Cycle, start: float, low: float, high: float, tolerance
 
 
 @inner
-def _nearest_cycle(cycle: Cycle, start: float, low: float, high: float, tolerance: float) -> float:
-    """Run the steady cycle nearest to ``start``, of a joint with a dead band: there may be many.
-
-    How much further a cycle ends than it starts does not increase with the angle where it starts.
-    So the steady cycles start in one range, on the side of ``start`` to which a cycle from there
-    moves. Where v_max <= theta_0 a tick the fixed-point iteration cannot pass the near end of that
-    range; it is bisected. With a sag by the pose there may be several ranges: one of them is found.
-    """
-    end = run(cycle, State(start, 0.0, 0.0), 0).angle
-    if abs(end - start) <= tolerance:
-        return 0.0
-    sign, far = (1.0, high) if end > start else (-1.0, low)
-    for turn in range(1, cycle.most):
-        bisecting = (turn > FIXED_POINT_CYCLES and turn % 2 == 1) or sign * (far - end) <= 0.0
-        trial = (start + far) / 2.0 if bisecting else end
-        after = run(cycle, State(trial, 0.0, 0.0), 0).angle
-        ahead = sign * (after - trial)
-        if ahead > tolerance:
-            start, end = trial, after
-        elif abs(ahead) <= tolerance and not bisecting:
-            return 0.0
-        else:
-            far = trial
-        if abs(far - start) <= tolerance:
-            return 0.0
-    return abs(end - start)
-
-
-@inner
 def _settled_motion(cycle: Cycle, near: float, low: float, high: float, tolerance: float) -> float:
     """Run the steady cycle into which a joint with inertia settles from rest at an angle.
 
@@ -228,7 +187,7 @@ def _settled_motion(cycle: Cycle, near: float, low: float, high: float, toleranc
     state, bisected, ratio, before = begun(cycle, near), 0, np.inf, np.inf
     end = run(cycle, state, 0)
     mismatch = distance(state, end)
-    for turn in range(cycle.most):
+    for turn in range(MOST_CYCLES):
         if mismatch <= tolerance:
             run(cycle, state, 0)
             return 0.0
@@ -250,7 +209,7 @@ def _settled_motion(cycle: Cycle, near: float, low: float, high: float, toleranc
             speed = state.speed + 2.0 / (1.0 + bisected) * faster
             begin = State(state.angle, speed, end.integral)
             close = max(tolerance, 0.01 * abs(faster))
-            trial = _closing_start(cycle, begin, low, high, close)
+            trial = _closing_start(cycle, begin, low, high, close, False)[0]
             reached = run(cycle, trial, 0)
         before = mismatch
         state, end = trial, reached
@@ -282,22 +241,35 @@ def newton_step(cycle: Cycle, state: State, end: State, step: float) -> State:
 
 
 @inner
-def _closing_start(cycle: Cycle, start: State, low: float, high: float, close: float) -> State:
-    """The state with another angle at which a cycle closes, to ``close`` [rad], by bisection.
+def _closing_start(
+    cycle: Cycle, start: State, low: float, high: float, close: float, iterating: bool
+) -> tuple[State, float]:
+    """Run the cycle from another angle that closes, to ``close`` [rad], by bisection.
 
     Of several, the one nearest to ``start`` in the direction in which a cycle from there moves.
+    While ``iterating``, fixed-point iteration and bisection take turns: where v_max <= theta_0 a
+    tick the first cannot pass the near end of a range of such angles.
+
+    Returns:
+        The state at its start, and how far its ends are apart; 0 where it is closed.
     """
-    angle, sign = start.angle, 0.0
-    near = far = angle
-    for _ in range(cycle.most):
-        ahead = run(cycle, State(angle, start.speed, start.integral), 0).angle - angle
-        if sign == 0.0:
-            sign, far = (1.0, high) if ahead > 0.0 else (-1.0, low)
-        if sign * ahead > close:
-            near = angle
+    angle, speed, integral = start
+    end = run(cycle, start, 0).angle
+    if abs(end - angle) <= close:
+        return start, 0.0
+    sign, far = (1.0, high) if end > angle else (-1.0, low)
+    for turn in range(1, MOST_CYCLES):
+        iterated = iterating and (turn <= FIXED_POINT_CYCLES or turn % 2 == 0)
+        bisecting = not iterated or sign * (far - end) <= 0.0
+        trial = State((angle + far) / 2.0 if bisecting else end, speed, integral)
+        after = run(cycle, trial, 0).angle
+        ahead = sign * (after - trial.angle)
+        if ahead > close:
+            angle, end = trial.angle, after
+        elif abs(ahead) <= close and not bisecting:
+            return trial, 0.0
         else:
-            far = angle
-        if abs(far - near) <= close:
-            break
-        angle = (near + far) / 2.0
-    return State(angle, start.speed, start.integral)
+            far = trial.angle
+        if abs(far - angle) <= close:
+            return trial, 0.0
+    return State(angle, speed, integral), abs(end - angle)

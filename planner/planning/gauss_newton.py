@@ -20,7 +20,6 @@ import numpy as np
 
 from planner.compilation import compiled, inner
 from planner.model.kernel import at_rest, law_of, moving_states, periods
-from planner.model.response import MOST_CYCLES
 from planner.model.steady_cycle import motion_of
 from planner.planning.factorisation import (
     Factor,
@@ -259,9 +258,7 @@ def simulate_all(spec: Spec, requests: Array, angles: Array) -> bool:
         for k in range(samples):
             column[k] = requests[k, a % joints]
         law, weights, start = law_of(row), spec.weights[a, : int(row[HOLD])], row[START]
-        apart = motion_of(
-            law, weights, column, spec.oldest, sags, faster, start, cyclic, MOST_CYCLES, motion
-        )
+        apart = motion_of(law, weights, column, spec.oldest, sags, faster, start, cyclic, motion)
         if apart > 0.0:
             angles[:] = np.nan
             return False
@@ -392,7 +389,7 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
     law = law_of(row)
     weights, unit_of_speed = spec.weights[a, : int(row[HOLD])], row[COASTING]
     own = moving_states(law)
-    slopes, bends = np.empty((own, own + width, size)), np.empty((own, width, size))
+    slopes = np.empty((own, own + 2 * width, size))
     window, before = np.empty((3, width, size)), np.zeros((own, size))
     rounded = np.full(size, (law.gain * stage.radius * row[UNIT]) ** 2)
     rest = at_rest(law, row[START], spec.periods[0, a, 0])
@@ -406,7 +403,7 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
             window[0, j, i] = requests[max(spec.acting[k, j], 0), a % requests.shape[1]]
     end = first + size
     sags, faster = spec.periods[0, a, first:end], spec.periods[1, a, first:end]
-    periods(law, weights, window, sags, faster, rounded, before, slopes, bends)
+    periods(law, weights, window, sags, faster, rounded, before, slopes)
     for s in range(parts):
         scale = unit_of_speed if s else 1.0
         for i in range(size):
@@ -421,10 +418,9 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
                 derived[s, t, first + i] = slopes[s, t, i] * scale / unit_of_state
             if first == 0 and not cyclic:
                 derived[s, t, 0] = 0.0
-        for j in range(width):
+        for j in range(2 * width):
             for i in range(size):
                 derived[s, parts + j, first + i] = slopes[s, own + j, i] * scale
-                derived[s, parts + width + j, first + i] = bends[s, j, i] * scale
 
 
 @inner

@@ -19,8 +19,7 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.compilation import compiled, inner
 from planner.model.kernel import law_of, left_at_rest, pose_sag
-from planner.model.law import Law
-from planner.model.response import MOST_CYCLES
+from planner.model.law import MOST_CYCLES, Law
 from planner.planning.gauss_newton import Spec, limit, simulate_all
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,

@@ -34,10 +34,10 @@ from planner.compilation import compiled, inner
 from planner.model.kernel import (
     at_rest,
     law_of,
+    left_at_rest,
     moving_states,
     periods,
     pose_sag,
-    rest_offset,
     run_period,
 )
 from planner.model.law import Law, State
@@ -189,7 +189,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
             load_sag = joint.compliance * load[0, j]
             state.speed, state.integral = 0.0, at_rest(law, state.angle, load_sag).integral
             state.read, state.believed = state.measured, state.measured
-            sag = rest_offset(law, load_sag, pose_sag(law, state.angle))
+            sag = law.offset + left_at_rest(law, load_sag + pose_sag(law, state.angle))
             for i in range(len(its_sent)):
                 its_sent[i] = min(max(state.angle - sag, joint.lower), joint.upper)
         else:
@@ -209,7 +209,8 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
                 column, k = min(row, rows.shape[1] - 1), row - youngest
                 sample = period_samples[k]
                 sample.load_sag, sample.faster, sample.goal = load_sag, faster, rows[j, column]
-                sag = rest_offset(law, joint.compliance * at, pose_sag(law, sample.goal))
+                sags = joint.compliance * at + pose_sag(law, sample.goal)
+                sag = law.offset + left_at_rest(law, sags)
                 sample.resting = sample.goal - sag
                 sample.count = 1.0 if column < preview else shares[j]
                 sample.rounded = (law.gain * joint.theta_0 * radii[k]) ** 2
@@ -235,8 +236,8 @@ def check(joint: Record, law: Law, state: Record, desired: Array, load: Array, j
     for row in range(len(desired)):
         if blocked:
             load[row, j] = 0.0
-        by_pose = pose_sag(law, desired[row, j])
-        sag = rest_offset(law, joint.compliance * load[row, j], by_pose)
+        sags = joint.compliance * load[row, j] + pose_sag(law, desired[row, j])
+        sag = law.offset + left_at_rest(law, sags)
         room = joint.dead_band + ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG)
         request = desired[row, j] - sag
         far = max(far, max(request - joint.upper, joint.lower - request) - room)
@@ -444,8 +445,7 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         q[k] += force + RESTING * away
         if k:
             q[k - 1] -= force
-    bends = np.empty((own_states, 0, count))
-    periods(law, weights, window, sags, faster, rounded, states, slopes, bends)
+    periods(law, weights, window, sags, faster, rounded, states, slopes)
     # Backward
     gradient, by_angle, by_speed = q.copy(), 0.0, 0.0
     p_aa, p_ab, p_bb, p_a, p_b = 0.0, 0.0, 0.0, 0.0, 0.0

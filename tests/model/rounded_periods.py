@@ -42,7 +42,7 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, moving=None, 
     window[0] = windows.T
     own = max(model.law.states, 2)
     states = np.vstack([angles, np.zeros((own - 1, n)) if moving is None else moving])
-    slopes, bends = np.empty((own, own + width, n)), np.empty((own, width, n))
+    derivatives = np.empty((own, own + 2 * width, n))
     kernel.periods(
         model.law,
         weights_by_tick(model)[0],
@@ -51,8 +51,7 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, moving=None, 
         faster,
         np.full(n, rounded),
         states,
-        slopes,
-        bends,
+        derivatives,
     )
-    slopes, bends = np.moveaxis(slopes, -1, 0), np.moveaxis(bends, -1, 0)
-    return Periods(states.T, slopes[:, :, :own], slopes[:, :, own:], bends)
+    each = np.split(np.moveaxis(derivatives, -1, 0), [own, own + width], axis=2)
+    return Periods(states.T, *each)

@@ -115,7 +115,7 @@ def test_derivatives_by_a_request_of_one_tick_are_differences_to_second_order(
     step = 1e-5
 
     def after(request):
-        slopes, bends = np.empty((2, 3, 1)), np.empty((2, 1, 1))
+        derivatives = np.empty((2, 4, 1))
         state = np.array([[0.1], [0.01]])
         kernel.periods(
             joint.law,
@@ -125,10 +125,9 @@ def test_derivatives_by_a_request_of_one_tick_are_differences_to_second_order(
             np.array([0.004]),
             np.array([rounded]),
             state,
-            slopes,
-            bends,
+            derivatives,
         )
-        return state[:, 0], slopes[:, 2, 0], bends[:, 0, 0]
+        return state[:, 0], derivatives[:, 2, 0], derivatives[:, 3, 0]
 
     for request in np.linspace(-0.5, 0.7, 13):
         (behind, slope_behind, _), (ahead, slope_ahead, _) = (
