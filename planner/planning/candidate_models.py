@@ -32,20 +32,16 @@ Instead of one model: a sequence of candidate models, nominal first, or an ident
 
 
 def models_of_joints(
+    # see :data:`Models`. For one joint a flat sequence of more than one has its models.
     models: Models,
     names: Sequence[str],
-    robust: Robust | None = None,
+    robust: Robust | None = None,  # whether candidates are drawn for single models
     *,
+    # whether the models of different joints are drawn independently of one another. Joints with the
+    # same model share the draws.
     independent: bool = False,
 ) -> list[tuple[JointModel, ...]]:
     """The candidate models of each joint, the nominal one first, in the order of the joints.
-
-    Args:
-        models: See :data:`Models`. For one joint a flat sequence of more than one has its models.
-        names: The joints.
-        robust: Whether candidates are drawn for single models.
-        independent: Whether the models of different joints are drawn independently of one another.
-            Joints with the same model share the draws.
 
     Raises:
         InvalidInput: They do not fit the joints, one is no JointModel, request periods differ, a

@@ -41,20 +41,18 @@ class TranscriptionOptions:
 
     Measured on 14 instances of the benchmark: the rms is 0.02 % above that of the solver
     "gauss-newton" on average, 0.2 % at worst; the figures below are changes of this excess.
-
-    Attributes:
-        radii: Radii of the rounded corners [theta_0], a programme each. Of the first three, half
-            gives 0.06 % on average and 0.7 % at worst, twice 0.2 and 1.2 %. The fourth wins 0.01 %,
-            and 0.3 % in the norm "max", for half as much time again.
-        weight: Weight alpha on the distance of the requests from those that hold the desired
-            angles. At half of it the average is 0.04 %, at twice 0.06 %; at a tenth and at ten
-            times the worst is 0.7 and 1.4 %.
-        iterations: Most iterations for each radius. At half of them the answers are the same, but
-            0.3 % worse in the norm "max".
     """
 
+    # radii of the rounded corners [theta_0], a programme each. Of the first three, half gives 0.06
+    # % on average and 0.7 % at worst, twice 0.2 and 1.2 %. The fourth wins 0.01 %, and 0.3 % in the
+    # norm "max", for half as much time again.
     radii: tuple[float, ...] = (0.4, 0.12, 0.04, 0.013)
+    # weight alpha on the distance of the requests from those that hold the desired angles. At half
+    # of it the average is 0.04 %, at twice 0.06 %; at a tenth and at ten times the worst is 0.7 and
+    # 1.4 %.
     weight: float = 1e-4
+    # most iterations for each radius. At half of them the answers are the same, but 0.3 % worse in
+    # the norm "max".
     iterations: int = 300
 
 

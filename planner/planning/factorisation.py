@@ -22,27 +22,16 @@ Places = npt.NDArray[np.uint32]
 
 
 class Factor(NamedTuple):
-    """Storage of the entries of a matrix, and of its factor L.
+    """Storage of the entries of a matrix, and of its factor L."""
 
-    Attributes:
-        position: Of each unknown in the order of elimination, (unknowns,).
-        place: Of each entry among the stored ones; equal places are one.
-        column: First stored entry of each column of the upper triangle, (unknowns + 1,).
-        row: Row of each stored entry.
-        reach: First of the columns of L with an entry in each row, (unknowns + 1,).
-        reached: These columns, ascending.
-        below: First entry of each column of L, (unknowns + 1,).
-        rows: Row of each entry of L.
-    """
-
-    position: Places
-    place: Places
-    column: Indices
-    row: Places
-    reach: Indices
-    reached: Places
-    below: Indices
-    rows: Places
+    position: Places  # of each unknown in the order of elimination, (unknowns,)
+    place: Places  # of each entry among the stored ones; equal places are one
+    column: Indices  # first stored entry of each column of the upper triangle, (unknowns + 1,)
+    row: Places  # row of each stored entry
+    reach: Indices  # first of the columns of L with an entry in each row, (unknowns + 1,)
+    reached: Places  # these columns, ascending
+    below: Indices  # first entry of each column of L, (unknowns + 1,)
+    rows: Places  # row of each entry of L
 
 
 @inner

@@ -40,53 +40,40 @@ class Rows(NamedTuple):
 
 
 class Spec(NamedTuple):
-    """A problem as arrays.
+    """A problem as arrays."""
 
-    Attributes:
-        cyclic: Whether the path repeats for ever.
-        oldest: Age of the oldest request that acts before a sample.
-        parts: States of a drive, s: 2 with inertia, 3 with an integral term.
-        largest: Whether the largest error counts, not the root mean square.
-        worst: Whether the worst of the scenarios counts, not their root mean square.
-        bounded: Whether a request has a limit.
-        limited: Whether a change of requests has a limit.
-        ridge: Curvature added to that of the goal, which may not depend on every angle.
-        drives: Of each drive the numbers of its law, then ticks of its request period, unit of the
-            radius of the corners [rad], time in which a speed counts as an angle [ticks], and from
-            rest the angle before the first sample, else NaN [rad], (A, 14).
-        weights: Weight of each request at each tick of a period, youngest first, (A, ticks, width).
-        acting: Number of each request that acts before a sample, youngest first; from rest -1
-            before the first one, which it equals, (n, width).
-        periods: In each period the sag under the load [rad], and how much faster the drive is in
-            the positive direction [rad/tick], (2, A, n).
-        bounds: First requests from rest, lower and upper limits, largest changes [rad], (4, n, J).
-        near: Distances from the requests that would hold the desired angles, the rows of S in (10).
-        smooth: Second differences, and with a centring the distances from these requests.
-        goal: Desired angle [rad], (n, 1); or desired position of the foot [m], and the disturbance
-            added to each angle before the position is computed [rad], (n, 3 + J).
-        leg: Origin, axial, cosine and sine part of each link, then the foot in the last one and the
-            errors for a metre along each axis [rad/m], (J + 1, 10, 3); for angles (0, 10, 3).
-        shares: Weight of each scenario, together 1.
-    """
-
-    cyclic: bool
-    oldest: int
-    parts: int
-    largest: bool
-    worst: bool
-    bounded: bool
-    limited: bool
-    ridge: float
+    cyclic: bool  # whether the path repeats for ever
+    oldest: int  # age of the oldest request that acts before a sample
+    parts: int  # states of a drive, s: 2 with inertia, 3 with an integral term
+    largest: bool  # whether the largest error counts, not the root mean square
+    worst: bool  # whether the worst of the scenarios counts, not their root mean square
+    bounded: bool  # whether a request has a limit
+    limited: bool  # whether a change of requests has a limit
+    ridge: float  # curvature added to that of the goal, which may not depend on every angle
+    # of each drive the numbers of its law, then ticks of its request period, unit of the radius of
+    # the corners [rad], time in which a speed counts as an angle [ticks], and from rest the angle
+    # before the first sample, else NaN [rad], (A, 14)
     drives: Array
+    # weight of each request at each tick of a period, youngest first, (A, ticks, width)
     weights: Array
+    # number of each request that acts before a sample, youngest first; from rest -1 before the
+    # first one, which it equals, (n, width)
     acting: Indices
+    # in each period the sag under the load [rad], and how much faster the drive is in the positive
+    # direction [rad/tick], (2, A, n)
     periods: Array
+    # first requests from rest, lower and upper limits, largest changes [rad], (4, n, J)
     bounds: Array
+    # distances from the requests that would hold the desired angles, the rows of S in (10)
     near: Rows
-    smooth: Rows
+    smooth: Rows  # second differences, and with a centring the distances from these requests
+    # desired angle [rad], (n, 1); or desired position of the foot [m], and the disturbance added to
+    # each angle before the position is computed [rad], (n, 3 + J)
     goal: Array
+    # origin, axial, cosine and sine part of each link, then the foot in the last one and the errors
+    # for a metre along each axis [rad/m], (J + 1, 10, 3); for angles (0, 10, 3)
     leg: Array
-    shares: Array
+    shares: Array  # weight of each scenario, together 1
 
 
 FIRST, LOWER, UPPER, LARGEST_CHANGE = 0, 1, 2, 3  # rows of Spec.bounds
@@ -94,43 +81,29 @@ HOLD, UNIT, COASTING, START = 10, 11, 12, 13  # columns of Spec.drives after the
 
 
 class Stage(NamedTuple):
-    """One problem of a search.
+    """One problem of a search."""
 
-    Attributes:
-        radius: Radius of the saturation's corners [theta_0].
-        weight: Weight of the regularisation, alpha of (10), relative to that of the squared errors.
-        power: The errors' exponent in the cost.
-        steps: Most steps; the next stage starts where this one stops.
-        smoothing: Whether the regularisation is the sum of the squared second differences of the
-            requests, not the squared distance from the requests that hold the desired angles.
-        squares: Weight of the sum of squared errors beside that of other powers.
-    """
-
-    radius: float
+    radius: float  # radius of the saturation's corners [theta_0]
+    # weight of the regularisation, alpha of (10), relative to that of the squared errors
     weight: float
-    power: float = 2.0
-    steps: int = 6
+    power: float = 2.0  # the errors' exponent in the cost
+    steps: int = 6  # most steps; the next stage starts where this one stops
+    # whether the regularisation is the sum of the squared second differences of the requests, not
+    # the squared distance from the requests that hold the desired angles
     smoothing: bool = False
-    squares: float = 0.0
+    squares: float = 0.0  # weight of the sum of squared errors beside that of other powers
 
 
 class Search(NamedTuple):
-    """Iterate: requests, angles, damping, multipliers, active set; changed in place.
+    """Iterate: requests, angles, damping, multipliers, active set; changed in place."""
 
-    Attributes:
-        requests: R [rad], (n, J).
-        states: X, (n, S).
-        multipliers: Of the last step, lambda of ``docs/math.md``, (n, S).
-        active: Requests at their lower limit, -1, at their upper one, 1, or free, 0; then changes
-            to the next request at the largest one, likewise, (2, n, J).
-        damping: Weight of the Levenberg-Marquardt term, (1,).
-    """
-
-    requests: Array
-    states: Array
-    multipliers: Array
+    requests: Array  # R [rad], (n, J)
+    states: Array  # X, (n, S)
+    multipliers: Array  # of the last step, lambda of ``docs/math.md``, (n, S)
+    # requests at their lower limit, -1, at their upper one, 1, or free, 0; then changes to the next
+    # request at the largest one, likewise, (2, n, J)
     active: Indices
-    damping: Array
+    damping: Array  # weight of the Levenberg-Marquardt term, (1,)
 
 
 # Half and twice each of these change the errors of 50 plans that saturate, half of them outside
@@ -155,27 +128,20 @@ TOUCHING = 1e-9  # distance from a limit that counts as none [rad]
 
 
 class Point(NamedTuple):
-    """Requests and states, with derivatives by the smoothed models and the cost of the stage.
+    """Requests and states, with derivatives by the smoothed models and the cost of the stage."""
 
-    Attributes:
-        requests: R [rad], (n, J).
-        states: X, (n, S).
-        defects: Response to the states before, less the states, (n, S).
-        slopes: Derivatives of each drive's states by the states before, by each request, and second
-            ones by each request's distance from the angle, (A, s, s + 2 width, n).
-        quadratic: Curvature of the cost by the angles, in blocks of a scenario or of all, and in
-            the last column half the gradient, (n, blocks, size, size + 1).
-        away: S applied to the requests, less their centre [rad], (.., J).
-        costs: Cost of the errors, cost with the regularisation, the unit of the errors, the squares
-            of the regularisation, and the largest curvature, (5,).
-    """
-
-    requests: Array
-    states: Array
-    defects: Array
+    requests: Array  # R [rad], (n, J)
+    states: Array  # X, (n, S)
+    defects: Array  # response to the states before, less the states, (n, S)
+    # derivatives of each drive's states by the states before, by each request, and second ones by
+    # each request's distance from the angle, (A, s, s + 2 width, n)
     slopes: Array
+    # curvature of the cost by the angles, in blocks of a scenario or of all, and in the last column
+    # half the gradient, (n, blocks, size, size + 1)
     quadratic: Array
-    away: Array
+    away: Array  # S applied to the requests, less their centre [rad], (.., J)
+    # cost of the errors, cost with the regularisation, the unit of the errors, the squares of the
+    # regularisation, and the largest curvature, (5,)
     costs: Array
 
 
@@ -846,26 +812,18 @@ def merit_of(point: Point, step: Array, penalty: float) -> float:
 @compiled
 def go_through(
     spec: Spec,
-    pattern: Pattern,
-    search: Search,
-    stages: Array,
-    ends: Array,
+    pattern: Pattern,  # its KKT matrix
+    search: Search,  # the first iterate; replaced by the last one
+    stages: Array,  # in the order of :class:`Stage`, all with the same regularisation, (m, 6)
+    ends: Array,  # filled with the requests with which each stage ends [rad], (m, n, J)
+    # filled, where corners are sharp, with the angles of the exact models under them [rad],
+    # elsewhere and without a steady cycle with NaN, (m, n, A)
     angles: Array,
+    # filled with the error of these angles, inf for NaN, their root mean square error over all
+    # scenarios, and the squares of the regularisation, (m, 3)
     figures: Array,
 ) -> None:
-    """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one.
-
-    Args:
-        spec: The problem.
-        pattern: Its KKT matrix.
-        search: The first iterate; replaced by the last one.
-        stages: In the order of :class:`Stage`, all with the same regularisation, (m, 6).
-        ends: Filled with the requests with which each stage ends [rad], (m, n, J).
-        angles: Filled, where corners are sharp, with the angles of the exact models under them
-            [rad], elsewhere and without a steady cycle with NaN, (m, n, A).
-        figures: Filled with the error of these angles, inf for NaN, their root mean square error
-            over all scenarios, and the squares of the regularisation, (m, 3).
-    """
+    """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one."""
     samples, joints = spec.bounds.shape[1:]
     errors, figures[:] = np.empty(len(spec.shares) + 1), np.inf
     states, step = search.states.shape[1], np.zeros(len(pattern.factor.position))

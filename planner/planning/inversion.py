@@ -346,24 +346,17 @@ METHODS: tuple[Method, ...] = ("optimal", "closed_form", "shift")
 def planned(
     task: Task,
     *,
+    # A load of the pose, under which the plan is repeated until it settles; any other load is in
     load: object = None,
-    method: Method = "optimal",
-    solver: Solver = "gauss-newton",
-    lines: Mapping[str, Any] | None = None,
+    method: Method = "optimal",  # how joints are planned; a foot is optimised
+    solver: Solver = "gauss-newton",  # solver of an optimised joint
+    lines: Mapping[str, Any] | None = None,  # options of the closed form: segments, rule and refine
+    # executed requests [rad], (n, k), near which optimised ones stay where they can
     executed: Array | None = None,
+    # called with the name of each joint before it is planned
     progress: Callable[[str], None] = lambda _: None,
 ) -> Plan:
     """The plan for a task.
-
-    Args:
-        task: The task.
-        load: A load of the pose, under which the plan is repeated until it settles; any other load
-            is in the task.
-        method: How joints are planned; a foot is optimised.
-        solver: Solver of an optimised joint.
-        lines: Options of the closed form: segments, rule and refine.
-        executed: Executed requests [rad], (n, k), near which optimised ones stay where they can.
-        progress: Called with the name of each joint before it is planned.
 
     Raises:
         InvalidInput: The solver or the rule is unknown, or a joint has several models and the

@@ -52,31 +52,19 @@ LOWER = 1.0 - 1e-4
 
 
 class Lines(NamedTuple):
-    """Data for the inversion of lines.
+    """Data for the inversion of lines."""
 
-    Attributes:
-        ahead: Time by which requests change line before a knot [samples].
-        low: Least slope [rad/sample].
-        high: Largest slope [rad/sample].
-        sag: Sag without a load [rad].
-        dead_band: Of the joint [rad].
-        table: Slopes, rising [rad/sample], and their offsets without a load [rad], (2, m).
-        by_pose: Change of the top speeds by the sag by the pose, gamma h [1/sample].
-        least: Least top speed with gravity [rad/sample].
-        most: Largest top speed with gravity [rad/sample].
-        by_load: Factors by which the load changes the top speeds down and up [-], and the sag under
-            it [rad], (3, n); (3, 0) without a load.
-    """
-
-    ahead: float
-    low: float
-    high: float
-    sag: float
-    dead_band: float
-    table: Array
-    by_pose: float
-    least: float
-    most: float
+    ahead: float  # time by which requests change line before a knot [samples]
+    low: float  # least slope [rad/sample]
+    high: float  # largest slope [rad/sample]
+    sag: float  # sag without a load [rad]
+    dead_band: float  # of the joint [rad]
+    table: Array  # slopes, rising [rad/sample], and their offsets without a load [rad], (2, m)
+    by_pose: float  # change of the top speeds by the sag by the pose, gamma h [1/sample]
+    least: float  # least top speed with gravity [rad/sample]
+    most: float  # largest top speed with gravity [rad/sample]
+    # factors by which the load changes the top speeds down and up [-], and the sag under it [rad],
+    # (3, n); (3, 0) without a load
     by_load: Array
 
 

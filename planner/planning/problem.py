@@ -61,15 +61,10 @@ LEAST_FOOT_MOTION = 1e-9
 
 
 class FootGoal(NamedTuple):
-    """A foot that should follow a path; its errors count in radians of a typical joint's turn.
+    """A foot that should follow a path; its errors count in radians of a typical joint's turn."""
 
-    Attributes:
-        rows: Desired positions, and the disturbance of the joints' angles: ``Spec.goal``.
-        links: The constants of the leg: ``Spec.leg``.
-    """
-
-    rows: Array
-    links: Array
+    rows: Array  # desired positions, and the disturbance of the joints' angles: ``Spec.goal``
+    links: Array  # the constants of the leg: ``Spec.leg``
 
     @classmethod
     def of(cls, leg: Leg, desired: Array, scale: Array, added: Array) -> FootGoal:

@@ -109,17 +109,12 @@ def solve(
     task: Task,
     *,
     solver: Solver = "gauss-newton",
+    # requests from which the disturbance was measured [rad], (n, k): near these a search stays, see
+    # :func:`nearer`
     executed: Array | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,  # called with the name of each joint
 ) -> tuple[Array, Array | None]:
     """The requests for a task: of a foot all at once, of joints one by one.
-
-    Args:
-        task: The task.
-        solver: Solver of a joint.
-        executed: Requests from which the disturbance was measured [rad], (n, k): near these a
-            search stays, see :func:`nearer`.
-        progress: Called with the name of each joint.
 
     Returns:
         Requests to the joints [rad], (n, k); with several models of a joint also the requests for
@@ -525,23 +520,14 @@ def for_all_models(
 
 
 class Motion(NamedTuple):
-    """Requests, the motion of the exact models, and its errors in the unit of the problem's error.
+    """Requests, the motion of the exact models, and its errors in the problem's unit."""
 
-    Attributes:
-        requests: Requests [rad], (n, J).
-        angles: Angles [rad], (n, A); NaN where a joint has no steady cycle.
-        error: In the norm that counts; inf without a steady cycle.
-        mean: Root mean square, whichever norm counts.
-        model_error: Known error of the models, rms: at least an encoder's step.
-        unseen: Error that an encoder's step of each joint makes, rms.
-    """
-
-    requests: Array
-    angles: Array
-    error: float
-    mean: float
-    model_error: float
-    unseen: float
+    requests: Array  # requests [rad], (n, J)
+    angles: Array  # angles [rad], (n, A); NaN where a joint has no steady cycle
+    error: float  # in the norm that counts; inf without a steady cycle
+    mean: float  # root mean square, whichever norm counts
+    model_error: float  # known error of the models, rms: at least an encoder's step
+    unseen: float  # error that an encoder's step of each joint makes, rms
 
     @property
     def shown(self) -> float:
@@ -597,21 +583,13 @@ def allowed(problem: Problem, motion: Motion, best: Motion) -> bool:
 
 
 class Allowance(NamedTuple):
-    """How large the errors of smoother requests may be.
+    """How large the errors of smoother requests may be."""
 
-    Attributes:
-        shown: Largest error that a robot may show.
-        growth: Largest ratio of it to the least shown error so far.
-        heaviest: Largest weight on the second differences beside the errors.
-        at_most: Largest error.
-        mean: Where the largest error counts, also the largest root mean square.
-    """
-
-    shown: float = math.inf
-    growth: float = math.inf
-    heaviest: float = math.inf
-    at_most: float = math.inf
-    mean: float = math.inf
+    shown: float = math.inf  # largest error that a robot may show
+    growth: float = math.inf  # largest ratio of it to the least shown error so far
+    heaviest: float = math.inf  # largest weight on the second differences beside the errors
+    at_most: float = math.inf  # largest error
+    mean: float = math.inf  # where the largest error counts, also the largest root mean square
 
     def error(self, motion: Motion) -> float:
         """The allowed error of such a motion."""
@@ -636,24 +614,18 @@ largest errors of the reference walk are two to four times as rough."""
 
 
 def smoothed(
-    problem: Problem,
-    requests: Array,
+    problem: Problem,  # the goal, and the limits
+    requests: Array,  # A good plan [rad], shape (n, J)
     *,
-    best: Motion | None = None,
+    best: Motion | None = None,  # the best plan, if it is another one
+    # requests [rad], (n, J), to start from as well where their error is allowed; they are computed
+    # only where requests may be smoothed
     candidates: Iterable[Array] = (),
-    at_most: float = math.inf,
+    at_most: float = math.inf,  # upper limit of the error in any case
 ) -> Array:
     """Smoother requests whose shown error is within the limits of :func:`allowed`.
 
     Where requests would shake a joint, an error up to an encoder's step is allowed as well.
-
-    Args:
-        problem: The goal, and the limits.
-        requests: A good plan [rad], shape (n, J).
-        best: The best plan, if it is another one.
-        candidates: Requests [rad], (n, J), to start from as well where their error is allowed; they
-            are computed only where requests may be smoothed.
-        at_most: Upper limit of the error in any case.
 
     Returns:
         The smoother requests, or ``requests``: always with a smoothness of 0.

@@ -74,24 +74,14 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
 
 def _conditions_of_speed(
     problem: BoundProblem,
-    w: Any,
-    lowest: Array,
-    highest: Array,
-    db: Array,
-    ds: Array,
-    next_b: Array,
+    w: Any,  # speeds [rad/tick]
+    lowest: Array,  # least speed before each change [rad/tick]
+    highest: Array,  # greatest speed before it
+    db: Array,  # change of the top speed
+    ds: Array,  # change of the sag under the load [rad]
+    next_b: Array,  # how much faster the joint is after the change [rad/tick]
 ) -> list[Any]:
-    """Condition 2 or, with inertia, 2a and 2b, in one direction.
-
-    Args:
-        problem: The joint.
-        w: Speeds [rad/tick].
-        lowest: Least speed before each change [rad/tick].
-        highest: Greatest speed before it.
-        db: Change of the top speed.
-        ds: Change of the sag under the load [rad].
-        next_b: How much faster the joint is after the change [rad/tick].
-    """
+    """Condition 2 or, with inertia, 2a and 2b, in one direction."""
     import cvxpy
 
     cp: Any = cvxpy

@@ -70,21 +70,13 @@ and, in the same time, the bound is 0.4 % lower in the mean of 13 problems."""
 
 
 class Node(NamedTuple):
-    """A part of all responses: intervals of requests, and ranges and bounds of the responses.
+    """A part of all responses: intervals of requests, and ranges and bounds of the responses."""
 
-    Attributes:
-        bound: Lower bound on their error [v_max ticks].
-        intervals: Intervals of the requests that were branched on.
-        ranges: Ranges of angles and speeds.
-        cuts: The active cuts.
-        solution: The nearest point of the node's relaxation.
-    """
-
-    bound: float
-    intervals: Intervals
-    ranges: Ranges
-    cuts: list[Cut]
-    solution: RelaxedSolution
+    bound: float  # lower bound on their error [v_max ticks]
+    intervals: Intervals  # intervals of the requests that were branched on
+    ranges: Ranges  # ranges of angles and speeds
+    cuts: list[Cut]  # the active cuts
+    solution: RelaxedSolution  # the nearest point of the node's relaxation
 
     def weighted_cuts(self) -> list[tuple[Cut, float]]:
         """The cuts, the last rows of the relaxation, with their multipliers."""
@@ -311,23 +303,16 @@ def tighten(
 
 
 def local_conditions(
-    problem: ScaledProblem,
-    solution: RelaxedSolution,
-    columns: sparse.csc_array,
-    lengths: Indices,
-    tick: int,
+    problem: ScaledProblem,  # the problem of the bound
+    solution: RelaxedSolution,  # the nearest point of the present relaxation
+    columns: sparse.csc_array,  # its matrix, by columns
+    lengths: Indices,  # entries in each of its rows
+    tick: int,  # the tick in the middle
 ) -> tuple[Indices, sparse.csr_array, Array, Cones]:
     """The conditions around one tick that every response better than the incumbent meets.
 
     They are the relaxation's rows that concern the ticks around it alone, and (9b) restricted to
     them.
-
-    Args:
-        problem: The problem of the bound.
-        solution: The nearest point of the present relaxation.
-        columns: Its matrix, by columns.
-        lengths: Entries in each of its rows.
-        tick: The tick in the middle.
 
     Returns:
         The problem's unknowns that occur, (m,), and matrix, limits and cones of conditions on them.

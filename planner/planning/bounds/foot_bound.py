@@ -110,27 +110,17 @@ class Multipliers(NamedTuple):
 
 
 class LagrangianRelaxation(NamedTuple):
-    """The foot's distance, and conditions on the angles at all ticks of all joints.
+    """The foot's distance, and conditions on the angles at all ticks of all joints."""
 
-    Attributes:
-        distance: Scaled so that the error of a known plan is 1.
-        norm: Root mean square or largest distance.
-        matrix: Conditions ``matrix @ angles <= limits`` of all joints, shape (rows, ticks).
-        limits: Shape (rows,).
-        sampled: The ticks of the samples, shape (n, k).
-        between: The other ticks, shape (m,).
-        low: Least angles at these [rad], shape (m,).
-        high: Greatest angles at these [rad], shape (m,).
-    """
-
-    distance: Distance
-    norm: Norm
+    distance: Distance  # scaled so that the error of a known plan is 1
+    norm: Norm  # root mean square or largest distance
+    # conditions ``matrix @ angles <= limits`` of all joints, shape (rows, ticks)
     matrix: sparse.csr_array
-    limits: Array
-    sampled: Indices
-    between: Indices
-    low: Array
-    high: Array
+    limits: Array  # shape (rows,)
+    sampled: Indices  # the ticks of the samples, shape (n, k)
+    between: Indices  # the other ticks, shape (m,)
+    low: Array  # least angles at these [rad], shape (m,)
+    high: Array  # greatest angles at these [rad], shape (m,)
 
     @classmethod
     def of(
@@ -308,23 +298,14 @@ def bundle_step(
 
 
 class Node(NamedTuple):
-    """The responses whose angles at the middle sample are in a box, and their lower bound.
+    """The responses whose angles at the middle sample are in a box, and their lower bound."""
 
-    Attributes:
-        bound: Lower bound on their squared error.
-        lower: Least angles at the middle sample [rad], (k,).
-        upper: Greatest angles there [rad], (k,).
-        multipliers: Multipliers that prove it.
-        columns: Angles that minimised (13a) under some multipliers, each (n, k).
-        effort: Samples searched, summed over rounds, and the effort of the rounds themselves.
-    """
-
-    bound: float
-    lower: Array
-    upper: Array
-    multipliers: Multipliers
-    columns: tuple[Array, ...]
-    effort: int = 0
+    bound: float  # lower bound on their squared error
+    lower: Array  # least angles at the middle sample [rad], (k,)
+    upper: Array  # greatest angles there [rad], (k,)
+    multipliers: Multipliers  # multipliers that prove it
+    columns: tuple[Array, ...]  # angles that minimised (13a) under some multipliers, each (n, k)
+    effort: int = 0  # samples searched, summed over rounds, and the effort of the rounds themselves
 
 
 def _branch_and_bound(relaxation: LagrangianRelaxation, away: Array, plan: Array) -> float:
@@ -409,11 +390,12 @@ def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node
 
 def attainable_angles(
     models: Sequence[JointModel],
-    limits: tuple[Array, Array],
-    samples: int,
+    limits: tuple[Array, Array],  # smallest and largest requests [rad], two arrays (k,)
+    samples: int,  # number of samples n
     *,
+    # from rest: angles of the joints at the first sample [rad], (k,); None for a cycle
     start: Array | None,
-    loads: Loads | None = None,
+    loads: Loads | None = None,  # torque on each joint at every sample [N m], (n,), or None
 ) -> tuple[Array, Array]:
     """Least and greatest angles of every joint under requests within limits [rad], (n, k) both.
 
@@ -423,13 +405,6 @@ def attainable_angles(
     1 - s. With inertia, or where gravity may overcome it, it may overshoot by any amount. A turn
     by 2 pi changes nothing for the foot, so that the least angle of a cycle may be taken within a
     turn of the lower limit, or of -pi; the speed then bounds the greatest angle.
-
-    Args:
-        models: The joints.
-        limits: Smallest and largest requests [rad], two arrays (k,).
-        samples: Number of samples n.
-        start: From rest: angles of the joints at the first sample [rad], (k,); None for a cycle.
-        loads: Torque on each joint at every sample [N m], (n,), or None.
     """
     loads = [None] * len(models) if loads is None else loads
     farthest = _farthest(models, loads)

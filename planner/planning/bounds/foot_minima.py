@@ -21,21 +21,13 @@ where angles far apart are equally good, and take some 100 MB."""
 
 
 class Distance(NamedTuple):
-    """The squared distance of a leg's foot from its desired position, with scaled axes.
-
-    Attributes:
-        chain: The leg.
-        lower: Least angles at each sample [rad], shape (n, k).
-        upper: Greatest angles [rad], shape (n, k).
-        desired: Desired foot positions [m], shape (n, 3).
-        scale: Scale of each axis [1/m], shape (3,).
-    """
+    """The squared distance of a leg's foot from its desired position, with scaled axes."""
 
     chain: Chain
-    lower: Array
-    upper: Array
-    desired: Array
-    scale: Array
+    lower: Array  # least angles at each sample [rad], shape (n, k)
+    upper: Array  # greatest angles [rad], shape (n, k)
+    desired: Array  # desired foot positions [m], shape (n, 3)
+    scale: Array  # scale of each axis [1/m], shape (3,)
 
     def errors(self, angles: Array, samples: Indices | slice) -> tuple[Array, Array]:
         """Scaled errors at angles (m, k) of samples, (3, m); derivatives [1/rad], (k, 3, m)."""

@@ -129,23 +129,15 @@ def nearest_motion(
 
 
 def nearest_point(
-    matrix: sparse.csr_array,
-    limits: Array,
-    sampled: npt.NDArray[np.int_],
-    desired: Array,
+    matrix: sparse.csr_array,  # G, shape (rows, unknowns)
+    limits: Array,  # b, shape (rows,)
+    sampled: npt.NDArray[np.int_],  # which unknowns are compared, shape (n,)
+    desired: Array,  # D, shape (n,)
     *,
-    norm: Norm,
-    equations: int = 0,
+    norm: Norm,  # "rms" for a QP on the squared distance, "max" for an LP on the largest
+    equations: int = 0,  # the first so many rows hold with equality
 ) -> ConicSolution:
     """Minimise the distance of z[sampled] from the desired angles over ``matrix @ z <= limits``.
-
-    Args:
-        matrix: G, shape (rows, unknowns).
-        limits: b, shape (rows,).
-        sampled: Which unknowns are compared, shape (n,).
-        desired: D, shape (n,).
-        norm: "rms" for a QP on the squared distance, "max" for an LP on the largest.
-        equations: The first so many rows hold with equality.
 
     Returns:
         The nearest z and a multiplier for each row.
@@ -199,20 +191,13 @@ def dual_value(
 
 def certified_error(
     reachable: ReachableSet,
-    desired: Array,
-    multipliers: Array,
+    desired: Array,  # desired angles D, shape (n,)
+    multipliers: Array,  # lambda >= 0, shape (rows,)
     *,
     norm: Norm,
-    slack: float,
+    slack: float,  # largest distance of an angle between two samples from the sample before it
 ) -> float:
     """The lower bound that any multipliers prove by (9), or with linearised conditions by (9c).
-
-    Args:
-        reachable: The set.
-        desired: Desired angles D, shape (n,).
-        multipliers: lambda >= 0, shape (rows,).
-        norm: Which error.
-        slack: Largest distance of an angle between two samples from the sample before it.
 
     Returns:
         Lower bound on the error of every trajectory of the set, at least 0.
@@ -249,33 +234,21 @@ def certified_error(
 
 
 class Cones(NamedTuple):
-    """Numbers of rows of ``limits - matrix @ unknowns`` in each cone, in order.
+    """Numbers of rows of ``limits - matrix @ unknowns`` in each cone, in order."""
 
-    Attributes:
-        zero: Rows that vanish.
-        at_most: Rows that are at least zero.
-        balls: Rows of second-order cones: the first of each is at least the length of the rest.
-    """
-
-    zero: int
-    at_most: int
+    zero: int  # rows that vanish
+    at_most: int  # rows that are at least zero
+    # rows of second-order cones: the first of each is at least the length of the rest
     balls: tuple[int, ...] = ()
 
 
 class ConicSolution(NamedTuple):
-    """The solver's last point, and multipliers within the dual cones.
+    """The solver's last point, and multipliers within the dual cones."""
 
-    Attributes:
-        unknowns: The solver's point, shape (unknowns,).
-        multipliers: One for each row; all zero where the solver has none.
-        status: The solver's status.
-        has_multipliers: Whether they are finite: they then prove a bound at any status.
-    """
-
-    unknowns: Array
-    multipliers: Array
+    unknowns: Array  # the solver's point, shape (unknowns,)
+    multipliers: Array  # one for each row; all zero where the solver has none
     status: str
-    has_multipliers: bool
+    has_multipliers: bool  # whether they are finite: they then prove a bound at any status
 
     @property
     def solved(self) -> bool:
@@ -292,22 +265,14 @@ class ConicSolver:
 
     def __init__(
         self,
-        matrix: sparse.csr_array,
-        limits: Array,
-        cones: Cones,
+        matrix: sparse.csr_array,  # matrix of the conditions, shape (rows, unknowns)
+        limits: Array,  # their right-hand sides, shape (rows,)
+        cones: Cones,  # cones of the rows of ``limits - matrix @ z``
         *,
-        curvature: Array | None = None,
-        tolerance: float,
+        curvature: Array | None = None,  # shape (unknowns,), 0 or more; None for none
+        tolerance: float,  # Clarabel's absolute and relative gap, and its feasibility
     ) -> None:
-        """Set up problems.
-
-        Args:
-            matrix: Matrix of the conditions, shape (rows, unknowns).
-            limits: Their right-hand sides, shape (rows,).
-            cones: Cones of the rows of ``limits - matrix @ z``.
-            curvature: Shape (unknowns,), 0 or more; None for none.
-            tolerance: Clarabel's absolute and relative gap, and its feasibility.
-        """
+        """Set up problems."""
         import clarabel
 
         settings = clarabel.DefaultSettings()

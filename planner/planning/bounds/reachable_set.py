@@ -22,61 +22,42 @@ LEVELS: tuple[Level, ...] = ("slope", "envelope", "exact")
 
 
 class BoundProblem(NamedTuple):
-    """The joint, the desired angles and the norm of a lower bound.
-
-    Attributes:
-        model: The joint.
-        desired: Desired angles D [rad], shape (n,).
-        cyclic: Whether the trajectory repeats for ever.
-        norm: Which error.
-        start: From rest: where the joint rests before the first request [rad]; None for any start.
-        load: Torque on the joint at each sample [N m], shape (n,), if any.
-    """
+    """The joint, the desired angles and the norm of a lower bound."""
 
     model: JointModel
-    desired: Array
-    cyclic: bool
+    desired: Array  # desired angles D [rad], shape (n,)
+    cyclic: bool  # whether the trajectory repeats for ever
     norm: Norm
+    # from rest: where the joint rests before the first request [rad]; None for any start
     start: float | None
-    load: Array | None = None
+    load: Array | None = None  # torque on the joint at each sample [N m], shape (n,), if any
 
 
 class Curvature(NamedTuple):
     """By how much trajectories with an error may exceed linearised conditions, (9c).
 
     Such a condition holds up to ``factor * (|error of the sample| + between)**2``.
-
-    Attributes:
-        rows: Which conditions, (r,).
-        factors: Half of the largest second derivative [1/rad], (r,).
-        samples: Sample whose error counts, (r,).
-        between: Largest distance of the angle from the one at that sample [rad], (r,).
     """
 
-    rows: npt.NDArray[np.int_]
-    factors: Array
-    samples: npt.NDArray[np.int_]
-    between: Array
+    rows: npt.NDArray[np.int_]  # which conditions, (r,)
+    factors: Array  # half of the largest second derivative [1/rad], (r,)
+    samples: npt.NDArray[np.int_]  # sample whose error counts, (r,)
+    between: Array  # largest distance of the angle from the one at that sample [rad], (r,)
 
 
 @dataclass(frozen=True, eq=False)
 class ReachableSet:
-    """A set that contains every trajectory the joint can make: ``matrix @ angles <= limits``.
+    """A set that contains every trajectory the joint can make: ``matrix @ angles <= limits``."""
 
-    Attributes:
-        of_angles: What the angles at the ticks count in each row, shape (rows, ticks).
-        of_speeds: What the speeds between ticks count, ``steps @ angles``, shape (rows, speeds).
-        steps: The speeds of angles [rad/tick], shape (speeds, ticks).
-        limits: b [rad], shape (rows,).
-        sampled: Indices of the angles that are compared with the desired ones, shape (n,).
-        curvature: Rows that are linearised at the desired angles; None where all hold exactly.
-    """
-
+    # what the angles at the ticks count in each row, shape (rows, ticks)
     of_angles: sparse.csr_array
+    # what the speeds between ticks count, ``steps @ angles``, shape (rows, speeds)
     of_speeds: sparse.csr_array
-    steps: sparse.csr_array
-    limits: Array
+    steps: sparse.csr_array  # the speeds of angles [rad/tick], shape (speeds, ticks)
+    limits: Array  # b [rad], shape (rows,)
+    # indices of the angles that are compared with the desired ones, shape (n,)
     sampled: npt.NDArray[np.int_]
+    # rows that are linearised at the desired angles; None where all hold exactly
     curvature: Curvature | None = None
 
     @cached_property
@@ -259,23 +240,14 @@ def _speed_limits(model: JointModel, load: Array, pose: tuple[float, float]) -> 
 
 
 class Side(NamedTuple):
-    """Speeds and drive of a joint in one direction, for each pair of ticks t, t + 1, shape (m,).
+    """Speeds and drive of a joint in one direction, for each pair of ticks t, t + 1, shape (m,)."""
 
-    Attributes:
-        sign: The direction; speeds, sags and drives are positive in it.
-        slowest: Least speed at t [rad/tick].
-        fastest: Largest speed at t [rad/tick].
-        faster: Change of the top speed from t to t + 1 [rad/tick].
-        sagged: Change of the sag under the load [rad].
-        drive: Largest drive at t + 1 [rad/tick].
-    """
-
-    sign: float
-    slowest: Array
-    fastest: Array
-    faster: Array
-    sagged: Array
-    drive: Array
+    sign: float  # the direction; speeds, sags and drives are positive in it
+    slowest: Array  # least speed at t [rad/tick]
+    fastest: Array  # largest speed at t [rad/tick]
+    faster: Array  # change of the top speed from t to t + 1 [rad/tick]
+    sagged: Array  # change of the sag under the load [rad]
+    drive: Array  # largest drive at t + 1 [rad/tick]
 
 
 def sides(
@@ -303,17 +275,11 @@ def sides(
 
 
 class SpeedCondition(NamedTuple):
-    """``w(t+1) <= now * w(t) + before * w(t-1) + most`` in one direction.
+    """``w(t+1) <= now * w(t) + before * w(t-1) + most`` in one direction."""
 
-    Attributes:
-        now: Factor of the speed at t [-], a number or one for each pair of ticks.
-        before: Factor of the speed at t - 1 [-]; 0 where it does not count.
-        most: Constant term [rad/tick], a number or one for each pair of ticks.
-    """
-
-    now: Array | float
-    before: float
-    most: Array | float
+    now: Array | float  # factor of the speed at t [-], a number or one for each pair of ticks
+    before: float  # factor of the speed at t - 1 [-]; 0 where it does not count
+    most: Array | float  # constant term [rad/tick], a number or one for each pair of ticks
 
 
 def speed_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:

@@ -52,19 +52,12 @@ CUT_ROUNDING = 1e-9
 
 
 class ActingPairs(NamedTuple):
-    """Which requests act at which ticks, one entry for every pair, ordered by tick.
+    """Which requests act at which ticks, one entry for every pair, ordered by tick."""
 
-    Attributes:
-        tick: The tick t, shape (m,).
-        request: The request r, shape (m,).
-        weight: W(r, t), shape (m,).
-        following: Index of the same request's entry one tick later; -1 where there is none.
-    """
-
-    tick: Indices
-    request: Indices
-    weight: Array
-    following: Indices
+    tick: Indices  # the tick t, shape (m,)
+    request: Indices  # the request r, shape (m,)
+    weight: Array  # W(r, t), shape (m,)
+    following: Indices  # index of the same request's entry one tick later; -1 where there is none
 
 
 def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
@@ -257,27 +250,16 @@ class Cut(NamedTuple):
 
 
 class RelaxedSolution(NamedTuple):
-    """The nearest point of a relaxation, and the bound of its multipliers for the whole set.
+    """The nearest point of a relaxation, and the bound of its multipliers for the whole set."""
 
-    Attributes:
-        angles: x, shape (ticks,).
-        contributions: u, shape (pairs,).
-        bound: Lower bound on the error of the relaxation, by (9) [v_max ticks].
-        matrix: G, shape (rows, unknowns), the equations of motion first.
-        limits: b, shape (rows,).
-        multipliers: lambda, shape (rows,), the multipliers of the cuts last.
-        gradient: G' lambda at the samples, shape (n,).
-        dual_value: The numerator of (9).
-    """
-
-    angles: Array
-    contributions: Array
-    bound: float
-    matrix: sparse.csr_array
-    limits: Array
-    multipliers: Array
-    gradient: Array
-    dual_value: float
+    angles: Array  # x, shape (ticks,)
+    contributions: Array  # u, shape (pairs,)
+    bound: float  # lower bound on the error of the relaxation, by (9) [v_max ticks]
+    matrix: sparse.csr_array  # G, shape (rows, unknowns), the equations of motion first
+    limits: Array  # b, shape (rows,)
+    multipliers: Array  # lambda, shape (rows,), the multipliers of the cuts last
+    gradient: Array  # G' lambda at the samples, shape (n,)
+    dual_value: float  # the numerator of (9)
 
 
 def conditions(
@@ -377,21 +359,13 @@ def violated_cuts(
 
 
 class RequestSet(NamedTuple):
-    """Range of one request, and ranges of the angles at the ticks at which it acts.
+    """Range of one request, and ranges of the angles at the ticks at which it acts."""
 
-    Attributes:
-        gain: gamma = v_max / theta_0 [1/tick].
-        lower: Least angles before these ticks, shape (m,).
-        upper: Greatest angles, shape (m,).
-        interval: Least and greatest request.
-        excess: Excess of the top speed upwards, which is missing downwards.
-    """
-
-    gain: float
-    lower: Array
-    upper: Array
-    interval: tuple[float, float] = UNBOUNDED
-    excess: float = 0.0
+    gain: float  # gamma = v_max / theta_0 [1/tick]
+    lower: Array  # least angles before these ticks, shape (m,)
+    upper: Array  # greatest angles, shape (m,)
+    interval: tuple[float, float] = UNBOUNDED  # least and greatest request
+    excess: float = 0.0  # excess of the top speed upwards, which is missing downwards
 
     @property
     def corners(self) -> tuple[float, float]:
