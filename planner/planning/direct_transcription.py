@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,29 +33,19 @@ from planner.model.symbolic import period_function
 from planner.planning.problem import Problem
 from planner.trajectory import Array
 
+# Measured on 14 instances of the benchmark: the rms is 0.02 % above that of "gauss-newton" on
+# average, 0.2 % at worst. In brackets this excess with half and twice of a number.
 
-@dataclass(frozen=True, kw_only=True)
-class TranscriptionOptions:
-    """How the programme is set up and solved.
+RADII = (0.4, 0.12, 0.04, 0.013)
+"""Radii of the rounded corners [theta_0], a programme each (0.06 and 0.7 %; 0.2 and 1.2 %). The
+fourth gains 0.01 %, and 0.3 % in the norm "max", for half as much time again."""
 
-    Measured on 14 instances of the benchmark: the rms is 0.02 % above that of the solver
-    "gauss-newton" on average, 0.2 % at worst; the figures below are changes of this excess.
-    """
+WEIGHT = 1e-4
+"""Weight alpha on the distance of the requests from those that hold the desired angles (0.04 % on
+average; 0.06 %)."""
 
-    # radii of the rounded corners [theta_0], a programme each. Of the first three, half gives 0.06
-    # % on average and 0.7 % at worst, twice 0.2 and 1.2 %. The fourth wins 0.01 %, and 0.3 % in the
-    # norm "max", for half as much time again.
-    radii: tuple[float, ...] = (0.4, 0.12, 0.04, 0.013)
-    # weight alpha on the distance of the requests from those that hold the desired angles. At half
-    # of it the average is 0.04 %, at twice 0.06 %; at a tenth and at ten times the worst is 0.7 and
-    # 1.4 %.
-    weight: float = 1e-4
-    # most iterations for each radius. At half of them the answers are the same, but 0.3 % worse in
-    # the norm "max".
-    iterations: int = 300
-
-
-OPTIONS = TranscriptionOptions()
+ITERATIONS = 300
+"""Most iterations for each radius: with half 0.3 % worse in the norm "max", else the same."""
 
 
 def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
@@ -73,7 +62,7 @@ def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
         return first  # no free request acts before the end
     samples, unit = len(problem.desired), problem.models[0].theta_0
     nlp, point, bounds = _transcribed(problem, first, ideal)
-    settings = {"print_level": 0, "sb": "yes", "max_iter": OPTIONS.iterations}
+    settings = {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS}
     options: dict[str, Any] = {
         "print_time": False,
         "error_on_fail": False,
@@ -83,7 +72,7 @@ def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
     solve = casadi.nlpsol("inversion", "ipopt", nlp, options)
     best, least = first, problem.exact_error(first)
     solved, status = False, ""
-    for radius in OPTIONS.radii:
+    for radius in RADII:
         answer = solve(x0=point, p=radius, **bounds)
         status, iterations = str(solve.stats()["return_status"]), solve.stats()["iter_count"]
         unknowns = np.asarray(answer["x"], dtype=np.float64).ravel()
@@ -129,7 +118,7 @@ def _transcribed(
     # Objective
     errors = angles - desired
     cost = casadi.sumsqr(errors) if problem.norm == "rms" else samples * largest**2
-    cost += OPTIONS.weight * casadi.sumsqr(requests - resting)
+    cost += WEIGHT * casadi.sumsqr(requests - resting)
 
     # Dynamics, and the boundary: a cycle, or from rest
     period_of = period_function(model)

@@ -143,17 +143,11 @@ class Problem(NamedTuple):
 
 @compiled
 def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
-    """Plan the requests of all joints for now.
+    """Plan the requests of all joints for now; the answer, and states updated to now, are in data.
 
-    Args:
-        data: The arguments, the joints' states, updated to now, and the answer.
-        path: Memory of a path that repeats; with no rows ahead where it does not.
-        missed: Ticks without a step since the last one: the last requests were held.
-        strict: Whether a fault prevents any change.
-
-    Returns:
-        Whether the tick has planned: not with faults where ``strict``, nor if the first tick has
-        no angle of a joint; the requests are then NaN.
+    ``path`` has no rows ahead where it does not repeat; ``missed`` ticks have passed without a
+    step, in which the last requests were held. The answer is whether the tick has planned: not with
+    faults where ``strict``, nor if the first tick has no angle of a joint; requests are then NaN.
     """
     joints, laws, states, weights, radii, sent, plan, desired, load = data
     preview, count = desired.shape
@@ -400,16 +394,25 @@ def cost(problem: Problem, requests: Array, enough: float) -> float:
 
 
 @inner
+def before(slopes: Array, derivatives: Array) -> tuple[float, float]:
+    """Derivatives by angle and speed after a period, as those by these before it."""
+    return (
+        slopes[0, 0] * derivatives[0] + slopes[1, 0] * derivatives[1],
+        slopes[0, 1] * derivatives[0] + slopes[1, 1] * derivatives[1],
+    )
+
+
+@inner
 def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: Array) -> float:
     """Fill ``step`` with minus the Gauss-Newton step of a plan; return the plan's cost [rad^2].
 
     Requests on a limit that the gradient would move beyond it stay, and so does the first one where
     the stream begins.
 
-    The recursion goes backward. With a = dM and b = dw, angle and speed before period k, and r the
+    The recursion goes backward. With x the changes of angle and speed before period k, and r the
     changes dR of the requests before it, half the cost from there on is, up to a constant,
 
-        p_aa a^2/2 + p_ab a b + p_bb b^2/2 + (c_a a + c_b b)'r + r'Qr/2 - p_a a - p_b b - q'r.
+        x'Px/2 + x'Cr + r'Qr/2 - p'x - q'r.
 
     An integral term is not linearised; the exact model, which has it, judges every step. The cost
     is first written in the state before period k and dR_k, then minimised over dR_k. A request
@@ -447,55 +450,44 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
             q[k - 1] -= force
     periods(law, weights, window, sags, faster, rounded, states, slopes)
     # Backward
-    gradient, by_angle, by_speed = q.copy(), 0.0, 0.0
-    p_aa, p_ab, p_bb, p_a, p_b = 0.0, 0.0, 0.0, 0.0, 0.0
-    c_a, c_b = np.zeros(count), np.zeros(count)
+    size = 2 if inert else 1  # without inertia the speed has no effect
+    gradient, by_state, linear, moved = q.copy(), np.zeros(2), np.zeros(2), np.zeros(2)
+    curved, product, c = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, count))  # P, PA, C
     matrix = np.zeros((count, band))  # Q: row i, column l at l - i + band - 1
-    lead_a, half_a, own = np.zeros(band), np.zeros(band), np.zeros(band)
-    lead_b, half_b = np.zeros(band), np.zeros(band)
+    (lead, half), own = np.zeros((2, 2, band)), np.zeros(band)
     feedback, constant = np.zeros((count, band + 1)), np.zeros(count)
     for k in range(count - 1, -1, -1):
         low = max(k - band + 1, 0)
-        last, error = k - low, samples[k].count * errors[k]
-        a_by_a, a_by_b = slopes[0, 0, k], slopes[0, 1, k]
-        b_by_a, b_by_b = slopes[1, 0, k], slopes[1, 1, k]
-        by_angle += error
-        p_a += error
-        p_aa += samples[k].count
+        last, error, change = k - low, samples[k].count * errors[k], slopes[:, :, k]
+        by_state[0] += error
+        linear[0] += error
+        curved[0, 0] += samples[k].count
         # The requests low to k, of which the youngest is the last
-        older, older_a, older_b, rest = gradient[low:], c_a[low:], c_b[low:], q[low:]
+        older, rest = gradient[low:], q[low:]
         for t in range(last + 1):
             age = last - t
-            lead_a[t] = slopes[0, own_states + age, k] if age < width else 0.0
-            lead_b[t] = slopes[1, own_states + age, k] if age < width and inert else 0.0
-        for t in range(last + 1):
-            older[t] += lead_a[t] * by_angle + lead_b[t] * by_speed
-            rest[t] += lead_a[t] * p_a + lead_b[t] * p_b
-            to_a = p_aa * lead_a[t] + p_ab * lead_b[t]
-            to_b = p_ab * lead_a[t] + p_bb * lead_b[t]
-            half_a[t] = to_a / 2.0 + older_a[t]
-            half_b[t] = to_b / 2.0 + older_b[t]
-            to_a += older_a[t]
-            to_b += older_b[t]
-            older_a[t] = a_by_a * to_a + b_by_a * to_b
-            older_b[t] = a_by_b * to_a + b_by_b * to_b
-        by_angle, by_speed = (
-            a_by_a * by_angle + b_by_a * by_speed,
-            a_by_b * by_angle + b_by_b * by_speed,
-        )
-        p_a, p_b = a_by_a * p_a + b_by_a * p_b, a_by_b * p_a + b_by_b * p_b
-        p_aa, p_ab, p_bb = (
-            p_aa * a_by_a * a_by_a + 2.0 * p_ab * a_by_a * b_by_a + p_bb * b_by_a * b_by_a,
-            p_aa * a_by_a * a_by_b
-            + p_ab * (a_by_a * b_by_b + a_by_b * b_by_a)
-            + p_bb * b_by_a * b_by_b,
-            p_aa * a_by_b * a_by_b + 2.0 * p_ab * a_by_b * b_by_b + p_bb * b_by_b * b_by_b,
-        )
+            for x in range(size):
+                lead[x, t] = change[x, own_states + age] if age < width else 0.0
+                older[t] += lead[x, t] * by_state[x]
+                rest[t] += lead[x, t] * linear[x]
+            for x in range(size):
+                moved[x] = curved[x, 0] * lead[0, t] + curved[x, 1] * lead[1, t]
+                half[x, t] = moved[x] / 2.0 + c[x, low + t]
+                moved[x] += c[x, low + t]
+            for x in range(size):
+                c[x, low + t] = change[0, x] * moved[0] + change[1, x] * moved[1]
+        by_state[0], by_state[1] = before(change, by_state)
+        linear[0], linear[1] = before(change, linear)
+        for x in range(size):
+            product[x, 0], product[x, 1] = before(change, curved[x])
+        for x in range(size):
+            curved[0, x], curved[1, x] = before(change, product[:, x])
         # The row of dR_k, which is eliminated where it is free
         row = matrix[k, band - 1 - last :]
         for t in range(last + 1):
-            own[t] = row[t] + lead_a[last] * half_a[t] + half_a[last] * lead_a[t]
-            own[t] += lead_b[last] * half_b[t] + half_b[last] * lead_b[t]
+            own[t] = row[t]
+            for x in range(size):
+                own[t] += lead[x, last] * half[x, t] + half[x, last] * lead[x, t]
         own[last] += per_change[k] + RESTING + damping
         if k:
             own[last - 1] -= per_change[k]
@@ -507,37 +499,32 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         for t in range(last):
             gains[t] = share * own[t]
             rest[t] -= gains[t] * q[k]
-            older_a[t] -= gains[t] * c_a[k]
-            older_b[t] -= gains[t] * c_b[k]
-        by_a, by_b = share * c_a[k], share * c_b[k]
-        gains[band - 1], gains[band] = by_a, by_b
-        p_a -= by_a * q[k]
-        p_b -= by_b * q[k]
-        p_aa -= by_a * c_a[k]
-        p_ab -= by_a * c_b[k]
-        p_bb -= by_b * c_b[k]
+            for x in range(size):
+                c[x, low + t] -= gains[t] * c[x, k]
+        for x in range(size):
+            gains[band - 1 + x] = share * c[x, k]
+            linear[x] -= gains[band - 1 + x] * q[k]
+            for y in range(size):
+                curved[x, y] -= gains[band - 1 + x] * c[y, k]
         for i in range(last):
-            row, lead, half, part = matrix[low + i, band - 1 - i :], lead_a[i], half_a[i], gains[i]
+            row = matrix[low + i, band - 1 - i :]
             for t in range(i + 1):
-                row[t] += lead * half_a[t] + half * lead_a[t] - part * own[t]
-            if inert:
-                lead, half = lead_b[i], half_b[i]
+                row[t] -= gains[i] * own[t]
+            for x in range(size):
+                lead_i, half_i = lead[x, i], half[x, i]
                 for t in range(i + 1):
-                    row[t] += lead * half_b[t] + half * lead_b[t]
+                    row[t] += lead_i * half[x, t] + half_i * lead[x, t]
     # Forward again
-    angle, speed = 0.0, 0.0
+    now, after = np.zeros(2), np.zeros(2)
     for k in range(count):
-        low, move = max(k - band + 1, 0), constant[k]
-        move -= feedback[k, band - 1] * angle + feedback[k, band] * speed
+        low, step[k] = max(k - band + 1, 0), constant[k]
+        for x in range(size):
+            step[k] -= feedback[k, band - 1 + x] * now[x]
         for t in range(k - low):
-            move -= feedback[k, t] * step[low + t]
-        step[k] = move
-        now, changed = slopes[0, :, k], slopes[1, :, k]
-        next_angle, next_speed = now[0] * angle + now[1] * speed, 0.0
-        if inert:
-            next_speed = changed[0] * angle + changed[1] * speed
-        for age in range(min(width, k + 1)):
-            next_angle += now[own_states + age] * step[k - age]
-            next_speed += changed[own_states + age] * step[k - age]
-        angle, speed = next_angle, next_speed
+            step[k] -= feedback[k, t] * step[low + t]
+        for x in range(size):
+            after[x] = slopes[x, 0, k] * now[0] + slopes[x, 1, k] * now[1]
+            for age in range(min(width, k + 1)):
+                after[x] += slopes[x, own_states + age, k] * step[k - age]
+        now, after = after, now
     return of_errors + of_requests

@@ -9,7 +9,6 @@ import planner
 from planner.exceptions import SolverFailed
 from planner.model.joint import JointModel
 from planner.planning import direct_transcription
-from planner.planning.direct_transcription import TranscriptionOptions
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 
 ERS210A = JointModel.ers210a()
@@ -71,7 +70,7 @@ def test_trajectories_shorter_than_the_window_are_planned(samples, cyclic):
 
 
 def test_a_solver_that_stops_early_is_reported_with_its_own_status(monkeypatch):
-    monkeypatch.setattr(direct_transcription, "OPTIONS", TranscriptionOptions(iterations=1))
+    monkeypatch.setattr(direct_transcription, "ITERATIONS", 1)
     with pytest.raises(SolverFailed, match="inversion by ipopt: the solver stopped") as caught:
         planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver="ipopt")
     assert caught.value.status.startswith("Max")

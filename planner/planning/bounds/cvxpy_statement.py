@@ -18,9 +18,7 @@ from planner.trajectory import Array
 def stated_bound(problem: BoundProblem, level: Level) -> float:
     """Distance of the desired angles from the set of conditions 1 to 3 of docs/math.md [rad].
 
-    Args:
-        problem: The joint, and its desired angles.
-        level: "slope" for condition 1, otherwise conditions 1 to 3.
+    The level "slope" has condition 1 alone.
     """
     import cvxpy
 

@@ -87,11 +87,8 @@ class Node(NamedTuple):
 def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -> float:
     """A lower bound on the error of any requests, at most the incumbent's error [rad].
 
-    Args:
-        problem: The joint, and its desired angles.
-        incumbent: Any error, best the error of a good plan [rad]; the answer is valid for any
-            value, as all conclusions are about responses that are better.
-        time_limit: When to stop [s], counted as work.
+    The incumbent is any error, best that of a good plan: all conclusions are about responses that
+    are better. The time limit [s] is counted as work.
     """
     scaled = ScaledProblem(problem, incumbent, most_work=time_limit * WORK_PER_SECOND)
     root = _root(scaled)

@@ -60,17 +60,12 @@ relative to a plan's squared error [-]."""
 
 
 def foot_bound(task: Task, angles: Array) -> float:
-    """Lower bound on the error of a foot under any requests within the limits [m].
+    """Lower bound on the error of a foot under any requests within the limits [m], at least 0.
 
-    From rest it holds for plans that start from the same pose.
-
-    Args:
-        task: The task of the foot.
-        angles: Angles of a plan, the better the sharper is the bound [rad], shape (n, k).
-
-    Returns:
-        The bound, at least 0, in the norm and the weights of the task; 0 where a joint has the
-        integral of a speed loop. A solver that fails makes it weaker, never wrong.
+    It is in the norm and the weights of the task; from rest it holds for plans that start from the
+    same pose. The better the plan with these angles (n, k) [rad], the sharper is the bound; where a
+    joint has the integral of a speed loop it is 0. A solver that fails makes it weaker, never
+    wrong.
     """
     models, leg = task.nominal, task.leg
     assert leg is not None, "a foot belongs to a leg"

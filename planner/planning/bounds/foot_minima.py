@@ -53,16 +53,9 @@ def minima(
 ) -> tuple[Array, Array]:
     """The least of ``weight * squared distance + slope @ angles`` over the box, for every sample.
 
-    Args:
-        distance: The foot's distance, and the box of angles.
-        weights: Weights of the samples, 0 or more, shape (n,).
-        slopes: Linear terms [1/rad], shape (n, k).
-        guesses: Angles in the box that may be good [rad], shape (n, k).
-        tolerance: Allowed distance of a bound below the least value.
-
-    Returns:
-        Lower bounds over all angles, shape (n,), valid however early the search has to stop; and
-        angles that come close to them [rad], shape (n, k).
+    For weights of 0 or more, (n,), slopes [1/rad] and guesses of good angles in the box [rad], both
+    (n, k): lower bounds over all angles, (n,), valid however early the search has to stop, the
+    tolerance below the least values where it need not, and angles that come close to them, (n, k).
     """
     chain, *rows, scale = distance
     blocks = []
@@ -125,15 +118,9 @@ def _depths(
 ) -> Array:
     """Bound on how far cells of angles go below the values at their centres, shape (m,): (13b).
 
-    The slope times the width, and a term for the curvature of the foot's path.
-
-    Args:
-        errors: Scaled errors of the foot at the centres, shape (3, m).
-        jacobians: Derivatives of the foot there [1/rad], shape (k, 3, m).
-        weights: Weight of each cell's sample, shape (m,).
-        slopes: Linear terms [1/rad], shape (k, m).
-        half: Half the widths [rad], shape (k, m).
-        curved: :meth:`Distance.linearisation_error`, shape (m,).
+    The slope times the width, and a term for the curvature of the foot's path. Errors at the
+    centres and their derivatives, (3, m) and (k, 3, m), are scaled; slopes and half the widths have
+    shape (k, m), ``curved`` is :meth:`Distance.linearisation_error`, (m,).
     """
     gradients = 2.0 * weights * np.stack([_dot(column, errors) for column in jacobians]) + slopes
     steps = np.sqrt(np.sum(jacobians**2, axis=1))

@@ -35,11 +35,8 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     """The distance of the desired angles from the joint's reachable set [rad], proved by (9).
 
     It is 0 where a smooth motion through the desired angles is within the set, and with the
-    integral of a speed loop, for which none of the conditions holds.
-
-    Args:
-        problem: The joint, and its desired angles.
-        level: "slope" for condition 1, otherwise the "envelope" of conditions 1 to 3.
+    integral of a speed loop, for which none of the conditions holds. The level "slope" is condition
+    1 alone, any other the envelope of conditions 1 to 3.
 
     Raises:
         SolverFailed: The solver proposed no multipliers.
@@ -86,17 +83,9 @@ def nearest_motion(
     """The motion of a set whose samples are nearest to the desired angles.
 
     The unknowns are the angles that are sampled or that a condition is about, and the speeds, in
-    units of ``speed``. In the angles of all ticks alone the conditions are second differences:
-    motions of 100 to 2,000 samples with inertia took 70 to 200 iterations, now 16 to 39.
-
-    Args:
-        reachable: The set.
-        desired: Desired angles, shape (n,).
-        norm: Which distance.
-        speed: Unit of the speeds, the largest one per tick.
-
-    Returns:
-        The unknowns, and a multiplier for each row of the set.
+    units of ``speed``, the largest one per tick. In the angles of all ticks alone the conditions
+    are second differences: motions of 100 to 2,000 samples with inertia took 70 to 200 iterations,
+    now 16 to 39. The answer has a multiplier for each row of the set.
     """
     of_angles, steps, sampled = reachable.of_angles, reachable.steps, reachable.sampled
     speeds, ticks = steps.shape
@@ -174,15 +163,9 @@ def dual_value(
 ) -> tuple[float, Array]:
     """The numerator of (9): ``lambda (G y - b) - |G' lambda| room``, and ``G' lambda``.
 
-    The product of the second with y - z is at least the first for all z of the set.
-
-    Args:
-        matrix: G, shape (rows, unknowns).
-        limits: b, shape (rows,).
-        multipliers: lambda, shape (rows,): at least 0 where a row is an inequality.
-        reference: y, shape (unknowns,).
-        room: Largest distance from y of an unknown without a desired value, shape (unknowns,); 0
-            for unknowns with one.
+    The product of the second with y - z is at least the first for all z of the set ``G z <= b``,
+    with multipliers of at least 0 where a row is an inequality. y is the reference; ``room`` is the
+    largest distance from it of each unknown without a desired value, 0 for the others.
     """
     gradient = matrix.T @ multipliers
     value = float(multipliers @ (matrix @ reference - limits) - np.abs(gradient) @ room)

@@ -80,16 +80,11 @@ class ReachableSet:
 def reachable_set(
     problem: BoundProblem, level: Level, angles: tuple[float, float] | None = None
 ) -> ReachableSet:
-    """Linear conditions that every response of the joint meets, tick by tick.
+    """Linear conditions on the angles at every tick that every response of the joint meets.
 
-    Args:
-        problem: The joint, its load and the number of samples; the desired angles do not count.
-        level: "slope" for condition 1, otherwise conditions 1 and 2, and from a given start 3.
-        angles: Least and greatest angle that the joint attains, for the sag by the pose [rad]; None
-            for any angles.
-
-    Returns:
-        The conditions, on the angles at every tick.
+    The level "slope" has condition 1, others conditions 1 and 2, and from a given start 3. Desired
+    angles do not count; ``angles`` are the least and greatest one that the joint attains [rad], for
+    the sag by the pose, None for any.
     """
     model, start = problem.model, problem.start
     level = proved_level(model, level)
@@ -216,12 +211,8 @@ def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
 def speed_ranges(model: JointModel, load: Array, pose: tuple[float, float]) -> tuple[Array, Array]:
     """Least and largest speed in each tick [rad/tick]: condition 1.
 
-    A joint with inertia keeps its speed from another load.
-
-    Args:
-        model: The joint.
-        load: Torque in each tick [N m], shape (m,).
-        pose: Least and largest sag by the pose [rad].
+    A joint with inertia keeps its speed from another load, (m,) [N m]. ``pose`` is the least and
+    largest sag by the pose [rad].
     """
     low, high = _speed_limits(model, load, pose)
     if model.has_inertia:
@@ -253,13 +244,9 @@ class Side(NamedTuple):
 def sides(
     model: JointModel, load: Array, pose: tuple[float, float], *, cyclic: bool
 ) -> tuple[Side, Side]:
-    """Both directions of a joint.
+    """Both directions of a joint under the load in the ticks whose speeds are known [N m], (m,).
 
-    Args:
-        model: The joint.
-        load: Torque in the ticks whose speeds are known [N m], shape (m,).
-        pose: Least and largest sag by the pose [rad].
-        cyclic: Whether the first of them follows the last; if not, there is one pair less.
+    Unless the first of these follows the last, there is one pair less.
     """
     first = slice(None if cyclic else -1)
     next_load = np.roll(load, -1)
@@ -372,12 +359,8 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
 
     The joint rests until the second request acts; then only the weights of the requests that may
     differ from the first one can carry it away, and at any time a change of the sag. The level
-    "slope", and every level of a joint with inertia, ignores the time after the second request.
-
-    Args:
-        model: The joint.
-        load: Torque in each tick [N m], shape (ticks,).
-        level: "slope" or another.
+    "slope", and every level of a joint with inertia, ignores the time after the second request. The
+    load is the torque in each tick [N m].
     """
     resting = np.zeros(model.hold + model.window.first)  # ticks before the second request acts
     changed = np.minimum(np.cumsum(model.window.weights), 1.0)
