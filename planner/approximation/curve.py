@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -27,31 +27,47 @@ class _Curves(ReadOnly):
     tick: float
     cyclic: bool
 
+    _stacked: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
-        """Copy, freeze and check all but the shapes."""
+        """Copy, freeze and check."""
         knots, values = _reals("knots", self.knots), _reals("values", self.values)
-        if not np.all(np.abs(values) <= LARGEST):
-            curve = ""
-            if values.ndim == 2:
-                row = int(np.argmin(np.all(np.abs(values) <= LARGEST, axis=1)))
-                curve = f", curve {row} has others"
-            raise InvalidInput(f"values: expected finite angles [rad]{curve}")
-        if not np.all(np.abs(knots) <= LARGEST):
-            raise InvalidInput("knots: expected finite sample indices that increase")
+        fewest, stacked = 1 if as_flag("cyclic", self.cyclic) else 2, self._stacked
+        if values.ndim != 1 + stacked or values.shape[-1] < fewest:
+            expected = f"(m, {fewest} or more)" if stacked else f"({fewest} or more,)"
+            raise InvalidInput(f"values: got shape {values.shape}, expected {expected}")
+        if knots.shape not in (values.shape, values.shape[stacked:]):
+            others = ", or one row for all curves" if stacked else ""
+            raise InvalidInput(
+                f"knots: got shape {knots.shape} for values of shape {values.shape}, expected the "
+                f"same{others}"
+            )
         samples = as_whole(self.samples) or 0
         if not 0 < samples <= MOST_SAMPLES:
             raise InvalidInput(
                 f"samples: got {shown(self.samples)}, expected a whole number, 1 to {MOST_SAMPLES}"
             )
-        fields = {
-            "knots": _frozen(knots),
+        checked = {
+            "knots": np.broadcast_to(_frozen(knots), values.shape),
             "values": _frozen(values),
             "samples": samples,
             "tick": as_positive("tick", self.tick, "a finite number above 0 [s]"),
-            "cyclic": as_flag("cyclic", self.cyclic),
+            "cyclic": bool(self.cyclic),
         }
-        for name, value in fields.items():
+        for name, value in checked.items():
             object.__setattr__(self, name, value)
+        with np.errstate(invalid="ignore"):
+            increasing = self.lengths > 0.0
+        for name, allowed, expected in (
+            ("values", np.abs(values) <= LARGEST, "expected finite angles [rad]"),
+            ("knots", np.abs(knots) <= LARGEST, "expected finite sample indices that increase"),
+            ("knots", increasing, "they must increase, and a cycle's fit into one cycle"),
+        ):
+            if not np.all(allowed):
+                row = int(np.argmin(np.all(np.atleast_2d(allowed), axis=1)))
+                raise InvalidInput(
+                    f"{name}: {expected}" + (f"; see curve {row}" if stacked else "")
+                )
 
     @cached_property
     def lengths(self) -> Array:
@@ -88,17 +104,6 @@ class PiecewiseLinear(_Curves):
             shape do not fit together.
     """
 
-    def __post_init__(self) -> None:
-        """Copy, freeze and check."""
-        super().__post_init__()
-        fewest = 1 if self.cyclic else 2
-        if self.knots.ndim != 1 or self.knots.size < fewest:
-            raise InvalidInput(f"knots: got shape {self.knots.shape}, expected ({fewest} or more,)")
-        if self.values.shape != self.knots.shape:
-            raise InvalidInput(f"values: got {self.values.size} for {self.knots.size} knots")
-        if not np.all(self.lengths > 0.0):
-            raise InvalidInput("knots: they must increase, and a cyclic curve's fit into one cycle")
-
     @property
     def segments(self) -> int:
         """Number of segments."""
@@ -129,13 +134,8 @@ class PiecewiseLinear(_Curves):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, for JSON: knots [samples], values [rad], samples, tick [s], cyclic."""
-        return {
-            "knots": self.knots.tolist(),
-            "values": self.values.tolist(),
-            "samples": self.samples,
-            "tick": self.tick,
-            "cyclic": self.cyclic,
-        }
+        values = {each.name: getattr(self, each.name) for each in fields(PiecewiseLinear)}
+        return values | {name: values[name].tolist() for name in ("knots", "values")}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> PiecewiseLinear:
@@ -144,7 +144,7 @@ class PiecewiseLinear(_Curves):
         Raises:
             InvalidInput: A key is missing, or its value is of no use.
         """
-        expected = ("knots", "values", "samples", "tick", "cyclic")
+        expected = [each.name for each in fields(PiecewiseLinear)]
         if not isinstance(data, Mapping):
             raise InvalidInput(f"curve: got {shown(data)}, expected what to_dict gives")
         missing = [key for key in expected if key not in data]
@@ -179,26 +179,7 @@ class CurveStack(_Curves):
             number and shape do not fit together.
     """
 
-    def __post_init__(self) -> None:
-        """Copy, freeze and check."""
-        super().__post_init__()
-        fewest = 1 if self.cyclic else 2
-        if self.values.ndim != 2 or self.values.shape[1] < fewest:
-            raise InvalidInput(
-                f"values: got shape {self.values.shape}, expected (m, {fewest} or more)"
-            )
-        if self.knots.shape not in (self.values.shape, self.values.shape[1:]):
-            raise InvalidInput(
-                f"knots: got shape {self.knots.shape} for values of shape {self.values.shape}, "
-                "expected the same, or one row for all curves"
-            )
-        object.__setattr__(self, "knots", np.broadcast_to(self.knots, self.values.shape))
-        increasing = np.all(self.lengths > 0.0, axis=1)
-        if not np.all(increasing):
-            raise InvalidInput(
-                f"knots: those of curve {int(np.argmin(increasing))} must increase, and a cycle's "
-                "fit into one cycle"
-            )
+    _stacked = True
 
     @classmethod
     def of(cls, curves: Sequence[PiecewiseLinear]) -> CurveStack:
