@@ -25,28 +25,29 @@ def _by_word(**units: str) -> dict[str, str]:
     return {word: unit for unit, words in units.items() for word in words.split()}
 
 
-ANGLE_NAMES = _by_word(
-    rad="rad radian radians",
-    deg="deg degree degrees °",
-    ticks="tick ticks",
-    us="us µs usec",
-    counts="count counts adc",
-    turns="turn turns",
-    range="range",
-    percent="percent % range_0_100",
-    range_m100_100="range_m100_100",
-)
-"""Names of the units of an angle, and the unit of each."""
-
-ANGLE_UNITS = tuple(dict.fromkeys(ANGLE_NAMES.values()))
-"""The units of an angle."""
-
 PULSE_ZERO, PULSES_PER_TURN = 1500, 4000
 """Pulse of a hobby servo at angle 0, and pulses of a full turn [us]: most turn by 180 degrees over
 2000 us."""
 
 COUNTS = "counts"
 """Unit of a sensor of unknown scale, such as a potentiometer at a converter."""
+
+_ANGLES: Mapping[str, tuple[str, float, float, str]] = {
+    "rad": ("rad radian radians", 1.0, 0.0, "rad"),
+    "deg": ("deg degree degrees °", math.pi / 180.0, 0.0, "rad"),
+    "ticks": ("tick ticks", 2.0 * math.pi, 0.0, "rad"),
+    "us": ("us µs usec", 2.0 * math.pi, -PULSE_ZERO, "rad"),
+    COUNTS: ("count counts adc", math.nan, math.nan, "rad"),
+    "turns": ("turn turns", 2.0 * math.pi, 0.0, "rad"),
+    "range": ("range", 1.0, 0.0, "1"),
+    "percent": ("percent % range_0_100", 1e-2, 0.0, "1"),
+    "range_m100_100": ("range_m100_100", 5e-3, 0.5, "1"),
+}
+"""By unit: its names, factor and shift to the angle, and the unit of that; ticks and pulses have
+those of a turn, and a shift in pulses."""
+
+ANGLE_NAMES = _by_word(**{unit: words for unit, (words, *_) in _ANGLES.items()})
+"""Names of the units of an angle, and the unit of each."""
 
 SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time, in seconds."""
@@ -55,8 +56,6 @@ TIME_NAMES = _by_word(
     s="s sec secs second seconds", ms="ms msec millis", us="us usec µs", ns="ns nsec nanosec"
 )
 """Names of the units of time, and the unit of each."""
-
-_BRACKETED = re.compile(r"^(.*\S)\s*[\[(]\s*([^\[\]()\s]+)\s*[\])]$")
 
 ANGLES: Mapping[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
 """Angle units, in radians."""
@@ -84,22 +83,16 @@ TIME = "t_s"
 WORDS = _words("t time times timestamp stamp clock seconds")
 """Words for times in the name of a column."""
 
-MISSING = ("", "nan", "nat")
-"""Placeholder of a missing date."""
-
-REQUESTED = _words(
-    "requested request req goal command commanded cmd target "
-    "desired des reference ref setpoint action"
-)
-"""Words for a requested angle."""
-
-ACTUAL = _words("actual act present measured meas measurement feedback state observed observation")
-"""Words for an actual angle."""
-
-PLAIN = _words("position pos angle")
-"""Words for an angle; without a word for its role, it is an actual one."""
-
-ROLE_WORDS = {"requested": REQUESTED, "actual": ACTUAL, "position": PLAIN}
+ROLE_WORDS = {
+    "requested": _words(
+        "requested request req goal command commanded cmd target "
+        "desired des reference ref setpoint action"
+    ),
+    "actual": _words(
+        "actual act present measured meas measurement feedback state observed observation"
+    ),
+    "position": _words("position pos angle"),  # actual, without a word for its role
+}
 """Words for the roles of an angle."""
 
 OTHER = _words(
@@ -125,7 +118,7 @@ class Scale(NamedTuple):
 
 
 def scale(name: str, ticks_per_turn: float | None) -> Scale:
-    """The scale of one of :data:`ANGLE_UNITS`; NaN for counts, whose scale is fitted to the log.
+    """The scale of a unit of :data:`ANGLE_NAMES`; NaN for counts, whose scale is fitted to the log.
 
     Ticks need their number in a turn; of hobby servos it is the microseconds of a turn.
     """
@@ -134,18 +127,10 @@ def scale(name: str, ticks_per_turn: float | None) -> Scale:
             "angles in ticks without the ticks of a turn; give --ticks-per-turn, such as 4096 "
             "for Dynamixel X and Feetech STS servos"
         )
-    tick = 2.0 * math.pi / (ticks_per_turn or PULSES_PER_TURN)
-    factor, shift, unit = {
-        "ticks": (tick, 0.0, "rad"),
-        "us": (tick, -PULSE_ZERO * tick, "rad"),
-        COUNTS: (math.nan, math.nan, "rad"),
-        "rad": (1.0, 0.0, "rad"),
-        "deg": (math.pi / 180.0, 0.0, "rad"),
-        "turns": (2.0 * math.pi, 0.0, "rad"),
-        "range": (1.0, 0.0, "1"),
-        "percent": (1e-2, 0.0, "1"),
-        "range_m100_100": (5e-3, 0.5, "1"),
-    }[name]
+    _, factor, shift, unit = _ANGLES[name]
+    if name in ("ticks", "us"):
+        factor /= ticks_per_turn or PULSES_PER_TURN
+        shift *= factor
     return Scale(name, factor, shift, unit)
 
 
@@ -154,11 +139,8 @@ def split_name(name: str, units: Mapping[str, str]) -> tuple[str, str | None]:
 
     ``knee_deg``, ``knee [deg]`` and ``knee (deg)`` all are ``knee`` in ``deg``.
     """
-    match = _BRACKETED.match(name)
-    if match:
-        stem, word = match.groups()
-    else:
-        stem, _, word = name.rpartition("_")
+    match = re.fullmatch(r"(.*\S)\s*[\[(]\s*([^\[\]()\s]+)\s*[\])]", name)
+    stem, word = match.groups() if match else name.rpartition("_")[::2]
     unit = units.get(word.lower())
     return (stem, unit) if stem and unit is not None else (name, None)
 
@@ -303,14 +285,14 @@ def read_clock(
 
 def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
     """Times [s] since the first of a column of ISO 8601 dates and times, shape (n,), or None."""
-    place = table.place(column)
+    place, absent = table.place(column), ("", "nan", "nat")
     cells = [row[place].strip() for row in table.rows]
-    first = _date(next((cell for cell in cells if cell.lower() not in MISSING), ""))
+    first = _date(next((cell for cell in cells if cell.lower() not in absent), ""))
     if first is None:
         return None
     times = np.full(len(cells), np.nan)
     for k, cell in enumerate(cells):
-        if missing and cell.lower() in MISSING:
+        if missing and cell.lower() in absent:
             continue
         date = _date(cell)
         if date is None or (date.tzinfo is None) != (first.tzinfo is None):
@@ -348,7 +330,9 @@ def meaning(column: str) -> tuple[str, str] | None:
     stem = re.sub("set[ _.-]?point", "setpoint", stem, flags=re.IGNORECASE)
     spans = [word.span() for word in _WORD.finditer(stem)]
     words = [stem[start:end].lower() for start, end in spans]
-    if "current" in words and PLAIN & set(words):  # the present position, and no ampere
+    if "current" in words and ROLE_WORDS["position"] & set(
+        words
+    ):  # the present position, and no ampere
         words = ["present" if word == "current" else word for word in words]
     if OTHER & set(words):
         return None

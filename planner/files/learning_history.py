@@ -19,6 +19,10 @@ FORMAT = "request-planner refine 1"
 """The value of ``format`` that identifies such a file."""
 
 
+ANGLES = ("requests", "measured", "noise")
+"""Fields that are called ``…_rad`` in the file."""
+
+
 class LearningState(NamedTuple):
     """State of learning of one plan; its joints may have been identified anew."""
 
@@ -77,25 +81,7 @@ def write_history(path: str, desired: Array, states: Mapping[str, LearningState]
     plans = {
         name: {
             "models": [model.parameters() for model in models],
-            "learning": {
-                "trials": [
-                    {
-                        "requests_rad": trial.requests.tolist(),
-                        "measured_rad": trial.measured.tolist(),
-                        "error": trial.error,
-                    }
-                    for trial in learning.trials
-                ],
-                "noise_rad": learning.noise.tolist(),
-                "gain": learning.gain,
-                "reidentified": list(learning.reidentified),
-                "delays": [asdict(delay) for delay in learning.delays],
-                "best": learning.best,
-                "floor": list(learning.floor),
-                "next_error": learning.next_error,
-                "stopped": learning.stopped,
-                "remarks": list(learning.remarks),
-            },
+            "learning": _renamed(asdict(learning), {key: f"{key}_rad" for key in ANGLES}),
         }
         for name, (models, learning) in states.items()
     }
@@ -103,27 +89,35 @@ def write_history(path: str, desired: Array, states: Mapping[str, LearningState]
     write_text(path, to_json(content))  # NaN is null
 
 
+def _renamed(value: Any, names: Mapping[str, str]) -> Any:
+    """The same data with other keys."""
+    if isinstance(value, dict):
+        return {names.get(key, key): _renamed(each, names) for key, each in value.items()}
+    return [_renamed(each, names) for each in value] if isinstance(value, list | tuple) else value
+
+
 def _learning(content: Mapping[str, Any]) -> Learning:
+    fields = _renamed(content, {f"{key}_rad": key for key in ANGLES})
     speed, noise, next_error = (
         math.nan if value is None else float(value)
-        for value in (*content["floor"], content.get("next_error"))
+        for value in (*fields["floor"], fields.get("next_error"))
     )
     return Learning(
         trials=tuple(
             Trial(
-                requests=np.array(trial["requests_rad"], dtype=np.float64),
-                measured=np.array(trial["measured_rad"], dtype=np.float64),
-                error=float(trial["error"]),
+                requests=np.array(each["requests"], dtype=np.float64),
+                measured=np.array(each["measured"], dtype=np.float64),
+                error=float(each["error"]),
             )
-            for trial in content["trials"]
+            for each in fields["trials"]
         ),
-        noise=np.array(content["noise_rad"], dtype=np.float64),
-        gain=float(content["gain"]),
-        reidentified=tuple(content["reidentified"]),
-        delays=tuple(SensorDelay(**each) for each in content["delays"]),
-        best=int(content["best"]),
+        noise=np.array(fields["noise"], dtype=np.float64),
+        gain=float(fields["gain"]),
+        reidentified=tuple(fields["reidentified"]),
+        delays=tuple(SensorDelay(**each) for each in fields["delays"]),
+        best=int(fields["best"]),
         floor=(speed, noise),
         next_error=next_error,
-        stopped=str(content["stopped"]),
-        remarks=tuple(content["remarks"]),
+        stopped=str(fields["stopped"]),
+        remarks=tuple(fields["remarks"]),
     )

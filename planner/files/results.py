@@ -15,7 +15,7 @@ from typing import Any
 
 from planner._version import __version__
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.staging import all_there, cannot_write, staged
+from planner.files.staging import all_there, cannot_write, read_manifest, staged
 from planner.files.text import to_json
 
 DIGEST = sha256().digest_size
@@ -56,7 +56,7 @@ class Results:
         self._settings = json.loads(json.dumps({"version": __version__, **settings}))
         self.removed = 0
         manifest = self.folder / "settings.json"
-        before = _read_json(manifest)
+        before = read_manifest(manifest)
         if resume and before is not None:
             old = before if isinstance(before, dict) else {}
             names = {**old, **self._settings}
@@ -124,7 +124,7 @@ def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict
 
     Results of another command beside it are removed then.
     """
-    manifest: dict[str, Any] | None = _read_json(Path(output) / name)
+    manifest: dict[str, Any] | None = read_manifest(Path(output) / name)
     same = isinstance(manifest, dict) and made_from(settings, manifest).items() <= manifest.items()
     if not same or not all_there(output):
         return None
@@ -141,11 +141,3 @@ def digest_of(file: Path | str) -> str:
 
 def _digest(content: Any) -> str:
     return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
-
-
-def _read_json(file: Path) -> Any:
-    """The content of a file; None where it cannot be read."""
-    try:
-        return json.loads(file.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return None

@@ -12,6 +12,7 @@ command is refused and nothing is removed.
 from __future__ import annotations
 
 import errno
+import fcntl
 import json
 import os
 import secrets
@@ -22,7 +23,7 @@ from contextlib import contextmanager, suppress
 from glob import escape
 from itertools import islice
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from planner.exceptions import InvalidFile
 
@@ -97,16 +98,14 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
         InvalidFile: ``path`` is a file, holds something else, cannot be written, or another
             command is at work on it.
     """
-    path = str(path) or "."
-    target = _target(path)
-    _check_replaceable(path, target)
+    target = _replaceable(path)
     with claimed(path) as locked:
         new = _beside(target, "new")
         try:
             try:
                 new.mkdir()
             except OSError as error:
-                raise _cannot_make(path, error) from error
+                raise cannot_write(path, error) from error
             _FILLED.add(new)
             try:
                 yield new
@@ -124,9 +123,19 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                     raise
                 inner = "" if name is None else Path(str(name)).relative_to(new)
                 raise cannot_write(Path(path) / inner, error) from error
-            _check_replaceable(path, target)
+            _replaceable(path)
             try:
-                _replace(target, new)
+                if target.exists() and any(target.iterdir()):  # takes two renames
+                    last = _beside(target, "old")
+                    target.replace(last)
+                    try:
+                        new.replace(target)
+                    except OSError:
+                        last.replace(target)
+                        raise
+                    shutil.rmtree(last, ignore_errors=True)
+                else:
+                    new.replace(target)
             except OSError as error:
                 raise InvalidFile(
                     path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
@@ -154,7 +163,7 @@ def claimed(path: Path | str) -> Iterator[bool]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise _cannot_make(path, error) from error
+        raise cannot_write(path, error) from error
     with _lock(target, shared=False) as lock:
         if lock == "taken":
             raise InvalidFile(
@@ -185,13 +194,10 @@ def check_writable(path: Path | str) -> None:
 
 def check_folder(path: Path | str) -> None:
     """Make sure that a folder of results can be made or replaced; see :func:`output_folder`."""
-    path = str(path) or "."
-    target = _target(path)
-    _check_replaceable(path, target)
-    above = next(each for each in target.parents if each.exists())
+    above = next(each for each in _replaceable(path).parents if each.exists())
     if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
         number = errno.EACCES if above.is_dir() else errno.ENOTDIR
-        raise _cannot_make(path, OSError(number, os.strerror(number)))
+        raise cannot_write(path, OSError(number, os.strerror(number)))
 
 
 def list_files(folder: Path) -> list[str]:
@@ -247,7 +253,7 @@ def _lock(target: Path, *, shared: bool) -> Iterator[Literal["held", "taken", "n
     except BlockingIOError:
         yield "taken"
         return
-    except (ImportError, OSError):  # no locks, or a folder that refuses the output as well
+    except OSError:  # no locks, or a folder that refuses the output as well
         yield "none"
         return
     try:
@@ -255,7 +261,8 @@ def _lock(target: Path, *, shared: bool) -> Iterator[Literal["held", "taken", "n
     finally:
         with suppress(OSError):
             if shared:
-                _flock(descriptor, shared=False)  # unless another process writes it, too
+                # unless another process writes it, too
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             _sweep(target, "new")
             place.unlink(missing_ok=True)
         os.close(descriptor)
@@ -269,7 +276,8 @@ def _locked(place: Path, *, shared: bool) -> int:
     while True:
         descriptor = os.open(place, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         try:
-            _flock(descriptor, shared=shared)
+            kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX | fcntl.LOCK_NB
+            fcntl.flock(descriptor, kind)
             with suppress(FileNotFoundError):  # its last owner has removed it
                 if os.path.samestat(os.fstat(descriptor), place.stat()):
                     return descriptor
@@ -277,12 +285,6 @@ def _locked(place: Path, *, shared: bool) -> int:
             os.close(descriptor)
             raise
         os.close(descriptor)
-
-
-def _flock(descriptor: int, *, shared: bool) -> None:
-    import fcntl
-
-    fcntl.flock(descriptor, fcntl.LOCK_SH if shared else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _sweep(target: Path, age: str) -> None:
@@ -313,10 +315,6 @@ def _names_to_disk(folder: Path) -> None:
         _to_disk(folder)
 
 
-def _cannot_make(path: Path | str, error: OSError) -> InvalidFile:
-    return InvalidFile(path, f"cannot be made ({reason(error)}); choose another folder")
-
-
 def _is_device(target: Path) -> bool:
     """Whether it is a device or a named pipe, rather than a file or nothing yet."""
     try:
@@ -334,24 +332,12 @@ def _files_below(folder: Path) -> Iterator[str]:
     return (file.relative_to(folder).as_posix() for file in folder.rglob("*") if not file.is_dir())
 
 
-def _replace(target: Path, new: Path) -> None:
-    """Put ``new`` in the place of ``target``; a folder with files in it takes two renames."""
-    if not target.exists() or not any(target.iterdir()):
-        new.replace(target)
-        return
-    last = _beside(target, "old")
-    target.replace(last)
-    try:
-        new.replace(target)
-    except OSError:
-        last.replace(target)
-        raise
-    shutil.rmtree(last, ignore_errors=True)
-
-
-def _check_replaceable(path: Path | str, target: Path) -> None:
+def _replaceable(path: Path | str) -> Path:
+    """The folder of a run, resolved; it is new, empty or holds nothing but an earlier run's."""
+    path = str(path) or "."
+    target = _target(path)
     if not target.exists():
-        return
+        return target
     if not target.is_dir():
         raise InvalidFile(path, "is a file, expected a folder; choose another name")
     ours = _files_of_run(target)
@@ -364,16 +350,21 @@ def _check_replaceable(path: Path | str, target: Path) -> None:
             f"holds files that no earlier run made ({foreign[0]}{more}), expected a new or empty "
             "folder or an earlier run's; choose another folder or move them away",
         )
+    return target
 
 
 def _files_of_run(target: Path) -> set[str]:
     """Files that the manifest lists; empty without a manifest of a run."""
-    manifest = target / MANIFEST
-    try:
-        content = json.loads(manifest.read_bytes()) if manifest.is_file() else None
-    except (OSError, ValueError, RecursionError):
-        return set()
-    files = content.get("files") if isinstance(content, dict) else None
+    manifest = read_manifest(target / MANIFEST)
+    files = manifest.get("files") if isinstance(manifest, dict) else None
     if not isinstance(files, list):
         return set()
     return {MANIFEST, *(name for name in files if isinstance(name, str))}
+
+
+def read_manifest(file: Path) -> Any:
+    """The JSON in a file; None where it cannot be read."""
+    try:
+        return json.loads(file.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None

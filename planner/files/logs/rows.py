@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput, nearest
-from planner.files.columns import ANGLE_NAMES, ANGLE_UNITS, COUNTS, LARGEST, LEAST_DEG, Scale, scale
+from planner.files.columns import ANGLE_NAMES, COUNTS, LARGEST, LEAST_DEG, Scale, scale
 from planner.files.table import Source
 from planner.identification.log import FASTEST, FEWEST_ROWS, Log, Written
 from planner.model.evidence import ENCODER_STEP
@@ -99,9 +99,10 @@ class LogOptions:
             joint, _, word = part.rpartition("=")
             unit = ANGLE_NAMES.get(word.strip().lower())
             if unit is None:
+                known = tuple(dict.fromkeys(ANGLE_NAMES.values()))
                 raise InvalidInput(
-                    f"unit '{word.strip()}' is unknown{nearest(word.strip(), ANGLE_UNITS)}; "
-                    f"expected one of {', '.join(ANGLE_UNITS)}, or rad,Jaw=range where joints "
+                    f"unit '{word.strip()}' is unknown{nearest(word.strip(), known)}; "
+                    f"expected one of {', '.join(known)}, or rad,Jaw=range where joints "
                     "differ, or requested=us,actual=counts where columns do"
                 )
             units[joint.strip()] = unit

@@ -86,7 +86,7 @@ def test_the_page_has_a_command_for_every_format():
 
 
 def test_the_page_names_every_unit_and_type():
-    for unit in columns.ANGLE_UNITS:
+    for unit in sorted(set(columns.ANGLE_NAMES.values())):
         assert f"| `{unit}` |" in PAGE
     for kind in {*ACTUAL_TYPES, *REQUEST_TYPES}:
         assert f"| `{kind.replace('/msg/', '/')}` |" in PAGE
@@ -96,8 +96,8 @@ def test_every_word_that_the_page_says_is_guessed_is_known():
     bullets = dict(re.findall(r"^- (\S+ \S+)(.*?)(?:;|\.)$", PAGE, re.MULTILINE | re.DOTALL))
     known = {
         "the time": columns.WORDS | {f"_{unit}" for unit in columns.SECONDS},
-        "requested angles": columns.REQUESTED,
-        "actual angles": columns.ACTUAL | columns.PLAIN,
+        "requested angles": columns.ROLE_WORDS["requested"],
+        "actual angles": columns.ROLE_WORDS["actual"] | columns.ROLE_WORDS["position"],
         "the torque,": {*csv_log.TORQUES},
     }
     for bullet, words in known.items():
