@@ -53,7 +53,7 @@ def environment() -> jinja2.Environment:
 
 def rendered_text(template: str, **values: Any) -> str:
     """A template of plain text, for a terminal."""
-    return _plain().get_template(template).render(values)
+    return _plain().get_template(template).render(values).rstrip()
 
 
 @cache
