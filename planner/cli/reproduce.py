@@ -110,9 +110,9 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Outcome:
 def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Outcome:
     """The paper's experiment on the virtual robot, whose joints are not the model."""
     from planner.evaluation.virtual_experiment import play_experiment
+    from planner.report.paper_figures import virtual_figures
     from planner.report.paper_page import virtual_page
     from planner.report.paper_results import virtual_results, virtual_text
-    from planner.report.virtual_figures import virtual_figures
 
     outcome = play_experiment(progress=progress)
     progress("the report")

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from planner.report.style import DESIRED, LIMIT, MUTED, Role
 from planner.report.wording import words_of
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 MARGIN = 0.06
 """Room beside the values of an axis, as a share of their span."""
+
+MOST_FRAMES = 1500
+"""Most samples of a motion that are shown; of longer motions every second one, or every third."""
 
 NEAR = 0.6
 """A limit is drawn within this share of the requests' range beyond them: one far away would press
@@ -121,8 +124,7 @@ class Panel:
         return middle - 0.5 * self.y.least, middle + 0.5 * self.y.least
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(NamedTuple):
     """How a leg moves."""
 
     role: Role  # meaning, with its looks
@@ -133,30 +135,40 @@ class Motion:
     hidden: bool = False  # whether it is drawn only on demand
 
 
-@dataclass(frozen=True, eq=False)
-class Movie:
-    """A moving leg, which takes the place of the panels on a page; it may stand on the ground [m].
+def moving_leg(
+    motions: Sequence[Motion], period: float, *, cyclic: bool, ground: float | None = None
+) -> dict[str, Any]:
+    """Data of a moving leg with a time slider; it may stand on the ground [m].
 
     Motions have one length; later ones lie over earlier ones.
     """
+    stride = -(-len(motions[0].points) // MOST_FRAMES)
+    return {
+        "kind": "leg",
+        "period": stride * period,
+        "cyclic": cyclic,
+        "ground": _rounded(ground, 100.0),
+        "motions": [
+            {
+                "name": role.label,
+                "colour": role.colour,
+                "width": role.pixels,
+                "dashes": role.strokes.replace("solid", "none").replace("px", ""),
+                "hidden": hidden,
+                "points": _rounded(points[::stride], 100.0),
+                "distances": None if far is None else _rounded(far[::stride], 100.0),
+                "rms": None if far is None else _rounded(rms(far[::stride]), 100.0),
+            }
+            for role, points, far, hidden in motions
+        ],
+    }
 
-    motions: tuple[Motion, ...]
-    period: float
-    cyclic: bool
-    ground: float | None = None
 
-
-@dataclass(frozen=True, eq=False)
-class Moments:
-    """Numbers of joints over time, which take the place of the panels on a page.
-
-    ``kinds`` are quantities: values by name, (n,) or None for each joint, ``period`` [s] apart.
-    """
-
-    joints: tuple[str, ...]
-    units: tuple[str, ...]
-    kinds: Mapping[str, Sequence[Array | None]]
-    period: float
+def _rounded(values: Any, factor: float = 1.0) -> Any:
+    """Plain numbers with two decimals, less than a pixel, times a factor: 100 for centimetres."""
+    if values is None:
+        return None
+    return (np.round(factor * np.asarray(values), 2) + 0.0).tolist()  # no minus before zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,10 +189,8 @@ class Figure:
 
     # parts of the axis that a button of that name brings into view
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    movie: Movie | None = None  # a moving leg that a page shows in place of the panels
-
-    # numbers that a page shows in place of the panels, without a leg
-    moments: Moments | None = None
+    # data of a moving leg or of numbers at a moment, which a page shows in place of the panels
+    live: Mapping[str, Any] | None = None
     wide: bool = False  # whether it takes the whole width of a page
 
     @property
@@ -298,8 +308,32 @@ class Timeline:
             own = leg.joint_positions(angles)
             distances = np.linalg.norm(own[:, -1] - points[:, -1], axis=1)
             motions.append(Motion(role, own, distances))
-        movie = Movie(tuple(motions), self.period, self.cyclic)
-        return Figure(name, *words, self.axis, movie=movie)
+        live = moving_leg(motions, self.period, cyclic=self.cyclic)
+        return Figure(name, *words, self.axis, live=live)
+
+    def moments(
+        self,
+        name: str,
+        joints: Sequence[str],
+        units: Sequence[str],
+        kinds: Mapping[str, Sequence[Array | None]],
+    ) -> Figure:
+        """The numbers of joints at a moment, under a slider: by quantity (n,) or None for each."""
+        stride = -(-self.samples // MOST_FRAMES)
+        live = {
+            "kind": "moment",
+            "period": stride * self.period,
+            "samples": len(range(0, self.samples, stride)),
+            "joints": [{"name": a, "unit": b} for a, b in zip(joints, units, strict=True)],
+            "kinds": [
+                {
+                    "name": kind,
+                    "values": [v if v is None else _rounded(v[::stride]) for v in values],
+                }
+                for kind, values in kinds.items()
+            ],
+        }
+        return Figure(name, *words_of(name), self.axis, live=live)
 
     def path(self, positions: Array, role: Role) -> Curve:
         """A path of the foot [m], shape (n, 3): x and z in cm, with the time at its points."""

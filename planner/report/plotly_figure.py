@@ -7,12 +7,13 @@ Nothing of Plotly's Python package is needed to make them. Colours are written a
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from planner.report.figure import Axis, Curve, Figure, Moments, Movie, Panel, Span, Words, around
-from planner.report.style import INK, MUTED, ROLES, Role
+from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, around
+from planner.report.style import INK, MUTED
 from planner.trajectory import Array
 
 ROW = 150
@@ -24,22 +25,10 @@ ABOVE, BELOW, LEFT, RIGHT = 30, 46, 58, 12
 GAP = 34
 """Between panels, room for a title [px]."""
 
-BOLDER = 1.2
-"""Pixels for a point of a line: a screen is farther away than paper."""
 
-MOST_FRAMES = 1500
-"""Most samples of a motion that are shown; of longer motions every second one, or every third."""
-
-
-VARIABLES = {role.light: name for name, role in ROLES.items()}
-"""Names of the page's colours."""
-
-
-def live(figure: Figure) -> dict[str, Any]:
-    """Data for the page's scripts: the moving leg, numbers at a moment, or the plot."""
-    if figure.movie is not None:
-        return moving_leg(figure.movie)
-    return plot(figure) if figure.moments is None else numbers_over_time(figure.moments)
+def live(figure: Figure) -> Mapping[str, Any]:
+    """Data for the page's scripts: the plot, or what stands in its place."""
+    return plot(figure) if figure.live is None else figure.live
 
 
 def plot(figure: Figure) -> dict[str, Any]:
@@ -82,68 +71,10 @@ def plot(figure: Figure) -> dict[str, Any]:
     }
 
 
-def moving_leg(movie: Movie) -> dict[str, Any]:
-    """Data for the page's script that draws a leg along its motions, with a time slider."""
-    stride, motions = -(-len(movie.motions[0].points) // MOST_FRAMES), []
-    for motion in movie.motions:
-        distances, rms = motion.distances, None
-        if distances is not None:
-            distances, rms = distances[::stride], np.sqrt(np.mean(distances**2))
-        motions.append(
-            {
-                "name": motion.role.label,
-                "colour": colour(motion.role),
-                "width": round(motion.role.width * BOLDER, 2),
-                "dashes": _dashes(motion.role).replace("solid", "none").replace("px", ""),
-                "hidden": motion.hidden,
-                "points": _rounded(motion.points[::stride], 100.0),
-                "distances": _rounded(distances, 100.0),
-                "rms": _rounded(rms, 100.0),
-            }
-        )
-    return {
-        "kind": "leg",
-        "period": stride * movie.period,
-        "cyclic": movie.cyclic,
-        "ground": _rounded(movie.ground, 100.0),
-        "motions": motions,
-    }
-
-
-def numbers_over_time(moments: Moments) -> dict[str, Any]:
-    """Data for the page's script that shows the numbers of a moment, with a time slider."""
-    kinds = moments.kinds.items()
-    samples = next(len(each) for _, values in kinds for each in values if each is not None)
-    stride = -(-samples // MOST_FRAMES)
-    return {
-        "kind": "moment",
-        "period": stride * moments.period,
-        "samples": len(range(0, samples, stride)),
-        "joints": [
-            {"name": name, "unit": unit}
-            for name, unit in zip(moments.joints, moments.units, strict=True)
-        ],
-        "kinds": [
-            {
-                "name": name,
-                "values": [each if each is None else _rounded(each[::stride]) for each in values],
-            }
-            for name, values in kinds
-        ],
-    }
-
-
 def packed(values: Array) -> dict[str, str]:
     """Numbers as Plotly takes them in the fewest bytes: single precision, little-endian."""
     content = np.asarray(values, dtype="<f4").tobytes()
     return {"dtype": "f4", "bdata": base64.b64encode(content).decode()}
-
-
-def _rounded(values: Any, factor: float = 1.0) -> Any:
-    """Plain numbers with two decimals, less than a pixel, times a factor: 100 for centimetres."""
-    if values is None:
-        return None
-    return (np.round(factor * np.asarray(values), 2) + 0.0).tolist()  # no minus before zero
 
 
 def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
@@ -180,9 +111,9 @@ def _line(curve: Curve) -> dict[str, Any]:
     return {
         "mode": "lines",
         "line": {
-            "color": colour(curve.role),
-            "width": round(curve.role.width * BOLDER, 2),
-            "dash": _dashes(curve.role),
+            "color": curve.role.colour,
+            "width": curve.role.pixels,
+            "dash": curve.role.strokes,
             "shape": "hv" if curve.held else "linear",
             "simplify": False,  # which makes a polygon of a wide line
         },
@@ -190,23 +121,11 @@ def _line(curve: Curve) -> dict[str, Any]:
 
 
 def _marker(curve: Curve) -> dict[str, Any]:
-    look = colour(curve.role)
+    look = curve.role.colour
     marker = {"color": look, "opacity": curve.opacity, "line": {"color": look, "width": 0}}
     if curve.marks == "rings":
         marker = {"color": "rgba(0,0,0,0)", "line": {"color": look, "width": 1.6}}
     return {"mode": "markers", "marker": marker | {"size": 4.5 if curve.opacity < 1.0 else 7}}
-
-
-def colour(role: Role) -> str:
-    """The colour of one of the roles as a page names it, which is light or dark with the page."""
-    return f"var(--{VARIABLES[role.light]})"
-
-
-def _dashes(role: Role) -> str:
-    """The pattern of a role's line, as Plotly and SVG spell it."""
-    if role.dashes == "-":
-        return "solid"
-    return ",".join(f"{part * role.width * BOLDER:.1f}px" for part in role.dashes[1])
 
 
 def _domains(panels: tuple[Panel, ...]) -> tuple[list[tuple[float, float]], float]:
@@ -223,7 +142,7 @@ def _domains(panels: tuple[Panel, ...]) -> tuple[list[tuple[float, float]], floa
 def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
     layout: dict[str, Any] = {
         "gridcolor": "var(--grid)",
-        "linecolor": colour(MUTED),
+        "linecolor": MUTED.colour,
         "zeroline": False,
         "title": {"text": _escaped(axis.words), "standoff": standoff},
     }
@@ -251,7 +170,7 @@ def _x_axis(figure: Figure) -> dict[str, Any]:
         "spikesnap": "cursor",
         "spikethickness": 1,
         "spikedash": "solid",
-        "spikecolor": colour(MUTED),
+        "spikecolor": MUTED.colour,
     }
 
 
@@ -269,7 +188,7 @@ def _y_axis(figure: Figure, panel: Panel, domain: tuple[float, float]) -> dict[s
 def _cursor() -> dict[str, Any]:
     """The line at the moment that the moving leg shows; the script moves it."""
     ends = {"x0": 0, "x1": 0, "y0": 0, "y1": 1}
-    look = {"line": {"color": colour(INK), "width": 1.2}, "layer": "above"}
+    look = {"line": {"color": INK.colour, "width": 1.2}, "layer": "above"}
     return {"type": "line", "xref": "x", "yref": "paper", **ends, **look}
 
 
@@ -281,7 +200,7 @@ def _shade(span: Span, axis: str) -> dict[str, Any]:
     else:
         place = {"xref": "paper", "yref": axis}
         ends = {"x0": 0, "x1": 1, "y0": span.start, "y1": span.end}
-    look = {"fillcolor": colour(span.role), "opacity": span.opacity, "line": {"width": 0}}
+    look = {"fillcolor": span.role.colour, "opacity": span.opacity, "line": {"width": 0}}
     return {"type": "rect", **place, **ends, **look, "layer": "below"}
 
 
@@ -310,7 +229,7 @@ def _words(words: Words, axis: str) -> dict[str, Any]:
         "xanchor": words.across,
         "yanchor": words.upward,
         "showarrow": False,
-        "font": {"color": colour(INK), "size": 12},
+        "font": {"color": INK.colour, "size": 12},
     }
 
 

@@ -16,7 +16,6 @@ from planner.report.figure import (
     Axis,
     Curve,
     Figure,
-    Moments,
     Panel,
     Span,
     Timeline,
@@ -263,13 +262,9 @@ def moment_figure(replay: Replay) -> Figure:
         return [None if array is None else np.asarray(factor * array) for factor, array in arrays]
 
     kinds = {"path": "desired", "request": "requests", "predicted": "predicted"}
-    moments = Moments(
-        replay.names,
-        tuple(SIGNS[LOG_UNITS[each.path.unit][0]] for each in replay.joints),
-        {name: values(kind) for name, kind in kinds.items()},
-        replay.period,
-    )
-    return Figure("moment", *words_of("moment"), _timeline_of(replay).axis, moments=moments)
+    units = tuple(SIGNS[LOG_UNITS[each.path.unit][0]] for each in replay.joints)
+    numbers = {name: values(kind) for name, kind in kinds.items()}
+    return _timeline_of(replay).moments("moment", replay.names, units, numbers)
 
 
 def arm_figure(replay: Replay, arm: Leg) -> Figure:

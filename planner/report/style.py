@@ -19,6 +19,27 @@ class Role(NamedTuple):
     width: float = 1.8
     dashes: Any = "-"
 
+    @property
+    def colour(self) -> str:
+        """Its colour on a page, which is light or dark with the page."""
+        return f"var(--{next(name for name, role in ROLES.items() if role.light == self.light)})"
+
+    @property
+    def strokes(self) -> str:
+        """The pattern of its line on a page, as Plotly and SVG spell it."""
+        if self.dashes == "-":
+            return "solid"
+        return ",".join(f"{part * self.width * BOLDER:.1f}px" for part in self.dashes[1])
+
+    @property
+    def pixels(self) -> float:
+        """The width of its line on a page."""
+        return round(self.width * BOLDER, 2)
+
+
+BOLDER = 1.2
+"""Pixels for a point of a line: a screen is farther away than paper."""
+
 
 INK = Role("ink", "#1f2328", "#e8eaed")
 MUTED = Role("muted", "#6b7280", "#9aa3ad")

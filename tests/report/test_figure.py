@@ -15,12 +15,12 @@ from planner.report.figure import (
     Curve,
     Figure,
     Motion,
-    Movie,
     Panel,
     Span,
     Timeline,
     Words,
     around,
+    moving_leg,
     near_limits,
 )
 from planner.report.matplotlib_figure import (
@@ -28,7 +28,7 @@ from planner.report.matplotlib_figure import (
     to_svg,
 )
 from planner.report.page import Page
-from planner.report.plotly_figure import moving_leg, packed, plot
+from planner.report.plotly_figure import packed, plot
 from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED
 
 X = np.array([0.0, 1.0, 2.0])
@@ -166,7 +166,7 @@ def motion(samples):
 
 
 def test_a_leg_is_shown_in_centimetres_with_its_ground_and_its_error():
-    told = moving_leg(Movie((motion(3),), 0.008, cyclic=True, ground=-0.0501))
+    told = moving_leg([motion(3)], 0.008, cyclic=True, ground=-0.0501)
     (only,) = told["motions"]
     assert only["points"][1] == [[0.0, 0.0, 0.0], [0.0, 0.0, -5.01], [5.0, 0.0, -5.01]]
     assert only["distances"] == [0.0, 5.0, 10.0]

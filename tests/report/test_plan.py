@@ -23,8 +23,13 @@ from planner.report.plan_page import (
 from planner.report.style import FOOT_OPTIMAL
 from tests.corpus.page_text import text_of
 
-SAME = 1e-12
-"""The same figure by another route [m, rad]."""
+DRAWN = 0.0051
+"""Rounding of what is drawn [cm]."""
+
+
+def foot_of(motion):
+    """The path of the foot of a moving leg [cm]."""
+    return np.array(motion["points"])[:, -1]
 
 
 WALK = planner.reference_walk()
@@ -142,12 +147,13 @@ def test_every_name_is_escaped_and_every_request_shown(outcome):
 
 def test_the_foot_is_drawn_where_it_should_be_though_the_leg_does_not_reach(outcome):
     far = WALK.desired_foot + np.array([0.0, 0.0, -0.1])
-    desired, direct, planned = leg_figure(asked(outcome, foot=far), FOOT_OPTIMAL).movie.motions
-    np.testing.assert_array_equal(desired.points[:, -1], far)
+    desired, direct, planned = leg_figure(asked(outcome, foot=far), FOOT_OPTIMAL).live["motions"]
+    np.testing.assert_allclose(foot_of(desired), 100.0 * far, atol=DRAWN)
     for motion, angles in ((direct, outcome.direct), (planned, outcome.predicted)):
         foot = WALK.leg.foot_positions(angles)
-        np.testing.assert_allclose(motion.points[:, -1], foot, atol=SAME)
-        np.testing.assert_allclose(motion.distances, np.linalg.norm(foot - far, axis=1), atol=SAME)
+        np.testing.assert_allclose(foot_of(motion), 100.0 * foot, atol=DRAWN)
+        distances = 100.0 * np.linalg.norm(foot - far, axis=1)
+        np.testing.assert_allclose(motion["distances"], distances, atol=DRAWN)
 
 
 def test_the_distances_of_the_foot_are_drawn_by_what_was_requested(outcome):

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.report.paper_figures import ROLES
-from planner.report.virtual_figures import virtual_figures
+from planner.report.paper_figures import ROLES, virtual_figures
 
 
 @pytest.fixture(scope="module")

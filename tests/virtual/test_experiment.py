@@ -109,7 +109,7 @@ def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
     bad = tuple(replace(found, verdict="refused") for found in played.identifications)
     refused = replace(played, identifications=bad)
     # The pictures are those of the run that is well.
-    monkeypatch.setattr("planner.report.virtual_figures.virtual_figures", lambda _: ())
+    monkeypatch.setattr("planner.report.paper_figures.virtual_figures", lambda _: ())
     monkeypatch.setattr(virtual_experiment, "play_experiment", lambda **_: refused)
     out = tmp_path / "out"
     result = cli_run("reproduce", "--robot", "virtual", "--out", str(out), "--json")
