@@ -187,26 +187,19 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
     for column, name, unit, angles in zip(columns, names, units, values.T, strict=True):
         if unit == "rad":
             check_radians(table, column, angles, f"rename it {name}_deg")
-    loads = _loads(table, names, all_joints=not joints)
-    return JointPath(str(table.path), names, units, values, read_times(table, even=even), loads)
-
-
-def _loads(table: Table, names: Sequence[str], *, all_joints: bool) -> Array | None:
-    """Torques on the joints [N m], shape (n, k); None where the table has none."""
-    joints = [name.removesuffix(LOAD) for name in table.names if name.endswith(LOAD)]
-    if unknown := [name for name in joints if all_joints and name not in names]:
+    loaded = [name.removesuffix(LOAD) for name in table.names if name.endswith(LOAD)]
+    if unknown := [name for name in loaded if not joints and name not in names]:
         raise table.fault(
             f"column '{unknown[0]}{LOAD}': no joint '{unknown[0]}'{nearest(unknown[0], names)}; "
             f"joints: {', '.join(names)}"
         )
-    if not set(joints) & set(names):
-        return None
-    torques = np.zeros((len(table.rows), len(names)))
-    for j, name in enumerate(names):
-        if name in joints:
-            torques[:, j] = table.numbers([f"{name}{LOAD}"])[:, 0]
-    torques.setflags(write=False)
-    return torques
+    loads = None
+    if set(loaded) & set(names):
+        loads = np.zeros_like(values)
+        for j in [j for j, name in enumerate(names) if name in loaded]:
+            loads[:, j] = table.numbers([f"{names[j]}{LOAD}"])[:, 0]
+        loads.setflags(write=False)
+    return JointPath(str(table.path), names, units, values, read_times(table, even=even), loads)
 
 
 def write_joint_path(

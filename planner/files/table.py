@@ -31,12 +31,6 @@ DECIMALS = 12
 DELIMITERS = ",;\t"
 """Possible delimiters of cells."""
 
-_NAMED_DELIMITER = re.compile(r"sep=([,;\t])\r?\n")
-"""A first line by which spreadsheets declare the delimiter."""
-
-_COMMENTS = re.compile(r"(?:[ \t]*(?:#[^\n]*)?\n)+")
-"""Lines that are empty or begin with ``#``."""
-
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
@@ -81,8 +75,22 @@ class Table(Source):
         values = np.empty((len(self.rows), len(names)))
         for k, row in enumerate(self.rows):
             for j, place in enumerate(places):
-                absent = missing and row[place].strip().lower() in ("", "nan")
-                values[k, j] = math.nan if absent else self._number(row[place], names[j], k)
+                cell = row[place]
+                if missing and cell.strip().lower() in ("", "nan"):
+                    values[k, j] = math.nan
+                    continue
+                try:
+                    number = float(cell) if cell.isascii() and "_" not in cell else math.nan
+                except ValueError:
+                    number = math.nan
+                if not math.isfinite(number):
+                    content = f"'{_shortened(cell)}'" if cell.strip() else "nothing"
+                    raise self.fault(
+                        f"column '{names[j]}': got {content}, expected a finite number; "
+                        "remove or interpolate the sample",
+                        k,
+                    )
+                values[k, j] = number
         values.setflags(write=False)
         return values
 
@@ -98,20 +106,6 @@ class Table(Source):
     def _places(self) -> dict[str, int]:
         return {name: place for place, name in enumerate(self.names)}
 
-    def _number(self, cell: str, name: str, row: int) -> float:
-        try:
-            number = float(cell) if cell.isascii() and "_" not in cell else math.nan
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            content = f"'{_shortened(cell)}'" if cell.strip() else "nothing"
-            raise self.fault(
-                f"column '{name}': got {content}, expected a finite number; "
-                "remove or interpolate the sample",
-                row,
-            )
-        return number
-
 
 def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
@@ -122,7 +116,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     decimal commas.
     """
     text = read_text(path)
-    declaration = _NAMED_DELIMITER.match(text)
+    declaration = re.match(r"sep=([,;\t])\r?\n", text)  # as spreadsheets write it
     text = _without_comments(text, declaration.end() if declaration else 0)
     first = text.lstrip().partition("\n")[0]
     delimiter = declaration[1] if declaration else max(DELIMITERS, key=first.count)
@@ -137,7 +131,12 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
             if declaration and reader.line_num == 1:
                 continue
             if not names:
-                names = _checked_names(path, [_title(cell) for cell in cells], reader.line_num)
+                titles = [cell.strip() for cell in cells]
+                titles = [  # as csv_text wrote them
+                    each[1:] if each.startswith("'") and _is_formula(each) else each
+                    for each in titles
+                ]
+                names = _checked_names(path, titles, reader.line_num)
                 continue
             if cells[0].lstrip().startswith("#"):
                 continue
@@ -180,7 +179,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
 
 def _without_comments(text: str, start: int) -> str:
     """The text with the comments above its header as empty lines: lines keep their number."""
-    comments = _COMMENTS.match(text, start)
+    comments = re.compile(r"(?:[ \t]*(?:#[^\n]*)?\n)+").match(text, start)
     if comments is None or "#" not in comments[0]:
         return text
     rest = text[comments.end() :]
@@ -223,12 +222,6 @@ def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 def _is_formula(cell: object) -> bool:
     return isinstance(cell, str) and cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
-
-
-def _title(cell: str) -> str:
-    """The title that :func:`csv_text` wrote as this cell."""
-    cell = cell.strip()
-    return cell[1:] if cell.startswith("'") and _is_formula(cell) else cell
 
 
 def _is_row(cells: Sequence[str]) -> bool:

@@ -35,7 +35,7 @@ def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
         action = [as_written(joint, joint.requests) for joint in replay.joints]
         state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
         return layout, {ACTION: np.column_stack(action), STATE: np.column_stack(state)}, TASK
-    dataset, rows = find_dataset(recording.place.file), read_episode(recording.place)
+    dataset, rows = find_dataset(recording.file), read_episode(recording.file, recording.episode)
     arrays = {ACTION: rows.action, STATE: rows.state}
     numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in arrays.items()}
     features = {key: dataset.written[key] or numbers[key] for key in arrays}
@@ -61,7 +61,7 @@ def left_out(recording: Recording) -> str:
     """The parts of the read dataset that the planned one leaves out, in words; "" if complete."""
     if not recording.dataset:
         return ""
-    dataset = find_dataset(recording.place.file)
+    dataset = find_dataset(recording.file)
     words = []
     if dataset.others:
         words.append(f"{', '.join(dataset.others)} left out: the frames are of other moments")

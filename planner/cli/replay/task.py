@@ -127,7 +127,7 @@ def tasks_of(
     _check_tolerance(run, replay)
     rate = None  # that of the recording
     if recordings[0].dataset:
-        rate = find_dataset(recordings[0].place.file).rate
+        rate = find_dataset(recordings[0].file).rate
     elif len(recordings) > 1 and (logs := first_logs(recordings)):
         rate = 1.0 / float(np.median([log.period for log in logs]))
     if len(recordings) == 1:  # of several, recordings of unsuitable length are left out

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.logs.bag import is_bag_folder, read_bag
 from planner.files.logs.csv_log import read_bam, read_csv_log
-from planner.files.logs.lerobot import EpisodeFile, is_dataset, lerobot_episodes, read_lerobot
+from planner.files.logs.lerobot import is_dataset, lerobot_episodes, read_lerobot
 from planner.files.logs.rows import (
     ALL_JOINTS,
     ROLES,
@@ -179,17 +179,13 @@ class Recording:
         return f"{self.dataset}, episode {self.episode}" if self.episode is not None else self.path
 
     @property
-    def place(self) -> EpisodeFile:
-        """Where its rows are, of an episode of a dataset."""
-        return EpisodeFile(Path(self._file), self.episode)
+    def file(self) -> Path:
+        """Where its rows are."""
+        return Path(self.folder, self.path)
 
     def read(self) -> tuple[Log, ...]:
         """Its logs, one for each joint."""
-        return read_logs(self._file, options=self.options)
-
-    @property
-    def _file(self) -> str:
-        return str(Path(self.folder, self.path)) if self.folder else self.path
+        return read_logs(self.file if self.folder else self.path, options=self.options)
 
 
 def recordings_in(paths: Sequence[str], options: LogOptions) -> tuple[Recording, ...]:

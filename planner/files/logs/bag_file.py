@@ -40,22 +40,24 @@ MOST_CHUNK = 256 * 2**20
 has no limit: 33 kB of MCAP take 2 GiB of memory, 5 kB of a bag of ROS 1 take 1 GiB."""
 
 
-def _layout(points: str, multi_dof_points: str = "") -> str:
-    lines = ["std_msgs/Header header", "string[] joint_names"]
-    lines += [f"trajectory_msgs/JointTrajectoryPoint {name}" for name in points.split()]
-    if multi_dof_points:
-        lines.append("string[] multi_dof_joint_names")
-    lines += [
-        f"trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_{name}"
-        for name in multi_dof_points.split()
-    ]
-    return "\n".join(lines)
-
-
-LAYOUTS = (
-    _layout("desired actual error"),
-    _layout(*("reference feedback error output desired actual",) * 2),
-    _layout(*("reference feedback error output",) * 2),
+LAYOUTS = tuple(
+    "\n".join(
+        [
+            "std_msgs/Header header",
+            "string[] joint_names",
+            *(f"trajectory_msgs/JointTrajectoryPoint {name}" for name in points.split()),
+            *(["string[] multi_dof_joint_names"] if multi_dof else []),
+            *(
+                f"trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_{name}"
+                for name in (points.split() if multi_dof else ())
+            ),
+        ]
+    )
+    for points, multi_dof in (
+        ("desired actual error", False),
+        ("reference feedback error output desired actual", True),
+        ("reference feedback error output", True),
+    )
 )
 """Layouts of a controller's state: up to Galactic, in Humble, and since Iron.
 

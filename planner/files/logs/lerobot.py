@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,12 +25,6 @@ ACTION, STATE = "action", "observation.state"
 INFO = Path("meta", "info.json")
 """The description of a dataset."""
 
-VERSIONS = ("v2.0", "v2.1", "v3.0")
-"""Supported versions of the layout."""
-
-PREFIX, SUFFIX = "main_", ".pos"
-"""Prefix and suffix of LeRobot's names of joints."""
-
 _EPISODE = re.compile(r"episode_(\d+)\.parquet", re.ASCII)
 
 TIME, EPISODE, TASK = "timestamp", "episode_index", "task_index"
@@ -48,24 +42,12 @@ COUNTED = {
 MOST_BYTES = 2**28
 """Unfolded columns of one file [bytes]: 22 hours at 30 Hz of 6 joints."""
 
-BATCH = 8192
-"""Rows that are unfolded at a time."""
-
-
-class EpisodeFile(NamedTuple):
-    """The Parquet file of an episode.
-
-    The number is None where the file is unreadable and its name has none.
-    """
-
-    file: Path
-    episode: int | None
-
 
 class EpisodeRows(NamedTuple):
     """The rows of an episode in the units of its dataset; the task is in words, "" for none."""
 
-    place: EpisodeFile
+    file: Path
+    number: int
     times: Array  # [s], shape (n,)
     action: Array  # shape (n, k)
     state: Array  # shape (n, k)
@@ -79,9 +61,9 @@ def read_lerobot(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     for file in _files(dataset, Path(path), chosen):
         episodes = _read_episodes(file)
         joints = _joints(dataset, episodes[0])
-        numbers.update(episode.place.episode or 0 for episode in episodes)
+        numbers.update(episode.number for episode in episodes)
         for episode in episodes:
-            if chosen is None or episode.place.episode in chosen:
+            if chosen is None or episode.number in chosen:
                 yield Recorded(tuple(joints), partial(_rows, path, options, episode, joints))
     _check_there(dataset, Path(path), chosen, numbers)
 
@@ -99,16 +81,16 @@ def _rows(
         f"LeRobot does not say the unit of '{joint}'; give --unit rad, deg, range_m100_100 "
         "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks",
     )
-    (file, number), (action, state) = episode.place, joints[joint]
+    action, state = joints[joint]
     return Rows(
-        source=Source(path=file, part=f"episode {number}"),
+        source=Source(path=episode.file, part=f"episode {episode.number}"),
         joint=joint,
         times=episode.times,
         requests=episode.action[:, action],
         angles=episode.state[:, state],
         request_scale=scale,
         angle_scale=scale,
-        episode=number,
+        episode=episode.number,
         notes=(
             f"time from '{TIME}', requested from '{ACTION}' (sent at the time of its row), "
             f"actual from '{STATE}'",
@@ -117,34 +99,35 @@ def _rows(
     )
 
 
-def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile, ...]:
-    """The chosen episodes of a dataset, or of one of its files, in order.
+def lerobot_episodes(path: Path | str, options: LogOptions) -> list[tuple[Path, int | None]]:
+    """File and number of the chosen episodes of a dataset, or of one of its files, in order.
 
-    An unreadable file is among them, so that its error is raised when its rows are read.
+    An unreadable file is among them, so that its error is raised when its rows are read; the
+    number is None where its name has none.
     """
     dataset, chosen = find_dataset(Path(path)), options.episode_numbers()
-    places: list[EpisodeFile] = []
+    places: list[tuple[Path, int | None]] = []
     for file in _files(dataset, Path(path), chosen):
         try:
             (numbers,) = _read(file, EPISODE)
-            places += [EpisodeFile(file, number) for number in _episodes_in(file, numbers)]
+            places += [(file, number) for number in _episodes_in(file, numbers)]
         except InvalidFile:
             match = _EPISODE.fullmatch(file.name)
-            places.append(EpisodeFile(file, int(match[1]) if match else None))
-    known = {each.episode for each in places if each.episode is not None}
-    if None not in {each.episode for each in places}:  # an unreadable file may hold any
+            places.append((file, int(match[1]) if match else None))
+    known = {number for _, number in places if number is not None}
+    if len(known) == len({number for _, number in places}):  # an unreadable file may hold any
         _check_there(dataset, Path(path), chosen, known)
-    selection = [each for each in places if chosen is None or each.episode in {None, *chosen}]
-    return tuple(sorted(selection, key=lambda each: (each.episode is None, each.episode or 0)))
+    selection = [each for each in places if chosen is None or each[1] in {None, *chosen}]
+    return sorted(selection, key=lambda each: (each[1] is None, each[1] or 0))
 
 
-def read_episode(place: EpisodeFile) -> EpisodeRows:
+def read_episode(file: Path, number: int | None) -> EpisodeRows:
     """The rows of an episode as they are written, and its task."""
-    rows = next(each for each in _read_episodes(place.file) if each.place == place)
+    rows = next(each for each in _read_episodes(file) if each.number == number)
     try:
-        numbers, tasks = _read(place.file, EPISODE, TASK)
-        number = int(tasks[numbers == place.episode][0])
-        return rows._replace(task=find_dataset(place.file).tasks().get(number, ""))
+        numbers, tasks = _read(file, EPISODE, TASK)
+        task = int(tasks[numbers == number][0])
+        return rows._replace(task=find_dataset(file).tasks().get(task, ""))
     except (InvalidFile, IndexError):
         return rows
 
@@ -153,7 +136,7 @@ def _read_episodes(file: Path) -> list[EpisodeRows]:
     """The episodes in a file, in order."""
     times, numbers, *features = _read(file, TIME, EPISODE, ACTION, STATE)
     return [
-        EpisodeRows(EpisodeFile(file, episode), times[own], *(values[own] for values in features))
+        EpisodeRows(file, episode, times[own], *(values[own] for values in features))
         for episode in _episodes_in(file, numbers)
         for own in [numbers == episode]
     ]
@@ -175,13 +158,17 @@ def _check_there(
     if missing := (chosen or frozenset()).difference(numbers):
         files = dataset.files(None) if path.is_dir() else ()  # v3 names no file by its episode
         names = filter(None, (_EPISODE.fullmatch(file.name) for file in files))
-        episodes = _ranges({*numbers, *(int(name[1]) for name in names)})
-        raise InvalidFile(path, f"no episode {min(missing)}; episodes: {episodes}")
+        every = sorted({*numbers, *(int(name[1]) for name in names)})
+        runs = np.split(every, np.flatnonzero(np.diff(every) != 1) + 1) if every else []
+        words = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
+        raise InvalidFile(
+            path, f"no episode {min(missing)}; episodes: {', '.join(words) or 'none'}"
+        )
 
 
 def _joints(dataset: Dataset, episode: EpisodeRows) -> dict[str, tuple[int, int]]:
     """Places in the action and in the observation of every joint that both hold."""
-    places, file = [], episode.place.file
+    places, file = [], episode.file
     for key, values in ((ACTION, episode.action), (STATE, episode.state)):
         width = values.shape[1]
         names = dataset.names[key] or tuple(map(str, range(width)))
@@ -204,16 +191,49 @@ def _joints(dataset: Dataset, episode: EpisodeRows) -> dict[str, tuple[int, int]
 
 
 def _read(file: Path, *names: str) -> list[Array]:
-    """Columns of a file: features of shape (n, width), others (n,).
+    """Columns of a file, NaN in empty cells: features of shape (n, width), others (n,).
 
     Some versions of LeRobot write single numbers as lists of one.
     """
-    columns = read_columns(file, names)
-    for name, values in columns.items():
-        if name not in (ACTION, STATE) and values.ndim == 2 and values.shape[1] != 1:
-            raise InvalidFile(file, f"'{name}' has {values.shape[1]} numbers a row, expected one")
-    shapes = [(len(columns[name]), -1) if name in (ACTION, STATE) else -1 for name in names]
-    return [columns[name].reshape(shape) for name, shape in zip(names, shapes, strict=True)]
+    with importing("reading Parquet", "parquet"):
+        import pyarrow as pa
+        from pyarrow import parquet
+    if not file.is_file():
+        raise InvalidFile(file, "no such file; check the name and the folder")
+    try:
+        with parquet.ParquetFile(file) as parts:
+            present = parts.schema_arrow.names
+            for name in names:
+                if name not in present:
+                    hint = nearest(name, present)
+                    raise InvalidFile(
+                        file, f"no column '{name}'{hint}; columns: {', '.join(present)}"
+                    )
+                if present.count(name) > 1:
+                    raise InvalidFile(file, f"{present.count(name)} columns '{name}', expected one")
+            batches, size = [], 0
+            # Rows are unfolded some at a time, as a small file cannot fill all of the memory. The
+            # size in its description is not used: pyarrow ends the process where that is damaged.
+            for batch in parts.iter_batches(8192, columns=list(names), use_threads=False):
+                batches.append(batch)
+                size += batch.nbytes
+                if size > MOST_BYTES:
+                    raise InvalidFile(
+                        file, f"more than {MOST_BYTES >> 20} MiB of angles and times; split it"
+                    )
+            if not sum(map(len, batches)):
+                raise InvalidFile(file, "no rows; is the file cut short?")
+            return [
+                _numbers(file, pa.concat_arrays([batch.column(name) for batch in batches]), name)
+                for name in names
+            ]
+    except InvalidFile:
+        raise
+    except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise InvalidFile(
+            file, f"not Parquet that can be read ({reason}); is the file cut short?"
+        ) from error
 
 
 def _episodes_in(file: Path, numbers: Array) -> list[int]:
@@ -222,17 +242,6 @@ def _episodes_in(file: Path, numbers: Array) -> list[int]:
     if not valid.all():
         raise InvalidFile(file, f"'{EPISODE}': expected whole numbers from 0")
     return [int(number) for number in np.unique(numbers)]
-
-
-def _ranges(numbers: Iterable[int]) -> str:
-    """Numbers in few words: 0-3, 7."""
-    parts: list[list[int]] = []
-    for number in sorted(numbers):
-        if parts and number == parts[-1][1] + 1:
-            parts[-1][1] = number
-        else:
-            parts.append([number, number])
-    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in parts) or "none"
 
 
 @dataclass(frozen=True)
@@ -250,8 +259,13 @@ class Dataset:
 
     @property
     def names(self) -> dict[str, tuple[str, ...] | None]:
-        """The same names without LeRobot's prefix and suffix, where they stay distinct."""
-        return {key: names and _plain(names) for key, names in self.written.items()}
+        """The same names without LeRobot's ``main_`` and ``.pos``, where they stay distinct."""
+        names = dict(self.written)
+        for key, each in self.written.items():
+            plain = tuple(name.removesuffix(".pos").removeprefix("main_") for name in each or ())
+            if len(set(plain)) == len(plain) and all(plain):
+                names[key] = plain or None
+        return names
 
     def files(self, episodes: frozenset[int] | None) -> tuple[Path, ...]:
         """Its Parquet files, except files whose names exclude all of the episodes."""
@@ -315,10 +329,10 @@ def find_dataset(path: Path) -> Dataset:
         )
     info = read_json(root / INFO, what="a log")
     version = info.get("codebase_version") if isinstance(info, dict) else None
-    if version not in VERSIONS:
+    if version not in (versions := ("v2.0", "v2.1", "v3.0")):
         raise InvalidFile(
             root / INFO,
-            f"codebase_version: got {version!r:.20}, expected one of {', '.join(VERSIONS)}; "
+            f"codebase_version: got {version!r:.20}, expected one of {', '.join(versions)}; "
             "convert the dataset with LeRobot's own scripts",
         )
     features = info.get("features")
@@ -342,11 +356,6 @@ def find_dataset(path: Path) -> Dataset:
     )
 
 
-def _plain(names: tuple[str, ...]) -> tuple[str, ...]:
-    plain = tuple(name.removesuffix(SUFFIX).removeprefix(PREFIX) for name in names)
-    return plain if len(set(plain)) == len(plain) and all(plain) else names
-
-
 def _flat(names: Any) -> Iterable[str]:
     """Names in a list, in lists within, or in an object ({"motors": [...]} or name: place)."""
     if isinstance(names, str):
@@ -362,51 +371,8 @@ def _flat(names: Any) -> Iterable[str]:
                 yield from _flat(item)
 
 
-def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
-    """The named columns: (n,), or (n, width) where a cell is a list; NaN where it is empty."""
-    with importing("reading Parquet", "parquet"):
-        import pyarrow as pa
-        from pyarrow import parquet
-    if not Path(path).is_file():
-        raise InvalidFile(path, "no such file; check the name and the folder")
-    try:
-        with parquet.ParquetFile(path) as file:
-            present = file.schema_arrow.names
-            for name in names:
-                if name not in present:
-                    hint = nearest(name, present)
-                    raise InvalidFile(
-                        path, f"no column '{name}'{hint}; columns: {', '.join(present)}"
-                    )
-                if present.count(name) > 1:
-                    raise InvalidFile(path, f"{present.count(name)} columns '{name}', expected one")
-            batches, size = [], 0
-            # Rows are unfolded some at a time, as a small file cannot fill all of the memory. The
-            # size in its description is not used: pyarrow ends the process where that is damaged.
-            for batch in file.iter_batches(BATCH, columns=list(names), use_threads=False):
-                batches.append(batch)
-                size += batch.nbytes
-                if size > MOST_BYTES:
-                    raise InvalidFile(
-                        path, f"more than {MOST_BYTES >> 20} MiB of angles and times; split it"
-                    )
-            if not sum(map(len, batches)):
-                raise InvalidFile(path, "no rows; is the file cut short?")
-            arrays = {name: [batch.column(name) for batch in batches] for name in names}
-            return {
-                name: _numbers(path, pa.concat_arrays(each), name) for name, each in arrays.items()
-            }
-    except InvalidFile:
-        raise
-    except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise InvalidFile(
-            path, f"not Parquet that can be read ({reason}); is the file cut short?"
-        ) from error
-
-
-def _numbers(path: Path | str, array: Any, name: str) -> Array:
-    """Numbers of a column, shape (n,), or (n, width) where a cell is a list."""
+def _numbers(path: Path, array: Any, name: str) -> Array:
+    """Numbers of a column, of which a cell may be a list."""
     import pyarrow as pa
     from pyarrow import compute
 
@@ -425,8 +391,12 @@ def _numbers(path: Path | str, array: Any, name: str) -> Array:
     if not (pa.types.is_floating(values.type) or pa.types.is_integer(values.type)):
         raise InvalidFile(path, f"column '{name}': got {kind}, expected numbers")
     numbers: Array = values.to_numpy(zero_copy_only=False).astype(np.float64)
-    if not is_list:
-        return numbers
-    rows = np.full((len(array), lengths[0]), np.nan)  # a cell that is empty as a whole has none
-    rows[filled] = numbers.reshape(-1, lengths[0])
-    return rows
+    if is_list:
+        rows = np.full((len(array), lengths[0]), np.nan)  # a cell that is empty as a whole has none
+        rows[filled] = numbers.reshape(-1, lengths[0])
+        numbers = rows
+    if name in (ACTION, STATE):
+        return numbers.reshape(len(array), -1)
+    if numbers.size != len(array):
+        raise InvalidFile(path, f"'{name}' has {numbers.shape[1]} numbers a row, expected one")
+    return numbers.ravel()

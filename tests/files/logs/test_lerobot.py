@@ -58,7 +58,7 @@ def test_episodes_come_in_the_order_of_their_numbers_whatever_the_order_of_their
     second.rename(first)
     (folder / "last.parquet").rename(second)
     found = lerobot_episodes(tmp_path / "set", ELBOW)
-    assert [each.episode for each in found] == [0, 1, 2]
+    assert [number for _, number in found] == [0, 1, 2]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -77,7 +77,7 @@ def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
     parquet.write_table(_set(parquet.read_table(file), "task_index", numbers), file)
     tasks = pa.table({"task_index": [0, 1], "__index_level_0__": ["lift", "drop"]})
     parquet.write_table(tasks, root / "meta" / "tasks.parquet")
-    found = [read_episode(place).task for place in lerobot_episodes(root, LogOptions())]
+    found = [read_episode(*each).task for each in lerobot_episodes(root, LogOptions())]
     assert found == ["lift", "drop", "lift"]
     (root / "meta" / "tasks.parquet").unlink()
     lines = [
