@@ -31,7 +31,6 @@ from heapq import heapify, heappop, heappush
 import numpy as np
 
 from planner.approximation.problem import (
-    EQUAL,
     KNOT_UNIT,
     RESOLUTION,
     SHORTEST,
@@ -201,8 +200,8 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
     """
     best, n = rough[0], problem.samples
     segments, unit = problem.segments(best.knots), float(np.sqrt(best.error / n))
-    first = round(float(best.knots[_sharpest_knot(problem, best)])) if problem.cyclic else 0
     # A cycle's chains begin and end on the curve.
+    first = round(float(best.knots[0])) if problem.cyclic else 0
     anchor = float(np.interp(first, best.knots, best.values, period=n))
     starts = []
     for nodes, offsets in LATTICES:
@@ -221,19 +220,6 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
         if all(np.max(np.abs(knots - np.sort(each.knots))) > 1.0 for each in different):
             different.append(curve)
     return with_moved_knots(problem, different[:2])
-
-
-def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
-    """Number of the knot of a cycle at which the slope changes most, a required one if any is.
-
-    Where slopes are at their bounds several change by as much: the first of them is taken, and not
-    the one that rounding makes the largest.
-    """
-    slopes = np.diff(np.append(curve.values, curve.values[0])) / np.diff(problem.ends(curve.knots))
-    bend = np.abs(slopes - np.roll(slopes, 1))
-    if problem.required.size:
-        bend = np.where(required_knots(problem, curve.knots)[0], bend, -1.0)
-    return int(np.argmax(bend >= (1.0 - EQUAL) * np.max(bend)))
 
 
 def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
