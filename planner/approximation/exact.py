@@ -17,7 +17,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Sequence
-from itertools import count, product
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -58,30 +58,28 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
         SolverFailed: No proof within :data:`MOST_BRANCHES` halvings.
     """
     n, knots = problem.samples, np.floor(start.knots + 0.5)
-    best = best_values(problem, np.sort(np.mod(knots, n)) if problem.cyclic else knots)
-    relaxation = Relaxation(problem)
-    search = _Search(relaxation, best)
-    ideal = ideal_of(problem)
-    if float(np.sum((ideal - problem.desired) ** 2)) >= search.enough:
-        return best
-    levels = [np.arange(t, n - best.knots.size + t + 1) for t in range(best.knots.size)]
+    knots = np.sort(np.mod(knots, n)) if problem.cyclic else knots
+    search = Relaxation(problem, best_values(problem, knots))
+    if float(np.sum((ideal_of(problem) - problem.desired) ** 2)) >= search.enough:
+        return search.best
+    levels = [np.arange(t, n - knots.size + t + 1) for t in range(knots.size)]
     if not problem.cyclic:
         levels[0], levels[-1] = np.array([0]), np.array([n - 1])
-    order = count()
-    queue = [(-math.inf, next(order), levels, first_multipliers(problem, best))]
+    number = 0
+    queue = [(-math.inf, number, levels, first_multipliers(problem, search.best))]
     while queue and queue[0][0] < search.enough:
-        bound, number, levels, multipliers = heapq.heappop(queue)
-        tightened = search.tightened(levels, multipliers, 60 if number == 0 else 25)
+        _, order, levels, multipliers = heapq.heappop(queue)
+        tightened = search.tightened(levels, multipliers, 25 if order else 60)
         if tightened is None:
             continue
         bound, levels, multipliers = tightened
         if math.prod(len(level) for level in levels) <= 16:
             for chain in product(*(level.tolist() for level in levels)):
-                if relaxation.possible(chain):
+                if search.possible(chain):
                     search.attempt(chain)
             continue
         for half in halves_of(levels):
-            number = next(order)
+            number += 1
             if number > MOST_BRANCHES:
                 gap = 1.0 - bound / search.best.error
                 raise SolverFailed(
@@ -89,57 +87,6 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
                 )
             heapq.heappush(queue, (bound, number, half, multipliers))
     return search.best
-
-
-class _Search:
-    """The best curve so far, and chains that were tried."""
-
-    def __init__(self, relaxation: Relaxation, best: Candidate) -> None:
-        self.best = best
-        self._relaxation = relaxation
-        self._tried: set[tuple[int, ...]] = set()
-
-    @property
-    def enough(self) -> float:
-        """A bound that proves."""
-        return self.best.error * (1.0 - PROVED) - 1e-12
-
-    def attempt(self, chain: Sequence[int]) -> None:
-        """Remember the curve with these knots if it is the best so far."""
-        if tuple(chain) not in self._tried:
-            self._tried.add(tuple(chain))
-            curve = best_values(self._relaxation.problem, np.array(chain, dtype=np.float64))
-            self.best = curve if curve.error < self.best.error else self.best
-
-    def tightened(
-        self, levels: Levels, multipliers: Array, steps: int
-    ) -> tuple[float, Levels, Array] | None:
-        """A bound, fewer places and better multipliers; None if they hold nothing better."""
-        trial = best = multipliers
-        highest, pace, stalled = -math.inf, 1.0, 0
-        for step in range(steps):
-            cheapest = self._relaxation.bound(levels, trial)
-            if not math.isfinite(cheapest.error):
-                return None
-            self.attempt(cheapest.chain)
-            if cheapest.error >= self.enough:
-                return None
-            stalled += cheapest.error - highest < 1e-4 * (self.best.error - highest)
-            if cheapest.error > highest:
-                highest, best = cheapest.error, trial
-            if stalled > 3:
-                pace, stalled = 0.5 * pace, 0
-            levels = [
-                level[cost < self.enough]
-                for level, cost in zip(levels, cheapest.through, strict=True)
-            ]
-            reach = pace * (self.best.error - cheapest.error)
-            width = 1 + int(6 / (1.0 + step / 6.0))
-            higher = climbed(self._relaxation, trial, cheapest, reach, width)
-            if pace < 0.05 or higher is None:
-                break
-            trial = higher
-        return highest, levels, best
 
 
 def halves_of(levels: Levels) -> list[Levels]:
@@ -167,15 +114,16 @@ class Bound(NamedTuple):
 
 
 class Relaxation:
-    """All segments between samples, with the sums from which their costs follow.
+    """All segments between samples, with the sums from which their costs follow; the best curve.
 
     Multipliers have the shape (2, levels, n): of the ends of segments and of the starts, the same
     except at pins.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, best: Candidate) -> None:
         """Sum the samples of all segments, those at their ends by half."""
-        n, self.problem = problem.samples, problem
+        self.problem, self.best, self._tried = problem, best, set[tuple[int, ...]]()
+        n = problem.samples
         count = 2 * n if problem.cyclic else n
         desired = np.resize(problem.desired, count)
         start, end = np.arange(count)[:, None], np.arange(count)[None, :]
@@ -211,33 +159,74 @@ class Relaxation:
         self.pins = np.full(n, np.nan)
         self.pins[nodes] = problem.pins
 
-    def costs(self, i: Indices, j: Indices, pi_i: Array, pi_j: Array) -> Array:
-        """Least costs of segments from ``i`` to ``j``, whose ends have these multipliers: (5b)."""
-        rise, tilt, slope = self._lines(i, j, pi_i, pi_j)
+    @property
+    def enough(self) -> float:
+        """A bound that proves."""
+        return self.best.error * (1.0 - PROVED) - 1e-12
+
+    def attempt(self, chain: Sequence[int]) -> None:
+        """Remember the curve with these knots if it is the best so far."""
+        if tuple(chain) not in self._tried:
+            self._tried.add(tuple(chain))
+            curve = best_values(self.problem, np.array(chain, dtype=np.float64))
+            self.best = curve if curve.error < self.best.error else self.best
+
+    def tightened(
+        self, levels: Levels, multipliers: Array, steps: int
+    ) -> tuple[float, Levels, Array] | None:
+        """A bound, fewer places and better multipliers; None if they hold nothing better."""
+        trial = best = multipliers
+        highest, pace, stalled = -math.inf, 1.0, 0
+        for step in range(steps):
+            cheapest = self.bound(levels, trial)
+            if not math.isfinite(cheapest.error):
+                return None
+            self.attempt(cheapest.chain)
+            if cheapest.error >= self.enough:
+                return None
+            stalled += cheapest.error - highest < 1e-4 * (self.best.error - highest)
+            if cheapest.error > highest:
+                highest, best = cheapest.error, trial
+            if stalled > 3:
+                pace, stalled = 0.5 * pace, 0
+            levels = [
+                level[cost < self.enough]
+                for level, cost in zip(levels, cheapest.through, strict=True)
+            ]
+            # Polyak's step upwards, which the neighbours of each knot share.
+            slopes = self.differences(cheapest.chain, trial)
+            square = float(np.sum(slopes**2))
+            if pace < 0.05 or square < 1e-20:  # the segments meet: as high as can be
+                break
+            width = 1 + int(6 / (1.0 + step / 6.0))  # [samples]
+            near = np.where(np.isfinite(self.pins[cheapest.chain]), 1, width)[:, np.newaxis]
+            away = np.abs(np.arange(self.pins.size) - np.array(cheapest.chain)[:, np.newaxis])
+            if self.problem.cyclic:
+                away = np.minimum(away, self.pins.size - away)
+            share = np.maximum(0.0, 1.0 - away / near)
+            reach = 2.0 * pace * (self.best.error - cheapest.error) / square
+            trial = trial + reach * slopes[:, :, np.newaxis] * share
+        return highest, levels, best
+
+    def lines(self, i: Indices, j: Indices, pi_i: Array, pi_j: Array) -> tuple[Array, Array, Array]:
+        """Least costs of segments from ``i`` to ``j`` with multipliers at their ends: (5b).
+
+        And the values of these lines at ``i`` and ``j``.
+        """
+        rise, step = pi_j - pi_i, self.problem.step
+        tilt = pi_j * self.length[i, j] - rise * self.centre[i, j]
+        slope = self.slope[i, j] - tilt / (2.0 * self.sxx[i, j])
+        slope = np.minimum(np.maximum(slope, -step), step)
         error = self.error[i, j] + rise * self.mean[i, j] - rise * rise / (4.0 * self.w0[i, j])
         error += self.sxx[i, j] * (slope - self.slope[i, j]) ** 2 + tilt * slope
-        return np.asarray(error)
+        start = self.mean[i, j] - rise / (2.0 * self.w0[i, j]) - slope * self.centre[i, j]
+        return error, start, start + slope * self.length[i, j]
 
     def possible(self, chain: Sequence[int]) -> bool:
         """Whether these knots are in order, none too close, and no required one between them."""
         cyclic = self.problem.cyclic
         ends = [*chain, chain[0] + self.problem.samples] if cyclic else list(chain)
         return bool(np.all(np.isfinite(self.error[ends[:-1], ends[1:]])))
-
-    def ends(self, i: Indices, j: Indices, pi_i: Array, pi_j: Array) -> tuple[Array, Array]:
-        """Values of the cheapest lines at ``i`` and ``j``."""
-        rise, _, slope = self._lines(i, j, pi_i, pi_j)
-        start = self.mean[i, j] - rise / (2.0 * self.w0[i, j]) - slope * self.centre[i, j]
-        return start, start + slope * self.length[i, j]
-
-    def _lines(
-        self, i: Indices, j: Indices, pi_i: Array, pi_j: Array
-    ) -> tuple[Array, Array, Array]:
-        """Terms of the multipliers in centre and slope, and the best slope."""
-        rise, step = pi_j - pi_i, self.problem.step
-        tilt = pi_j * self.length[i, j] - rise * self.centre[i, j]
-        slope = self.slope[i, j] - tilt / (2.0 * self.sxx[i, j])
-        return rise, tilt, np.minimum(np.maximum(slope, -step), step)
 
     def bound(self, levels: Levels, multipliers: Array) -> Bound:
         """The cheapest chain with one knot of every level; O(levels · places²), of a cycle ³."""
@@ -247,7 +236,7 @@ class Relaxation:
         for t in range(last + self.problem.cyclic):
             u = (t + 1) % (last + 1)
             i, j = levels[t][:, None], levels[u][None, :]
-            table = self.costs(
+            table, _, _ = self.lines(
                 i, j + (self.problem.samples if u == 0 else 0), out[t, i], into[u, j]
             )
             tables.append(table + pin[j] * (out[u, j] - into[u, j]))
@@ -279,11 +268,11 @@ class Relaxation:
         """Slopes of the bound by the multipliers at the knots of its chain, (2, levels)."""
         into, out = multipliers
         size, n = len(chain), self.problem.samples
-        own, arriving, leaving = np.array(chain) % n, np.zeros(size), np.zeros(size)
+        own, arriving, leaving = np.array(chain), np.zeros(size), np.zeros(size)
         t = np.arange(size if self.problem.cyclic else size - 1)
         u = (t + 1) % size
         i, j = own[t], own[u] + n * (own[u] <= own[t])
-        leaving[t], arriving[u] = self.ends(i, j, out[t, i], into[u, own[u]])
+        _, leaving[t], arriving[u] = self.lines(i, j, out[t, i], into[u, own[u]])
         pins = self.pins[own]
         pinned = np.isfinite(pins)
         by_into = np.where(pinned, arriving - pins, arriving - leaving)
@@ -308,32 +297,3 @@ def first_multipliers(problem: Problem, curve: Candidate) -> Array:
     else:
         along[[0, -1]] = 0.0
     return np.tile(along, (2, curve.knots.size, 1))
-
-
-def climbed(
-    relaxation: Relaxation, multipliers: Array, cheapest: Bound, reach: float, width: int
-) -> Array | None:
-    """The multipliers after a step of Polyak's upwards.
-
-    Args:
-        relaxation: The relaxation.
-        multipliers: Multipliers to improve.
-        cheapest: The cheapest chain under them.
-        reach: How much higher the bound should become.
-        width: Neighbours of a knot that take part of its step [samples].
-
-    Returns:
-        None if the chain's segments meet: the bound is as high as can be.
-    """
-    slopes = relaxation.differences(cheapest.chain, multipliers)
-    square = float(np.sum(slopes**2))
-    if square < 1e-20:
-        return None
-    n = relaxation.problem.samples
-    knots = np.array(cheapest.chain)[:, np.newaxis] % n
-    away = np.abs(np.arange(n) - knots)
-    if relaxation.problem.cyclic:
-        away = np.minimum(away, n - away)
-    near = np.where(np.isfinite(relaxation.pins[knots]), 1, width)
-    share = np.maximum(0.0, 1.0 - away / near)
-    return np.asarray(multipliers + 2.0 * reach / square * slopes[:, :, np.newaxis] * share)

@@ -94,7 +94,7 @@ def test_no_multipliers_lift_the_bound_above_the_optimum(kind):
     problem = Problem(desired=samples_of(kind, 30, rng), step=0.2, cyclic=True)
     start = best_values(problem, np.array([2.0, 11.0, 20.0]))
     best = proved_best(problem, start)
-    relaxation = Relaxation(problem)
+    relaxation = Relaxation(problem, best)
     levels = [np.arange(t, 30 - 3 + t + 1) for t in range(3)]
     at_best = first_multipliers(problem, best)
     for size in (0.0, 0.1, 1.0):
