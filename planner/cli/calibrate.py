@@ -21,7 +21,6 @@ from planner.files.text import write_text
 if TYPE_CHECKING:
     from planner.robot.arm import Arm
     from planner.robot.candidates import Compared
-    from planner.robot.measure import Check
 
 
 BUSY = 0.5
@@ -106,6 +105,12 @@ def calibrate(
         request-planner plan path.csv --model arm.toml -o requests.csv
         request-planner play requests.csv --bus virtual --model arm.toml -o log.csv
     """  # noqa: D301
+    from planner.report.calibration import (
+        calibration_page,
+        calibration_results,
+        calibration_text,
+        servos_text,
+    )
     from planner.robot import measure
     from planner.robot.arm import Arm, Servo
 
@@ -138,7 +143,11 @@ def calibrate(
             progress("asking the servos")
             checked = measure.check(arm)
         period = 1.0 / choices["rate_hz"]
-        summarise(_checked_text(arm, checked, period))
+        summarise(servos_text(checked, period))
+        for name, noise in checked.noise.items():
+            if noise > math.radians(0.5):
+                varies = f"{name}: its angle varies by {math.degrees(noise):.2f} deg at rest"
+                warn(f"{varies}; is something moving it?")
         if checked.tick_time > BUSY * period:
             most, rate = 1e3 * BUSY * period, BUSY / checked.tick_time
             raise click.UsageError(
@@ -174,8 +183,6 @@ def calibrate(
                         arm, joint, period, choices["duration_s"], folder, resume, progress
                     )
                 _write(output, results, arm, checked.settings, choices)
-    from planner.report.calibration import calibration_page, calibration_text
-
     page = ""
     if report is not None:
         settings = {"bus": choices["bus"], "port": choices["port"], "logs": folder,
@@ -183,26 +190,9 @@ def calibrate(
         origins = [(name, str(value)) for name, value in settings.items() if value]
         page = calibration_page(results, output).html(report, origins, [("models", output)])
     summary = calibration_text(results, output)
-    return Answer(_document(results, arm, checked), summary, pages=[(report, page)])
-
-
-def _checked_text(arm: Arm, check: Check, period: float) -> str:
-    from planner.robot.arm import SETTINGS
-
-    lines = [
-        f"{len(arm.names)} servo{'s answer' if len(arm.names) > 1 else ' answers'}; "
-        f"a tick takes {1e3 * check.tick_time:.2g} ms of "
-        f"{1e3 * period:g} ms, {100.0 * check.lost:.1f} % of the answers are lost"
-    ]
-    for name, angle in check.angles.items():
-        settings = ", ".join(
-            f"{SETTINGS[key]} {value}" for key, value in check.settings[name].items()
-        )
-        noise = math.degrees(check.noise[name])
-        lines.append(f"  {name}: at {math.degrees(angle):.1f} deg, noise {noise:.2f}; {settings}")
-        if check.noise[name] > math.radians(0.5):
-            warn(f"{name}: its angle varies by {noise:.2f} deg at rest; is something moving it?")
-    return "\n".join(lines)
+    return Answer(
+        calibration_results(results, arm.servos, checked.tick_time), summary, pages=[(report, page)]
+    )
 
 
 @contextmanager
@@ -297,30 +287,6 @@ def _write(
         bus={name: choices[name] for name in BUS if choices[name]},
     )
     write_text(output, text)
-
-
-def _document(results: Mapping[str, Compared], arm: Arm, checked: Check) -> dict[str, Any]:
-    return {
-        "tick_s": checked.tick_time,
-        "joints": {
-            name: {
-                "id": arm.servos[name].id,
-                "limits_deg": [math.degrees(limit) for limit in arm.servos[name].limits],
-                "recommended": result.recommended.way,
-                "candidates": {
-                    candidate.way: {
-                        "rms_deg": math.degrees(candidate.error),
-                        "max_deg": math.degrees(candidate.max_error),
-                        "largest_step_deg": math.degrees(candidate.largest_step),
-                        "expected_rms_deg": math.degrees(candidate.expected),
-                    }
-                    for candidate in result.candidates
-                },
-                "identification": result.identification.to_dict(),
-            }
-            for name, result in results.items()
-        },
-    }
 
 
 @click.command()

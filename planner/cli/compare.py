@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
@@ -15,9 +13,6 @@ from planner.cli.settings import Run
 from planner.report.table import fitted_to
 
 if TYPE_CHECKING:
-    from kinematics import Leg
-    from planner.cli.desired import Desired
-    from planner.evaluation.cross_check import CrossCheck
     from planner.planning.bounds.reachable_set import Level
 
 
@@ -63,28 +58,41 @@ def compare(
     from planner.cli.desired import check_angles, desired_of
     from planner.cli.models import leg_title, model_words
     from planner.cli.planning import inputs_of, notes_of, origins_of
-    from planner.report.comparison_page import (
-        comparison_page,
-        comparison_text,
-        verdict_line,
-    )
+    from planner.evaluation.cross_check import cross_check
+    from planner.planning.task import limits_of_each
+    from planner.report.comparison_page import comparison_page, comparison_text, verdict_line
 
     desired = desired_of(run)
     options.warn_of(desired.remarks)
     check_angles(desired.names, desired.units)
-    in_order, leg = _in_leg_order(desired)
-    with Progress(len(desired.names) + (leg is not None)) as progress:
-        check = comparison_of(in_order, leg, level, progress)
+    leg = desired.leg
+    whole = leg if leg is not None and set(desired.names) == set(leg.joint_names) else None
+    desired = desired if whole is None else desired.of_leg(whole)  # in its order
+    load = desired.load(desired.angles) if callable(desired.load) else desired.load
+    with Progress(len(desired.names) + (whole is not None)) as progress:
+        check = cross_check(
+            desired.models,
+            desired.angles,
+            cyclic=desired.cyclic,
+            limits=limits_of_each(desired.limits, desired.names) if desired.limits else None,
+            segments=run.plan.segments,
+            leg=whole,
+            norm=run.plan.norm or "rms",
+            level=level,
+            names=desired.names,
+            load=load,
+            progress=progress,
+        )
     html, unreachable = "", desired.unreachable
     if report is not None:
         page = comparison_page(
             check,
-            title=leg_title(run.leg) or ", ".join(in_order.names),
-            leg=leg,
+            title=leg_title(run.leg) or ", ".join(desired.names),
+            leg=whole,
             unreachable=unreachable,
             notes=notes_of(desired),
         )
-        origins = [*origins_of(desired, leg), ("bounds up to", level)]
+        origins = [*origins_of(desired, whole), ("bounds up to", level)]
         html = page.html(report, origins, inputs_of(desired))
 
     def print_table(_: str) -> None:
@@ -100,35 +108,3 @@ def compare(
         pages=[(report, html)],
         failure="" if check.passed else verdict,
     )
-
-
-def comparison_of(
-    desired: Desired, leg: Leg | None, level: Level, progress: Callable[[str], None]
-) -> CrossCheck:
-    """The plans for the desired path, compared under its load."""
-    from planner.evaluation.cross_check import cross_check
-    from planner.planning.task import limits_of_each
-
-    run = desired.settings
-    return cross_check(
-        desired.models,
-        desired.angles,
-        cyclic=desired.cyclic,
-        limits=limits_of_each(desired.limits, desired.names) if desired.limits else None,
-        segments=run.plan.segments,
-        leg=leg,
-        norm=run.plan.norm or "rms",
-        level=level,
-        names=desired.names,
-        load=None if callable(desired.load) else desired.load,
-        progress=progress,
-    )
-
-
-def _in_leg_order(desired: Desired) -> tuple[Desired, Leg | None]:
-    """The joints in the order of the leg; no leg if some are missing."""
-    leg = desired.leg
-    if leg is not None and set(desired.names) == set(leg.joint_names):
-        return desired.of_leg(leg), leg
-    load = desired.load
-    return replace(desired, load=load(desired.angles) if callable(load) else load), None

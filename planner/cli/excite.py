@@ -94,7 +94,7 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
     from planner.cli.models import models_of
     from planner.files.paths import write_joint_path
     from planner.identification.excitation import expect
-    from planner.report.identification_text import excitation_text
+    from planner.report.identification_text import excitation_results, excitation_text
 
     _check(choices)
     (model,) = models_of(run, [joint])
@@ -107,7 +107,7 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
         seed=choices["seed"],
     )
     return Answer(
-        _document(excitation, expected),
+        excitation_results(excitation, expected),
         excitation_text(excitation, expected, model=run.model.file),
         lambda file: write_joint_path(
             file, [joint], excitation.requests[:, None], period=excitation.period
@@ -174,23 +174,3 @@ def _check(choices: dict[str, Any]) -> None:
         raise click.UsageError(
             f"--resolution-deg: got {step:g}, expected 0 for none, or at least {finest:g}."
         )
-
-
-def _document(excitation: Excitation, expected: Identification) -> dict[str, Any]:
-    import numpy as np
-
-    answer = expected.to_dict()
-    return {
-        "kind": excitation.kind,
-        "period_s": excitation.period,
-        "centre_deg": math.degrees(excitation.centre),
-        "amplitudes_deg": [math.degrees(height) for height in excitation.amplitudes],
-        "identifiable": excitation.meaning,
-        "parts": [
-            {"name": name, "begin_s": begin, "end_s": end, "determines": determines}
-            for name, begin, end, determines in excitation.parts
-        ],
-        "expected": {key: answer[key] for key in ("model", "intervals", "gain_interval")},
-        "warnings": list(expected.warnings),
-        "requests_deg": np.degrees(excitation.requests).tolist(),
-    }

@@ -13,7 +13,7 @@ from planner.cli.settings import Run
 from planner.exceptions import about
 
 if TYPE_CHECKING:
-    from planner.approximation.fit import PiecewiseLinearFit
+    pass
 
 
 def _knot(text: str) -> tuple[float, float | None]:
@@ -91,7 +91,7 @@ def fit(
     from planner.cli.desired import check_angles, load_joints
     from planner.cli.models import model_words
     from planner.files.paths import write_curve
-    from planner.report.fit_page import fit_page, fits_table
+    from planner.report.fit_page import fit_page, fit_results, fits_table
 
     path = load_joints(desired, run)
     options.warn_of(path.remarks)
@@ -120,7 +120,7 @@ def fit(
     document = {
         "cyclic": path.cyclic,
         "period_s": path.period,
-        "joints": {name: _document(curve) for name, curve in fits.items()},
+        "joints": {name: fit_results(curve) for name, curve in fits.items()},
     }
     angles = np.column_stack([curve.angles for curve in fits.values()])
     if knots_file is not None:
@@ -144,17 +144,3 @@ def _samples(time: float, period: float) -> float:
     if not math.isfinite(count):
         return count  # which the fit refuses
     return float(round(count)) if abs(count - round(count)) < 1e-6 else count
-
-
-def _document(curve: PiecewiseLinearFit) -> dict[str, Any]:
-    import numpy as np
-
-    return {
-        "segments": len(curve.slopes),
-        "rms_deg": float(np.degrees(curve.rms)),
-        "max_deg": float(np.degrees(curve.max_error)),
-        "knots": curve.knots.tolist(),
-        "values_deg": np.degrees(curve.values).tolist(),
-        "slopes_deg_per_s": np.degrees(curve.slopes).tolist(),
-        "angles_deg": np.degrees(curve.angles).tolist(),
-    }

@@ -177,14 +177,6 @@ def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[
     return (Remark(words),) if words else ()
 
 
-def verdict_document(model: JointModel) -> dict[str, str]:
-    """The verdict on a model and its reason, for machines; empty if unknown."""
-    evidence = model.evidence
-    if evidence is None or evidence.verdict is None:
-        return {}
-    return {"verdict": evidence.verdict, "verdict_reason": evidence.reason}
-
-
 def model_words(model: settings.Model) -> str:
     """The joint model of an answer, in words."""
     words = {

@@ -48,14 +48,13 @@ def plan(*, run: Run, path: str, output: str, report: str | None) -> Answer:  # 
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
     from planner.cli.planning import (
+        answer_of,
         beyond_limits,
-        document,
         doubted,
         misses,
         plan_of,
         plan_report,
         prepare,
-        summary,
     )
 
     desired = prepare(run)
@@ -68,8 +67,7 @@ def plan(*, run: Run, path: str, output: str, report: str | None) -> Answer:  # 
         files = [("requests", output)]
         page = plan_report(desired, result, missed=missed, page=report, written=files)
     return Answer(
-        document(desired, result, missed),
-        summary(desired, result),
+        *answer_of(desired, result, missed),
         lambda file: desired.write(file, result.requests, result.task.load),
         pages=[(report, page)],
         failure=f"{'; '.join(missed)}; the requests are written all the same" if missed else "",

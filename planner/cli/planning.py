@@ -13,21 +13,13 @@ import numpy as np
 from planner.cli import settings
 from planner.cli.console import BadSetting, FailedCheck, Key, Remark
 from planner.cli.desired import Desired, desired_of
-from planner.cli.models import beside, leg_title, model_words, verdict_document
+from planner.cli.models import beside, leg_title, model_words
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
-from planner.planning.result import FootInversion, Inversion
 from planner.planning.task import Task, checked_leg, limits_of_each
-from planner.planning.time_shift import (
-    has_refused,
-    refining_recommended,
-    shift_recommended,
-    shifted,
-)
-from planner.report.plan_page import no_bound
-from planner.report.plan_text import plan_text
-from planner.trajectory import Array, error_norm, index_of_largest, rms
+from planner.report.plan_results import plan_results, plan_text
+from planner.trajectory import error_norm, index_of_largest
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -167,14 +159,6 @@ def beyond_limits(desired: Desired, plan: Plan) -> list[FailedCheck]:
     return failures
 
 
-def errors_document(errors: Array, unit: str, factor: float = 1.0) -> dict[str, float]:
-    """Root mean square and largest of some errors, times a factor, for machines."""
-    return {
-        f"rms_{unit}": factor * error_norm(errors, "rms"),
-        f"max_{unit}": factor * error_norm(errors, "max"),
-    }
-
-
 def off_by(subject: str, error: float, unit: str, norm: str, expected: float) -> str:
     """A missed tolerance in words."""
     return f"{subject} is off by {error:.4g} {unit} ({norm}), expected at most {expected:g}"
@@ -262,111 +246,20 @@ def doubted(desired: Desired, plan: Plan) -> list[Remark]:
 # The answer: JSON for machines, text and pages for people.
 
 
-def document(desired: Desired, plan: Plan, missed: list[str]) -> dict[str, Any]:
-    """The plan for machines; fields that a plan for the foot does not have are null."""
-    run, task = desired.settings, plan.task
-    joints, shift = {}, shifted(task)
-    for j, name in enumerate(desired.names):
-        inversion, unit = plan.inversions[j] if plan.inversions else None, desired.unit(j)
-        ends = np.degrees([plan.expected[j].low, plan.expected[j].high]).tolist()
-        motion = plan.motions[j]
-        joints[name] = {
-            **errors_document(np.degrees(plan.errors[:, j]), unit),
-            "norm": inversion and inversion.norm,
-            "solver": inversion and inversion.solver,
-            f"expected_rms_{unit}": math.degrees(plan.expected[j].error),
-            f"expected_range_{unit}": ends if np.isfinite(ends).all() else None,
-            "untested": list(plan.expected[j].untested),
-            f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
-            "gap": inversion and inversion.gap,
-            "over_models": inversion and _over_models(inversion, unit, math.degrees(1.0)),
-            "best_shift": {
-                "lead_s": shift.leads[j],
-                f"rms_{unit}": float(np.degrees(rms(shift.errors[:, j]))),
-                f"expected_rms_{unit}": math.degrees(shift.expected[j].error),
-            },
-            **verdict_document(desired.models[j]),
-            f"largest_step_{unit}": math.degrees(motion.largest_step),
-            "reversals_per_s": motion.reversals_per_s,
-            f"path_length_{unit}": math.degrees(motion.path_length),
-            f"desired_path_length_{unit}": math.degrees(motion.desired_length),
-            f"beyond_desired_{unit}": math.degrees(motion.beyond),
-            f"requests_{unit}": np.degrees(plan.requests[:, j]).tolist(),
-            f"predicted_{unit}": np.degrees(plan.predicted[:, j]).tolist(),
-            **({} if task.load is None else {"load_Nm": task.load[:, j].tolist()}),
-        }
-    foot = None
-    if desired.foot is not None:
-        bound, foot_inversion = plan.foot_bound, plan.of_foot
-        foot = {
-            **errors_document(100.0 * plan.distances, "cm"),
-            "expected_rms_cm": plan.expected_foot and 100.0 * plan.expected_foot,
-            "norm": foot_inversion and foot_inversion.norm,
-            "best_shift": {
-                "rms_cm": 100.0 * rms(shift.distances),
-                "expected_rms_cm": shift.expected_foot and 100.0 * shift.expected_foot,
-            },
-            "lower_bound_cm": None if bound is None else 100.0 * bound,
-            "gap": None if bound is None else foot_inversion and foot_inversion.gap,
-            "over_models": foot_inversion and _over_models(foot_inversion, "cm", 100.0),
-            "predicted_m": plan.foot.tolist(),
-        }
-    legs = {}
-    for name, leg in desired.legs.items():
-        part = plan.of_leg(leg)
-        leg_shift = shifted(part.task)
-        legs[name] = {
-            **errors_document(100.0 * part.distances, "cm"),
-            "expected_rms_cm": part.expected_foot and 100.0 * part.expected_foot,
-            "without_plan_rms_cm": 100.0 * rms(part.direct_distances),
-            "best_shift_rms_cm": 100.0 * rms(leg_shift.distances),
-        }
-    recommended = "shift" if shift_recommended(plan, shift) else run.plan.method
-    step = float(np.min(task.max_step))
-    has_tolerance = run.tolerance.deg is not None or run.tolerance.cm is not None
-    return {
+def answer_of(desired: Desired, plan: Plan, missed: Sequence[str]) -> tuple[dict[str, Any], str]:
+    """The plan for machines, and for people."""
+    run = desired.settings
+    shared: dict[str, Any] = {
         "method": run.plan.method,
-        "recommended_method": None if has_refused(plan) else recommended,
-        "refining_recommended": bool(refining_recommended(plan, shift)),
-        "cyclic": desired.cyclic,
-        "period_s": desired.period,
-        "robust": run.plan.robust,
-        "max_step_deg": None if math.isinf(step) else math.degrees(step),
-        "unreachable_samples": desired.unreachable,
-        "lower_bound_withdrawn": no_bound(plan) or None,
-        "joints": joints,
-        "foot": foot,
-        **({"legs": legs} if legs else {}),
-        "within_tolerance": not missed if has_tolerance else None,
+        "legs": desired.legs,
+        "of_foot": desired.foot is not None,
+        "unreachable": desired.unreachable,
     }
-
-
-def summary(desired: Desired, plan: Plan) -> str:
-    """The plan for people."""
-    return plan_text(
-        plan,
-        desired.labels,
-        model=model_words(desired.settings.model),
-        legs=desired.legs,
-        by_feet=desired.settings.plan.method == "foot-optimal",
-        of_foot=desired.foot is not None,
-        unreachable=desired.unreachable,
-    )
-
-
-def _over_models(
-    inversion: Inversion | FootInversion, unit: str, factor: float
-) -> dict[str, Any] | None:
-    """Errors over the drawn models, for machines; None without drawn models."""
-    if inversion.nominal is None:
-        return None
-    return {
-        name: {
-            **{f"{which}_{unit}": factor * e for which, e in plan.over_models._asdict().items()},
-            f"of_each_{unit}": (factor * plan.errors_of_models).tolist(),
-        }
-        for name, plan in (("robust_plan", inversion), ("nominal_plan", inversion.nominal))
-    }
+    has_tolerance = run.tolerance.deg is not None or run.tolerance.cm is not None
+    units = [desired.unit(j) for j in range(len(desired.names))]
+    kept = not missed if has_tolerance else None
+    document = plan_results(plan, units, robust=run.plan.robust, kept=kept, **shared)
+    return document, plan_text(plan, desired.labels, model=model_words(run.model), **shared)
 
 
 def plan_report(

@@ -148,13 +148,12 @@ def _check_names(run: Run) -> None:
 def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
     """Plan, and write the folder of the results, ``results.json`` among them."""
     from planner.cli.planning import (
+        answer_of,
         beyond_limits,
-        document,
         doubted,
         misses,
         plan_of,
         plan_report,
-        summary,
     )
     from planner.files.paths import write_foot_path
     from planner.report.page import versions
@@ -194,10 +193,11 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
             files: list[tuple[str, Path | str | None]] = [("run", file.path)]
             files += [(Path(name).stem, folder / name) for name in [*list_files(folder), MANIFEST]]
             write_text(page, plan_report(desired, plan, missed=missed, page=page, written=files))
+        document, summary = answer_of(desired, plan, missed)
         results = {
             "made_by": "request-planner run",
             "settings": flat(run),
-            **document(desired, plan, missed),
+            **document,
             "exports": exports,
             "versions": versions(),
             "files": list_files(folder),
@@ -208,4 +208,4 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
     if missed:
         failure = f"{'; '.join(missed)}; the files are written all the same"
     words += f"\n{len(results['files']) + 1} files in {out}"
-    return Answer(results, summary(desired, plan) + words, failure=failure)
+    return Answer(results, summary + words, failure=failure)

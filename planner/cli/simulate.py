@@ -46,10 +46,11 @@ def simulate(
     import numpy as np
 
     from planner.cli.desired import load_joints, repeats, starts_of
-    from planner.cli.models import model_words, refused_models, verdict_document
+    from planner.cli.models import model_words, refused_models
     from planner.files.paths import read_joint_path
     from planner.model.evidence import Expectation, expectation, untested_words
     from planner.model.response import simulate as simulate_joint
+    from planner.report.plan_results import verdict_results
     from planner.trajectory import angle_distance
 
     inputs = load_joints(requests, run)
@@ -100,7 +101,7 @@ def simulate(
             summary += f", {largest:.3f} {unit} at most"
             if np.isfinite(robot):
                 summary += f"; on the robot expect about {robot:.3f} {unit} rms"
-        joints[name] |= verdict_document(model)
+        joints[name] |= verdict_results(model)
         joints[name][f"angles_{unit}"] = np.degrees(predicted).tolist()
     if expected and (words := untested_words(inputs.names, expected)):
         summary += f"\n{words}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,6 +75,7 @@ def sweep(
     from planner.cli.points import planned_points, read_sweep
     from planner.files.results import Results, finished
     from planner.parallel import executor_of
+    from planner.report.sweep_page import sweep_text
 
     space = read_sweep(file)
     place = folder_of(file, out, space.settings.out)
@@ -103,7 +103,7 @@ def sweep(
     with output_folder(place) as folder:
         document = write_sweep(folder, space, swept, origin)
     results.remove()
-    return _answer(document, f"{summary(swept)}\n{len(document['files']) + 1} files in {place}")
+    return _answer(document, f"{sweep_text(swept)}\n{len(document['files']) + 1} files in {place}")
 
 
 def _answer(document: Mapping[str, Any], words: str) -> Answer:
@@ -127,9 +127,9 @@ def write_sweep(
     from planner.files.results import made_from
     from planner.files.table import csv_text
     from planner.report.page import versions
-    from planner.report.sweep_page import sweep_page
+    from planner.report.sweep_page import sweep_page, sweep_results
 
-    run, page, rows = space.settings, folder / "report.html", _rows(swept)
+    run, page, rows = space.settings, folder / "report.html", sweep_results(swept)
     write_text(folder / "points.csv", csv_text([*rows[0]], [[*row.values()] for row in rows]))
     files: list[tuple[str, Path | str]] = [("sweep", swept.file)]
     files += [(Path(name).suffix[1:], folder / name) for name in list_files(folder)]
@@ -157,48 +157,3 @@ def write_sweep(
     document |= made_from(origin, document)
     write_text(folder / MANIFEST, to_json(document))
     return document
-
-
-def _rows(swept: Swept) -> list[dict[str, Any]]:
-    """The columns of every point; values that a point without a plan lacks are None."""
-    speed = "speed_cm_s" if swept.speed_unit == "cm/s" else "speed_factor"
-    unit, front = swept.error_unit, {each.number for each in swept.front}
-    return [
-        {
-            "point": each.number,
-            **dict(zip(swept.names, each.point, strict=True)),
-            **{
-                name: value if math.isfinite(value) else None
-                for name, value in {
-                    speed: each.speed,
-                    f"error_{unit}": each.error,
-                    f"largest_error_{unit}": each.largest,
-                    f"direct_error_{unit}": each.direct,
-                    "too_fast_percent": 100.0 * each.too_fast,
-                }.items()
-            },
-            "slowest_joint": each.slowest or None,
-            "unreachable_samples": each.unreachable,
-            "on_front": each.number in front,
-            "reason": each.reason or None,
-        }
-        for each in swept.outcomes
-    ]
-
-
-def summary(swept: Swept) -> str:
-    """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
-    from planner.report.sweep_page import points_table
-
-    lines = [swept.verdict]
-    if swept.front:
-        planned = sum(each.planned for each in swept.outcomes)
-        lines.append(f"{planned} of {len(swept.outcomes)} points have a plan; the front:")
-        lines.append(points_table(swept).text())
-        lines.append(f"again: {swept.command(swept.best or swept.front[-1])}")
-    for reason, outcomes in list(swept.failures.items())[:10]:
-        more = f" and {len(outcomes) - 1} more" if len(outcomes) > 1 else ""
-        lines.append(f"point {outcomes[0].number}{more}: {reason}")
-    if (rest := len(swept.failures) - 10) > 0:
-        lines.append(f"{rest} more reasons in points.csv")
-    return "\n".join(lines)

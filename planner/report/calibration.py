@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from planner.report.identified_joint import explained, joints_table
 from planner.report.page import Page
 from planner.report.table import Column, Row, Table, number
 from planner.report.wording import words_of
+from planner.robot.arm import SETTINGS, Servo
 from planner.robot.candidates import WORDS, Compared, Way
+from planner.robot.measure import Check
 
 ROLES: Mapping[Way, style.Role] = {
     "direct": style.DIRECT,
@@ -27,6 +30,50 @@ ROLES: Mapping[Way, style.Role] = {
     "optimal_friction": style.FOOT_OPTIMAL._replace(label=WORDS["optimal_friction"], width=1.6),
 }
 """Looks of every way."""
+
+
+def servos_text(check: Check, period: float) -> str:
+    """The state of the servos before they move, of requests every ``period`` [s]."""
+    count = len(check.angles)
+    lines = [
+        f"{count} servo{'s answer' if count > 1 else ' answers'}; "
+        f"a tick takes {1e3 * check.tick_time:.2g} ms of "
+        f"{1e3 * period:g} ms, {100.0 * check.lost:.1f} % of the answers are lost"
+    ]
+    for name, angle in check.angles.items():
+        settings = ", ".join(
+            f"{SETTINGS[key]} {value}" for key, value in check.settings[name].items()
+        )
+        noise = math.degrees(check.noise[name])
+        lines.append(f"  {name}: at {math.degrees(angle):.1f} deg, noise {noise:.2f}; {settings}")
+    return "\n".join(lines)
+
+
+def calibration_results(
+    results: Mapping[str, Compared], servos: Mapping[str, Servo], tick_time: float
+) -> dict[str, Any]:
+    """A calibration for machines; ``tick_time`` is that of a sync write and a sync read [s]."""
+    return {
+        "tick_s": tick_time,
+        "joints": {
+            name: {
+                "id": servos[name].id,
+                "limits_deg": [math.degrees(limit) for limit in servos[name].limits],
+                "recommended": result.recommended.way,
+                "candidates": {
+                    candidate.way: {
+                        "rms_deg": math.degrees(candidate.error),
+                        "max_deg": math.degrees(candidate.max_error),
+                        "largest_step_deg": math.degrees(candidate.largest_step),
+                        "expected_rms_deg": math.degrees(candidate.expected),
+                    }
+                    for candidate in result.candidates
+                },
+                "identification": result.identification.to_dict(),
+            }
+            for name, result in results.items()
+        },
+    }
 
 
 def candidates_table(comparisons: Mapping[str, Compared]) -> Table:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,6 +34,19 @@ def fit_page(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choic
         joints[name] = [replace(each, name=f"{each.name}_{k}") for each in pictures]
     table = fits_table(fits)
     return Page("fit", joints=joints, table=table, worst=worst, rms=rms, most=most)
+
+
+def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
+    """An approximation for machines."""
+    return {
+        "segments": len(curve.slopes),
+        "rms_deg": float(np.degrees(curve.rms)),
+        "max_deg": float(np.degrees(curve.max_error)),
+        "knots": curve.knots.tolist(),
+        "values_deg": np.degrees(curve.values).tolist(),
+        "slopes_deg_per_s": np.degrees(curve.slopes).tolist(),
+        "angles_deg": np.degrees(curve.angles).tolist(),
+    }
 
 
 def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:

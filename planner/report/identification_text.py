@@ -7,7 +7,7 @@ import re
 import shlex
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -142,6 +142,25 @@ def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]
         whose = f" (the numbers are those of {first})" if len(set(words.values())) > 1 else ""
         lines.append(f"{_names(list(words))}: warning: {text}{whose}")
     return lines
+
+
+def excitation_results(excitation: Excitation, expected: Identification) -> dict[str, Any]:
+    """A test signal, and what it is expected to show, for machines."""
+    answer = expected.to_dict()
+    return {
+        "kind": excitation.kind,
+        "period_s": excitation.period,
+        "centre_deg": math.degrees(excitation.centre),
+        "amplitudes_deg": [math.degrees(height) for height in excitation.amplitudes],
+        "identifiable": excitation.meaning,
+        "parts": [
+            {"name": name, "begin_s": begin, "end_s": end, "determines": determines}
+            for name, begin, end, determines in excitation.parts
+        ],
+        "expected": {key: answer[key] for key in ("model", "intervals", "gain_interval")},
+        "warnings": list(expected.warnings),
+        "requests_deg": np.degrees(excitation.requests).tolist(),
+    }
 
 
 def excitation_text(excitation: Excitation, expected: Identification, *, model: str) -> str:

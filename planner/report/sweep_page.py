@@ -179,6 +179,49 @@ def sweep_page(swept: Swept) -> Page:
     )
 
 
+def sweep_results(swept: Swept) -> list[dict[str, Any]]:
+    """The columns of every point; values that a point without a plan lacks are None."""
+    speed = "speed_cm_s" if swept.speed_unit == "cm/s" else "speed_factor"
+    unit, front = swept.error_unit, {each.number for each in swept.front}
+    return [
+        {
+            "point": each.number,
+            **dict(zip(swept.names, each.point, strict=True)),
+            **{
+                name: value if math.isfinite(value) else None
+                for name, value in {
+                    speed: each.speed,
+                    f"error_{unit}": each.error,
+                    f"largest_error_{unit}": each.largest,
+                    f"direct_error_{unit}": each.direct,
+                    "too_fast_percent": 100.0 * each.too_fast,
+                }.items()
+            },
+            "slowest_joint": each.slowest or None,
+            "unreachable_samples": each.unreachable,
+            "on_front": each.number in front,
+            "reason": each.reason or None,
+        }
+        for each in swept.outcomes
+    ]
+
+
+def sweep_text(swept: Swept) -> str:
+    """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
+    lines = [swept.verdict]
+    if swept.front:
+        planned = sum(each.planned for each in swept.outcomes)
+        lines.append(f"{planned} of {len(swept.outcomes)} points have a plan; the front:")
+        lines.append(points_table(swept).text())
+        lines.append(f"again: {swept.command(swept.best or swept.front[-1])}")
+    for reason, outcomes in list(swept.failures.items())[:10]:
+        more = f" and {len(outcomes) - 1} more" if len(outcomes) > 1 else ""
+        lines.append(f"point {outcomes[0].number}{more}: {reason}")
+    if (rest := len(swept.failures) - 10) > 0:
+        lines.append(f"{rest} more reasons in points.csv")
+    return "\n".join(lines)
+
+
 def points_table(swept: Swept) -> Table:
     """The points of the front with their parameters, speeds and errors."""
     quantities = [WORDS[name] for name in swept.names]

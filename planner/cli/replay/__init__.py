@@ -126,8 +126,9 @@ def replay(
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
     from planner.cli.replay.dataset import write_replay
-    from planner.cli.replay.task import document, fastest_document, missed
+    from planner.cli.replay.task import missed
     from planner.report.replay_page import replay_page, replay_text
+    from planner.report.replay_results import fastest_results, replay_results
 
     fastest, page = None, ""
     with Progress() as progress:
@@ -135,7 +136,7 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
             fastest = task.fastest(progress)
         result = task.run(progress) if fastest is None else fastest.replay
         progress("the errors of other requests")
-        content = document(result, task.models)
+        content = replay_results(result, task.models.words, task.models.remarks)
         words = replay_text(result, task.models.words, fastest)
         misses = missed(task, result)
         if report is not None:
@@ -154,7 +155,7 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
             files = [("recording", recording.path), ("requests", output)]
             page = about.html(report, origins, files)
     if fastest is not None:
-        content |= {"fastest": fastest_document(fastest)}
+        content |= {"fastest": fastest_results(fastest)}
     for each in result.path.remarks:
         remark(f"{result.path.name}: {each}")
     return Answer(

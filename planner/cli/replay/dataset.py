@@ -30,9 +30,8 @@ from planner.recording.episode import as_written, decoded, encoded, lerobot_epis
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import Replay
 from planner.report.episodes_page import resent_words
-from planner.report.replay_page import LOG_UNITS
+from planner.report.replay_results import episode_results
 from planner.robot.schedule import Schedule
-from planner.trajectory import error_norm
 
 
 def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
@@ -147,29 +146,7 @@ def replay_many(
 def replayed(task: ReplayTask) -> bytes:
     """A replayed recording as the bytes of an NPZ file: a task of :mod:`planner.parallel`."""
     replay = task.run()
-    return encoded(lerobot_episode(task.recording, replay), episode_figures(replay))
-
-
-def episode_figures(replay: Replay) -> dict[str, Any]:
-    """The row of a recording in a table of many: the joint with the largest error of its plan."""
-    worst = max(
-        replay.planned,
-        key=lambda each: LOG_UNITS[each.path.unit][1] * error_norm(each.errors["planned"], "rms"),
-    )
-    unit, factor = LOG_UNITS[worst.path.unit]
-    return {
-        "recording": replay.path.name,
-        "requests": len(replay.moments),
-        "duration_s": (len(replay.moments) - 1) * replay.period,
-        "speed": replay.speed,
-        "worst_joint": worst.name,
-        "unit": unit,
-        **{f"{kind}_rms": factor * error_norm(each, "rms") for kind, each in worst.errors.items()},
-        "expected_on_robot_rms": factor * worst.expected,
-        "lower_bound": factor * worst.lower_bound,
-        "recorded_requests_may_serve": worst in replay.resent_may_serve,
-        "remarks": list(replay.path.remarks),
-    }
+    return encoded(lerobot_episode(task.recording, replay), episode_results(replay))
 
 
 def origin_of(

@@ -15,7 +15,7 @@ from planner.cli import settings
 from planner.cli.console import BadSetting, Key
 from planner.cli.desired import check_felt, load_of_masses
 from planner.cli.models import find_leg, load_leg, model_words
-from planner.cli.planning import errors_document, off_by, search_options
+from planner.cli.planning import off_by, search_options
 from planner.exceptions import InvalidInput, PlannerError, nearest
 from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
@@ -24,7 +24,6 @@ from planner.identification.log import Log
 from planner.model.evidence import refusal, with_reasons
 from planner.model.joint import JointModel
 from planner.recording.recorded_path import (
-    WHY,
     RecordedPath,
     check_length,
     is_gripper,
@@ -294,87 +293,6 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
 
     load_at(path.moments(1.0))  # refuses a URDF without masses before anything is planned
     return replace(path, load_at=load_at)
-
-
-def document(replay: Replay, models: JointModels) -> dict[str, Any]:
-    """A replay for machines, in degrees or percent; missing values are null."""
-    joints = {}
-    for joint in replay.joints:
-        unit, factor = LOG_UNITS[joint.path.unit]
-        plan = joint.inversion
-        entry: dict[str, Any] = {
-            "planned": plan is not None,
-            "reason": joint.path.reason or None,
-            "unit": unit,
-            "recorded": errors_document(joint.recorded_errors, unit, factor),
-            f"requests_{unit}": (factor * joint.requests).tolist(),
-        }
-        if plan is not None:
-            assert joint.predicted is not None, "a planned joint is simulated"
-            entry |= {
-                **{
-                    kind: errors_document(each, unit, factor) for kind, each in joint.errors.items()
-                },
-                "best_shift_s": joint.lead,
-                f"expected_on_robot_rms_{unit}": factor * joint.expected,
-                "norm": plan.norm,
-                f"lower_bound_{unit}": factor * joint.lower_bound,
-                f"largest_step_{unit}": factor * plan.largest_step,
-                "recorded_requests_may_serve": joint in replay.resent_may_serve,
-                "untested": list(joint.untested),
-                "top_speed_known": joint.name not in replay.path.open_top_speeds,
-                "faster_than_the_joint_s": [list(span) for span in joint.too_fast],
-                f"desired_{unit}": (factor * joint.desired).tolist(),
-                f"predicted_{unit}": (factor * joint.predicted).tolist(),
-            }
-        joints[joint.name] = entry
-    return {
-        "recording": replay.path.name,
-        "track": replay.path.track,
-        "why": WHY[replay.path.track],
-        "models": models.words,
-        "speed": replay.speed,
-        "period_s": replay.period,
-        "requests": len(replay.moments),
-        "recorded_s": replay.path.duration,
-        "joints": joints,
-        "remarks": [*replay.path.remarks, *models.remarks],
-    }
-
-
-def fastest_document(fastest: Fastest) -> dict[str, Any]:
-    """The fastest replay for machines; errors over speed are the largest, times the tolerance."""
-    factor = 100.0 if fastest.foot else math.degrees(1.0)
-    unit = "cm" if fastest.foot else "deg"
-    allowed = factor * fastest.tolerance
-    impossible = fastest.impossible and {
-        "speed": fastest.impossible.speed,
-        "joint": fastest.impossible.joint,
-        f"lower_bound_{unit}": allowed * fastest.impossible.bound,
-        "of_model_only": fastest.impossible.of_model_only,
-    }
-    curve = [
-        {
-            "speed": each.speed,
-            **{
-                f"{kind}_max_{unit}": allowed * ratio
-                for kind, ratio in zip(each._fields[1:], each[1:], strict=True)
-            },
-        }
-        for each in fastest.curve
-    ]
-    return {
-        f"tolerance_{unit}": allowed,
-        "retime": fastest.retime,
-        "speed": fastest.speed,
-        "constant_speed": fastest.constant,
-        "least_factor": float(np.min(fastest.factors)),
-        "largest_factor": float(np.max(fastest.factors)),
-        f"largest_error_{unit}": allowed * fastest.largest,
-        "impossible": impossible,
-        "contradicted": list(fastest.contradicted),
-        "errors_by_speed": curve,
-    }
 
 
 def missed(task: ReplayTask, replay: Replay) -> list[str]:
