@@ -165,7 +165,9 @@ class Problem:
             near = np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints]))
             centring = CENTRING if any(model.dead_band for model in self.models) else 0.0
         foot, samples = self.foot, np.arange(len(self.desired))[:, np.newaxis]
-        rows = Rows(np.tile(samples, 3), np.tile((1.0, 0.0, 0.0), (len(samples), 1)), near)
+        each, bending = np.empty((2, len(samples), 3))
+        each[:], bending[:] = (1.0, 0.0, 0.0), (1.0, -2.0, 1.0)
+        rows = Rows(np.repeat(samples, 3, axis=1), each, near)
         spec = Spec(
             cyclic=self.cyclic,
             oldest=self.ages.oldest,
@@ -190,7 +192,7 @@ class Problem:
         bends = samples if self.cyclic else samples[:-1]
         numbers = (bends + np.array([-1, 0, 1])) % len(near)
         numbers[0, 0] = numbers[0, 0] if self.cyclic else 0
-        factors = np.tile((1.0, -2.0, 1.0), (len(bends), 1))
+        factors = bending[: len(bends)]
         centre = np.zeros((len(bends), self.joints))
         if self.near is not None:
             centre = np.einsum("kp,kpj->kj", factors, near[numbers])
