@@ -48,6 +48,6 @@ def track(
         desired=desired[:, np.newaxis],
         cyclic=cyclic,
         norm=norm,
-        loads=(load,),
+        loads=np.broadcast_to(0.0 if load is None else load, (1, len(desired))).copy(),
         **{name: None if value is None else np.array([value]) for name, value in columns.items()},
     )

@@ -210,20 +210,26 @@ def checked_start(start: float | None, *, cyclic: bool) -> float | None:
     return angle
 
 
-def rest_requests(models: Sequence[JointModel], angles: Array, loads: Loads | None = None) -> Array:
+def rest_requests(
+    models: Sequence[JointModel], angles: Array, loads: Loads | Array | None = None
+) -> Array:
     """Requests that hold joints at these angles, in the middle of the dead band [rad].
 
     There Equation 2 vanishes; shape (..., joints), or (n, joints) under loads.
     """
-    torques = [0.0 if load is None else load for load in loads or [None] * len(models)]
+    each_load = [None] * len(models) if loads is None else loads
+    torques = [0.0 if load is None else load for load in each_load]
     columns = zip(models, np.moveaxis(angles, -1, 0), torques, strict=True)
     each = [column - model.sag(load) - model.pose_sag(column) for model, column, load in columns]
     return np.stack(np.broadcast_arrays(*each), axis=-1)
 
 
-def rest_angles(models: Sequence[JointModel], requests: Array, loads: Loads | None = None) -> Array:
+def rest_angles(
+    models: Sequence[JointModel], requests: Array, loads: Loads | Array | None = None
+) -> Array:
     """Angles at which joints rest under these requests, as :func:`rest_requests` [rad]."""
-    torques = [0.0 if load is None else load for load in loads or [None] * len(models)]
+    each_load = [None] * len(models) if loads is None else loads
+    torques = [0.0 if load is None else load for load in each_load]
     columns = zip(models, np.moveaxis(requests, -1, 0), torques, strict=True)
     each = [model.rest(column, load) for model, column, load in columns]
     return np.stack(np.broadcast_arrays(*each), axis=-1)
@@ -283,7 +289,12 @@ def load_by_period(load: Array | None, *, cyclic: bool) -> Array | None:
 
     From rest the first sample's own load acts before it.
     """
-    if load is None:
-        return None
-    before = np.concatenate([load[-1:] if cyclic else load[:1], load[:-1]])
-    return np.asarray((before + load) / 2.0)
+    return None if load is None else means_between(load, cyclic=cyclic)
+
+
+def means_between(samples: Array, *, cyclic: bool) -> Array:
+    """Mean of each sample and the one before, along the last axis; from rest the first itself."""
+    before = np.roll(samples, 1, axis=-1)
+    if not cyclic:
+        before[..., 0] = samples[..., 0]
+    return np.asarray((before + samples) / 2.0)

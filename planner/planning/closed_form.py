@@ -186,7 +186,7 @@ def inverted(
 
     Refined curves are tried, too. A curve of more lines must be better by half a percent.
     """
-    (model,), (load,) = problem.models, problem.loads
+    (model,), load = problem.models, problem.loads[0]
     answers = []
     for curve in curves:
         candidates = [curve]
@@ -249,13 +249,14 @@ def closed_form_requests(
         stack = curves
     else:
         stack = CurveStack.of([curves] if isinstance(curves, PiecewiseLinear) else curves)
-    load = checked_load(load, model, stack.samples)
+    felt = checked_load(load, model, stack.samples)
+    torques = np.zeros(stack.samples) if felt is None else felt
     if abs(stack.tick - model.period) > 1e-9 * model.period:  # beyond rounding
         raise InvalidInput(
             f"curves: got samples every {stack.tick:g} s, expected every {model.period:g} s, as "
             "often as requests are sent"
         )
-    low, high = slope_limits(model, load)
+    low, high = slope_limits(model, torques)
     share = np.max(np.maximum(stack.slopes / high, stack.slopes / low), axis=1)
     if not np.all(share <= 1.0 + AT_TOP_SPEED):
         row = int(np.argmax(share))
@@ -264,7 +265,7 @@ def closed_form_requests(
             f"curves: got {angle_text(steepest)}/s in curve {row}, expected slopes "
             f"{slopes_text(low, high)}; no request makes the joint follow a steeper line"
         )
-    requests = requests_of(model, stack, rule=rule, load=load)
+    requests = requests_of(model, stack, rule=rule, load=torques)
     requests.setflags(write=False)
     single: Array = requests[0]
     return single if isinstance(curves, PiecewiseLinear) else requests
@@ -275,11 +276,11 @@ def requests_of(
     stack: CurveStack,
     *,
     rule: Rule,
-    load: Array | None = None,
+    load: Array,
 ) -> Array:
     """The inverted lines of every curve, each until l + a/2 before the next begins [rad], (m, n).
 
-    The slopes are within the joint's top speeds under the load, (n,) or None.
+    The slopes are within the joint's top speeds under the load, (n,) [N m].
     """
     ahead = model.switching_time / model.period  # [samples]
     slopes = np.clip(stack.slopes, *slope_limits(model, load))
@@ -288,7 +289,8 @@ def requests_of(
     first = np.ceil(knots - ahead - SAME_TIME)  # request from which on a line counts, any cycle
     by_pose = model.most_pose_sag > 0.0
     raised = values
-    if load is None and not by_pose:
+    varies = by_pose or bool(load.any())
+    if not varies:
         raised = values + offsets_of(model, slopes, rule=rule)
     at_first = raised + per_sample * (first - knots)
     line = lines_in_force(first.astype(np.intp), stack.samples, cyclic=stack.cyclic)
@@ -302,10 +304,8 @@ def requests_of(
         acting = np.take_along_axis(values + per_sample * (first - knots), line, axis=1)
         acting += np.take_along_axis(per_sample, line, axis=1) * (since + ahead)
         requests -= model.pose_sag(acting)
-    if load is not None or by_pose:
-        torques = np.zeros(stack.samples)
-        if load is not None:
-            torques = advanced_load(load, ahead, cyclic=stack.cyclic)
+    if varies:
+        torques = advanced_load(load, ahead, cyclic=stack.cyclic)
         each = np.broadcast_to(torques, line.shape)
         in_force = np.take_along_axis(slopes, line, axis=1)
         requests += offsets_of(model, in_force, rule=rule, load=each, angle=acting)

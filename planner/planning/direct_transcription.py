@@ -28,7 +28,6 @@ import numpy as np
 
 from planner.exceptions import SolverFailed, angle_text
 from planner.model.joint import acting, request_ages
-from planner.model.response import load_by_period
 from planner.model.symbolic import period_function
 from planner.planning.problem import Problem
 from planner.trajectory import Array
@@ -106,7 +105,6 @@ def _transcribed(
 
     (model,), samples = problem.models, len(problem.desired)
     cyclic, unit = problem.cyclic, model.theta_0
-    load = load_by_period(problem.loads[0], cyclic=cyclic)
     desired, resting = problem.desired[:, 0] / unit, problem.resting[:, 0] / unit
     ideal, first = ideal[:, 0] / unit, first[:, 0] / unit
     max_step = float(problem.max_step[0]) / unit
@@ -125,7 +123,7 @@ def _transcribed(
     speeds = casadi.SX.sym("w", samples, model.law.states - 1)  # and integrals
     states = casadi.horzcat(angles, speeds).T
     rest = np.zeros(states.shape[0])
-    torques = np.zeros(samples) if load is None else load
+    torques = problem.torques[0]
     rest[0] = 0.0 if problem.start is None else float(problem.start[0]) / unit
     rest[2:] = model.rest_integral(unit * rest[0], torques[0]) / unit
     before = casadi.horzcat(states[:, -1] if cyclic else rest, states[:, :-1])

@@ -10,7 +10,6 @@ import numpy as np
 
 from planner.approximation.values import slope_bounded
 from planner.model.joint import JointModel, request_ages
-from planner.model.response import load_by_period
 from planner.planning.closed_form import SAME_TIME
 from planner.planning.line_inverse import interpolated_offset
 from planner.planning.problem import Problem
@@ -30,11 +29,11 @@ def initial_guess(problem: Problem) -> tuple[Array, Array]:
         Requests within the limits, and angles [rad], both (n, 1).
     """
     (model,), desired, cyclic = problem.models, problem.desired[:, 0], problem.cyclic
-    count, load = len(desired), load_by_period(problem.loads[0], cyclic=cyclic)
-    ideal = nearest_within_speeds(model, desired, load, cyclic=cyclic)
+    count, torques = len(desired), problem.torques[0]
+    ideal = nearest_within_speeds(model, desired, torques, cyclic=cyclic)
     if problem.start is not None:
-        ideal = within_attainable_range(model, ideal, float(problem.start[0]), load)
-    torques = np.zeros(count) if load is None else np.roll(load, -1)  # on the way to the next
+        ideal = within_attainable_range(model, ideal, float(problem.start[0]), torques)
+    torques = np.roll(torques, -1)  # on the way to the next
     low, high = (limit * model.period for limit in model.speed_limits(torques, ideal))
     to_next = steps(np.append(ideal, ideal[:1] if cyclic else ideal[-1:]), cyclic=False)
     to_next = np.clip(to_next, low, high)
@@ -57,7 +56,7 @@ def early_and_late(problem: Problem) -> list[Array]:
 
 
 def nearest_within_speeds(
-    model: JointModel, desired: Array, load: Array | None, *, cyclic: bool
+    model: JointModel, desired: Array, torques: Array, *, cyclic: bool
 ) -> Array:
     """The trajectory within the joint's top speeds that is nearest in least squares [rad], (n,).
 
@@ -65,36 +64,31 @@ def nearest_within_speeds(
     of the means has the same bound in both directions; a cycle is cut out of three in a row. A sag
     by the pose counts as at the desired angles.
     """
-    low, high = model.speed_limits(0.0 if load is None else load, desired)
+    low, high = model.speed_limits(torques, desired)
     mean = (low + high) / 2.0 * model.period
     if not np.any(mean):
         return slope_bounded(desired, model.v_max_per_period, cyclic=cyclic)
     turns, count = 3 if cyclic else 1, len(desired)
-    drift = np.cumsum(np.tile(np.broadcast_to(mean, count), turns))
+    drift = np.cumsum(np.tile(mean, turns))
     sheared = np.tile(desired, turns) - drift
     bounded = slope_bounded(sheared, model.v_max_per_period, cyclic=False) + drift
     return bounded[(turns // 2) * count :][:count]
 
 
 def within_attainable_range(
-    model: JointModel, angles: Array, start: float, load: Array | None = None
+    model: JointModel, angles: Array, start: float, torques: Array
 ) -> Array:
     """Angles clipped to the attainable range of a joint at rest at the start [rad], (n,)."""
     moving = np.arange(len(angles)) > request_ages(model).youngest  # the second request acts
-    limits = model.speed_limits(0.0 if load is None else load, angles)
-    low, high = (
-        limit * model.period * np.cumsum(moving)
-        if limit.ndim == 0
-        else np.cumsum(limit * model.period * moving)
-        for limit in limits
-    )
+    limits = model.speed_limits(torques, angles)
+    low, high = (np.cumsum(limit * model.period * moving) for limit in limits)
     return np.clip(angles, start + low, start + high)
 
 
 def below_top_speed(problem: Problem, ideal: Array) -> int:
     """Number of samples that the ideal [rad], (n, 1), reaches below the joint's top speeds."""
-    (model,), load = problem.models, load_by_period(problem.loads[0], cyclic=problem.cyclic)
-    limits = model.speed_limits(0.0 if load is None else load, ideal[:, 0])
+    (model,) = problem.models
+    limits = model.speed_limits(problem.torques[0], ideal[:, 0])
     low, high = ((1.0 - BARELY_SLOWER) * limit * model.period for limit in limits)
     before = ideal[-1:, 0] if problem.cyclic else ideal[:1, 0]
     moved = np.diff(ideal[:, 0], prepend=before)

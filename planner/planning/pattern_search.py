@@ -92,7 +92,7 @@ def tracked(
     low, high = slope_limits(model, load)
     slopes, offsets = offset_table(model, rule)
     by_load = np.empty((3, 0))
-    if load is not None:
+    if load.any():
         torques = advanced_load(load, ahead, cyclic=curve.cyclic)
         scales = np.array(model.speed_limits(torques)) / np.array(model.speed_limits())[:, None]
         by_load = np.vstack([scales, model.sag(torques)])

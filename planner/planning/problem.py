@@ -21,7 +21,7 @@ from planner.model.joint import (
     request_ages,
     weights_by_tick,
 )
-from planner.model.response import Loads, load_by_period, rest_angles, rest_requests
+from planner.model.response import means_between, rest_angles, rest_requests
 from planner.planning.candidate_models import Robust
 from planner.planning.gauss_newton import (
     FIRST,
@@ -95,7 +95,7 @@ class Problem:
         lower, upper: Limits on the requests [rad], shape (J,) or (n, J).
         first: From rest: the requests that hold the joints at the start [rad], shape (J,); by
             default in the middle of the dead bands of the nominal models.
-        loads: Torque on each model's joint at each sample [N m], (n,), or None, (A,).
+        loads: Torque on each model's joint at each sample [N m], (A, n).
         near: Requests near which those of a search stay [rad], (n, J); by default R* of (10).
         weights: Weight of each scenario, together 1.
     """
@@ -105,7 +105,7 @@ class Problem:
     lower: Array
     upper: Array
     max_step: Array
-    loads: tuple[Array | None, ...]
+    loads: Array
     smoothness: float = 0.0
     foot: FootGoal | None = None
     cyclic: bool = True
@@ -131,8 +131,7 @@ class Problem:
         """From rest: the requests that hold the joints, not yet within the limits [rad], (J,)."""
         if self.start is None or self.first is not None:
             return self.first
-        requests = rest_requests(self.nominal, self.start, self.loads[: self.joints])
-        return np.asarray(requests if requests.ndim == 1 else requests[0])
+        return rest_requests(self.nominal, self.start, self.loads[: self.joints, 0])
 
     @property
     def resting(self) -> Array:
@@ -144,14 +143,17 @@ class Problem:
         """The ages of the requests that act on any of the joints between two samples."""
         return request_ages(*self.models)
 
+    @property
+    def torques(self) -> Array:
+        """Torque on each model's joint in the period that ends in each sample [N m], (A, n)."""
+        return means_between(self.loads, cyclic=self.cyclic)
+
     @cached_property
     def spec(self) -> Spec:
         """The problem as arrays, for the compiled search."""
         parts = max(model.law.states for model in self.models)
         periods, drives = np.empty((2, len(self.models), len(self.desired))), []
-        for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
-            acting_load = load_by_period(load, cyclic=self.cyclic)
-            torque = 0.0 if acting_load is None else acting_load
+        for number, (model, torque) in enumerate(zip(self.models, self.torques, strict=True)):
             periods[0, number] = model.compliance * torque
             periods[1, number] = model.faster_per_tick(torque)
             start = math.nan if self.start is None else self.start[number % self.joints]
@@ -264,17 +266,16 @@ class Problem:
 
     def beginning(self, count: int) -> Problem:
         """The same problem of a joint for its first samples alone."""
-        loads = tuple(load if load is None else load[:count] for load in self.loads)
-        return replace(self, desired=self.desired[:count], loads=loads)
+        return replace(self, desired=self.desired[:count], loads=self.loads[:, :count])
 
     def in_scenarios(
-        self, scenarios: Sequence[tuple[JointModel, ...]], loads: Sequence[Loads], robust: Robust
+        self, scenarios: Sequence[tuple[JointModel, ...]], loads: Array, robust: Robust
     ) -> Problem:
         """The same problem in several scenarios, with even weights; first requests stay."""
         return replace(
             self,
             models=tuple(model for each in scenarios for model in each),
-            loads=tuple(load for each in loads for load in each),
+            loads=loads,
             weights=(1.0 / len(scenarios),) * len(scenarios),
             first=self.first_requests,
             robust=robust,
@@ -316,5 +317,5 @@ def problem_of(task: Task) -> Problem:
         max_step=task.max_step,
         smoothness=task.smoothness,
         start=task.start,
-        loads=tuple(loads),
+        loads=loads,
     )

@@ -495,7 +495,7 @@ def for_all_models(
     of_foot = nominal.foot is not None and nominal.smoothness > 0.0
     weight = ROBUST_FOOT_SMOOTHING if of_foot else ROBUST_SMOOTHING
     stages = [stage._replace(weight=weight, smoothing=True) for stage in small]
-    loads = [task.loads_on(each) for each in scenarios]
+    loads = np.vstack([task.loads_on(each) for each in scenarios])
     problem = nominal.in_scenarios(scenarios, loads, task.robust or "mean")
     angles = problem.exact_angles(requests)
     before = problem.error(angles)

@@ -258,10 +258,13 @@ class Task(ReadOnly):
             for models, column in zip(self.models, columns, strict=True)
         )
 
-    def loads_on(self, models: Sequence[JointModel]) -> tuple[Array | None, ...]:
-        """The loads for one model of each joint; None where the model feels no load."""
-        pairs = zip(models, self.loads, strict=True)
-        return tuple(load if model.feels_load else None for model, load in pairs)
+    def loads_on(self, models: Sequence[JointModel]) -> Array:
+        """The loads on one model of each joint [N m], (k, n); 0 where the model feels none."""
+        loads = (
+            np.zeros_like(self.desired.T, order="C") if self.load is None else self.load.T.copy()
+        )
+        loads[[not model.feels_load for model in models]] = 0.0
+        return loads
 
     @cached_property
     def starts(self) -> tuple[float | None, ...]:
@@ -413,8 +416,8 @@ class Task(ReadOnly):
         if self.limits[j] is None:
             return
         lower, upper, model = self.lower[j], self.upper[j], self.models[j][0]
-        load, angles, count = self.loads_on(self.nominal)[j], self.desired[:, j], len(self.desired)
-        torques = np.zeros(count) if load is None else load
+        torques, angles = self.loads_on(self.nominal)[j], self.desired[:, j]
+        count = len(angles)
         if self.start is not None:
             angles, torques = np.append(angles, self.start[j]), np.append(torques, torques[0])
         sags, band = model.sag(torques) + model.pose_sag(angles), model.steady.dead_band

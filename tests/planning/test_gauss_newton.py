@@ -49,7 +49,7 @@ def joint(seed, *, cyclic, samples=10, inertia=False, friction=False, scenarios=
     models = [replace(model, v_max=model.v_max * (1.0 + 0.1 * c)) for c in range(scenarios)]
     if inertia:
         models = [replace(each, time_constant=2.0 * TICK) for each in models]
-    loads = [(None,)] * scenarios
+    loads = np.zeros((scenarios, samples))
     return problem.in_scenarios([(each,) for each in models], loads, "mean")
 
 
@@ -66,7 +66,7 @@ def leg_problem(cyclic):
         lower=lower,
         upper=upper,
         max_step=np.full(3, np.inf),
-        loads=(None,) * 3,
+        loads=np.zeros((3, len(desired))),
         foot=goal,
         cyclic=cyclic,
         start=None if cyclic else desired[0],

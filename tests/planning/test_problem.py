@@ -44,7 +44,7 @@ def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
         lower=lower,
         upper=upper,
         max_step=np.full(joints, np.inf),
-        loads=(None,) * joints,
+        loads=np.zeros((joints, samples)),
         cyclic=cyclic,
         start=None if cyclic else resting[0] + offsets,
     )
@@ -84,7 +84,7 @@ def test_the_error_is_that_of_the_norm():
 def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nominal_one():
     problem = track(ERS210A, np.zeros(3), cyclic=False, start=0.3)
     raised = replace(ERS210A, offset=0.1)
-    both = problem.in_scenarios([(raised,), (ERS210A,)], [(None,)] * 2, "mean")
+    both = problem.in_scenarios([(raised,), (ERS210A,)], np.zeros((2, 3)), "mean")
     np.testing.assert_array_equal(both.first_requests, problem.first_requests)
     weighted = replace(both, weights=(0.2, 0.8))
     distances = weighted.distances(np.tile([3.0, 1.0], (3, 1)))
@@ -143,7 +143,7 @@ def test_the_largest_error_over_several_models_is_that_of_all_of_them_together()
     """So that powers of it lower the distances of (10), not those of each model by itself."""
     problem = track(ERS210A, np.zeros(3), cyclic=True, norm="max")
     assert allocated(problem.spec, smoothing=False).quadratic.shape[1] == 1
-    several = problem.in_scenarios([(ERS210A,)] * 2, [(None,)] * 2, "worst")
+    several = problem.in_scenarios([(ERS210A,)] * 2, np.zeros((2, 3)), "worst")
     assert allocated(several.spec, smoothing=False).quadratic.shape[1:] == (1, 2, 3)
     each = allocated(replace(several, norm="rms").spec, smoothing=False)
     assert each.quadratic.shape[1:] == (2, 1, 2)

@@ -59,7 +59,7 @@ def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenar
     models = [ERS210A.with_evidence(Evidence(each)) for each in noise]
     nominal, _ = foot_problem(models)
     drawn = (ERS210A,) * 3  # those that were drawn were not tested
-    both = nominal.in_scenarios([tuple(models), drawn], [(None,) * 3] * 2, "mean")
+    both = nominal.in_scenarios([tuple(models), drawn], np.zeros((6, len(nominal.desired))), "mean")
     both = replace(both, weights=weights)
     rng = np.random.default_rng(1)
     angles = np.tile(nominal.desired, 2) + 0.05 * rng.normal(size=(22, 6))
