@@ -180,9 +180,9 @@ class Leg:
         ``tau = -(M(q) a + C(q, v) v + g(q))``,
 
         by Pinocchio's recursive Newton-Euler algorithm, with v and a by central differences along
-        the path. All links that the joints carry count, also links beyond the foot and beside the
-        leg. The robot's root link is at rest, and the joints outside the leg are at their locked
-        positions or else at 0.
+        the path, ``(q_{k+1} - q_{k-1}) / 2T`` and ``(q_{k+1} - 2 q_k + q_{k-1}) / T^2``. All links
+        that the joints carry count, also links beyond the foot and beside the leg. The robot's root
+        link is at rest, and the joints outside the leg are at their locked positions or else at 0.
 
         Args:
             angles: Joint angles q [rad], shape (n, k); limits are not enforced.
@@ -217,7 +217,11 @@ class Leg:
         if dynamics:
             expected = "the time between samples, more than 0 s; speeds and accelerations need it"
             step = as_positive("period", period, expected)
-            speeds, accelerations = central_differences(path, step, cyclic=cyclic)
+            beside = ((1, 1), (0, 0))
+            padded = np.pad(path, beside, mode="wrap" if cyclic else "edge")
+            before, after = padded[:-2], padded[2:]
+            speeds = (after - before) / (2.0 * step)
+            accelerations = (after - 2.0 * path + before) / step**2
         model.gravity.linear = _vector(gravity)
         data = model.createData()
         places = [model.joints[joint].idx_v for joint in self.robot.joints]
@@ -309,19 +313,6 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
             )
         pose[names.index(name)] = angle
     return read_only(pose)
-
-
-def central_differences(angles: Array, period: float, *, cyclic: bool) -> tuple[Array, Array]:
-    """Speeds and accelerations along a path by central differences.
-
-    ``v_k = (q_{k+1} - q_{k-1}) / 2T`` [rad/s] and ``a_k = (q_{k+1} - 2 q_k + q_{k-1}) / T^2``
-    [rad/s^2], for angles q [rad], (n, k), every T [s]. A path that is no cycle rests before its
-    first and after its last sample.
-    """
-    beside = ((1, 1), (0, 0))
-    padded = np.pad(angles, beside, mode="wrap" if cyclic else "edge")
-    before, after = padded[:-2], padded[2:]
-    return (after - before) / (2.0 * period), (after - 2.0 * angles + before) / period**2
 
 
 def _vector(gravity: npt.ArrayLike) -> Array:

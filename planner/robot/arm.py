@@ -37,23 +37,14 @@ SETTINGS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Servo:
-    """How a servo turns a joint: angle = direction (count - zero_tick) 2π / ticks_per_turn.
+    """How a servo turns a joint: angle = direction (count - zero_tick) 2π / ticks_per_turn."""
 
-    Attributes:
-        id: Its identifier on the bus.
-        zero_tick: Count at angle 0.
-        direction: 1, or -1 for a servo that is mounted the other way round.
-        ticks_per_turn: Counts of a turn.
-        limits: Least and largest angle that is requested [rad].
-        settings: The registers of ``SETTINGS`` while it was calibrated.
-    """
-
-    id: int
-    zero_tick: int = 2048
-    direction: int = 1
-    ticks_per_turn: float = 4096
-    limits: tuple[float, float] = (-math.pi, math.pi)
-    settings: Mapping[str, int] = field(default_factory=dict)
+    id: int  # on the bus
+    zero_tick: int = 2048  # count at angle 0
+    direction: int = 1  # -1 for a servo that is mounted the other way round
+    ticks_per_turn: float = 4096  # counts of a turn
+    limits: tuple[float, float] = (-math.pi, math.pi)  # least and largest request [rad]
+    settings: Mapping[str, int] = field(default_factory=dict)  # `SETTINGS` at calibration
 
     def __post_init__(self) -> None:
         if not 0 <= self.id <= 252:

@@ -29,14 +29,9 @@ WORDS: dict[Way, str] = {
 }
 """Labels of the ways."""
 
-FRICTION_AND_LOAD: dict[str, Any] = {
-    "dead_band": 0.0,
-    "v_offset": 0.0,
-    "compliance": 0.0,
-    "speed_per_torque": 0.0,
-    "sag_sin": 0.0,
-    "sag_cos": 0.0,
-}
+FRICTION_AND_LOAD: dict[str, Any] = dict.fromkeys(
+    ("dead_band", "v_offset", "compliance", "speed_per_torque", "sag_sin", "sag_cos"), 0.0
+)
 """Parameters that the plain optimised plan does without."""
 
 RUN_IN = 0.5

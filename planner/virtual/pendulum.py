@@ -12,9 +12,6 @@ BAM = "Rhoban/bam, params/feetech_sts3215_7_4V/m1.json: fitted to pendulum recor
 SHEET = "Feetech's data sheet of the STS3215"
 NONE = "not known; none"
 
-RADIUS = 0.01
-"""Radius of the ball at the pendulum's end [m]."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Sts3215(Constants):
@@ -58,21 +55,15 @@ class Sts3215(Constants):
 
 @dataclass(frozen=True, kw_only=True)
 class Pendulum:
-    """A ball at the end of a rod without mass; at 0 it hangs.
+    """A ball at the end of a rod without mass; at 0 it hangs."""
 
-    Attributes:
-        mass: Mass of the ball [kg].
-        length: From the joint to its middle [m].
-        reach: The joint turns so far either way [rad].
-    """
-
-    mass: float = 0.3
-    length: float = 0.2
-    reach: float = 2.5
+    mass: float = 0.3  # of the ball [kg]
+    length: float = 0.2  # from the joint to its middle [m]
+    reach: float = 2.5  # the joint turns so far either way [rad]
 
     def urdf(self) -> str:
         """The pendulum as a URDF: link ``base``, joint ``pendulum``, links ``arm`` and ``tip``."""
-        inertia = 0.4 * self.mass * RADIUS**2
+        inertia = 0.4 * self.mass * 0.01**2  # the ball's radius [m]
         turning = " ".join(f'i{axis}{axis}="{inertia!r}"' for axis in "xyz")
         return (
             f'<robot name="pendulum"><link name="base"/><link name="arm"><inertial>'

@@ -7,6 +7,7 @@ the same numbers. :func:`serve` puts it behind a pseudo-terminal, for other prog
 
 from __future__ import annotations
 
+import math
 import os
 import select
 import time
@@ -56,55 +57,33 @@ class Kind(NamedTuple):
     registers: Mapping[str, int]  # when the supply is switched on; all others hold 0
 
 
-def _dynamixel(motor: Motor, model: int, gain: int) -> Kind:
-    registers = {"model": model, "largest_position": 4095, "p_gain": gain, "torque_limit": 885}
-    return Kind(DYNAMIXEL, motor, registers)
+def _kind(protocol: ServoProtocol, motor: Motor, **registers: int) -> Kind:
+    return Kind(protocol, motor, registers | {"largest_position": 2 * protocol.middle - 1})
 
 
 KINDS: Mapping[str, Kind] = {
-    "sts3215": Kind(
-        FEETECH,
-        catalogue.STS3215,
-        {
-            "model": 777,
-            "largest_position": 4095,
-            "p_gain": 16,
-            "d_gain": 32,
-            "torque_limit": 1000,
-        },
+    "sts3215": _kind(
+        FEETECH, catalogue.STS3215, model=777, p_gain=16, d_gain=32, torque_limit=1000
     ),
-    "xl430": _dynamixel(catalogue.XL430, 1060, 800),
-    "xl330": _dynamixel(catalogue.XL330, 1200, 400),
-    "mx-64": _dynamixel(catalogue.MX64, 311, 850),
-    "mx-106": _dynamixel(catalogue.MX106, 321, 850),
-    "xl-320": Kind(
-        XL320,
-        catalogue.XL320,
-        {"model": 350, "largest_position": 1023, "p_gain": 32, "torque_limit": 1023},
-    ),
+    "xl430": _kind(DYNAMIXEL, catalogue.XL430, model=1060, p_gain=800, torque_limit=885),
+    "xl330": _kind(DYNAMIXEL, catalogue.XL330, model=1200, p_gain=400, torque_limit=885),
+    "mx-64": _kind(DYNAMIXEL, catalogue.MX64, model=311, p_gain=850, torque_limit=885),
+    "mx-106": _kind(DYNAMIXEL, catalogue.MX106, model=321, p_gain=850, torque_limit=885),
+    "xl-320": _kind(XL320, catalogue.XL320, model=350, p_gain=32, torque_limit=1023),
 }
 """By name; the first of a protocol represents it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Faults:
-    """Faults, and their times [s since the beginning].
+    """Faults, and their times [s since the beginning]."""
 
-    Attributes:
-        drop: Share of the packets, both ways, that are lost.
-        disconnect: When the cable is pulled.
-        power_off: When the supply is switched off: the port stays, and no servo answers.
-        stall: By servo, when something blocks it.
-        overheat: By servo, when it is too hot.
-        saturate: By servo, when its supply sags.
-    """
-
-    drop: float = 0.0
-    disconnect: float = float("inf")
-    power_off: float = float("inf")
-    stall: Mapping[int, float] = field(default_factory=dict)
-    overheat: Mapping[int, float] = field(default_factory=dict)
-    saturate: Mapping[int, float] = field(default_factory=dict)
+    drop: float = 0.0  # share of the packets, both ways, that are lost
+    disconnect: float = math.inf  # when the cable is pulled
+    power_off: float = math.inf  # when the supply is off: the port stays, and no servo answers
+    stall: Mapping[int, float] = field(default_factory=dict)  # by servo, when something blocks it
+    overheat: Mapping[int, float] = field(default_factory=dict)  # by servo, when it is too hot
+    saturate: Mapping[int, float] = field(default_factory=dict)  # by servo, when its supply sags
 
 
 class VirtualServos:
@@ -140,8 +119,7 @@ class VirtualServos:
         self._received, self._later = bytearray(), list[Packet]()
         self._memories = [bytearray(256) for _ in self.ids]
         for servo in self.ids:
-            for name, value in {**kind.registers, "goal": kind.protocol.middle}.items():
-                self._set(servo, name, value)
+            self._set(servo, {**kind.registers, "goal": kind.protocol.middle})
 
     @property
     def time(self) -> float:
@@ -230,21 +208,23 @@ class VirtualServos:
         error = (0x04 * hot + 0x20 * overloaded) if feetech else 0x80 * (hot or overloaded)
         return self.protocol.answer(servo, int(error), bytes(content))
 
-    def _set(self, servo: int, name: str, value: int) -> None:
-        register = self.protocol.registers[name]
+    def _set(self, servo: int, values: Mapping[str, float]) -> None:
         memory = self._memories[servo - 1]
-        memory[register.address : register.address + register.size] = register.encode(value)
+        for name, value in values.items():
+            register, content = self.protocol.registers[name], round(float(value))
+            place = slice(register.address, register.address + register.size)
+            memory[place] = register.encode(content)
 
     def _memory(self, servo: int) -> bytearray:
         """The memory of a servo, with its present measurements."""
         motors, k, protocol = self.motors, servo - 1, self.protocol
-        for name, value in {
+        values = {
             "position": protocol.middle + motors.angles[k] / self._tick_angle,
             "speed": motors.speeds[k] / protocol.speed_unit,
             "load": motors.duties[k] / protocol.load_unit,
             "temperature": motors.temperatures[k],
-        }.items():
-            self._set(servo, name, round(float(value)))
+        }
+        self._set(servo, values)
         return self._memories[k]
 
     def _write(self, servo: int, first: int, content: bytes) -> None:
