@@ -11,13 +11,12 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.result import Identification, Interval, LogFit, SpeedPoints
+from planner.identification.result import Identification, LogFit, SpeedPoints
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identified_joint import (
     determined_words,
     errors_table,
-    estimate,
     explained,
     figure,
     joints_table,
@@ -26,7 +25,6 @@ from planner.report.identified_joint import (
     parameters_table,
     profile,
     telling_error,
-    unit_of,
     units_of,
     verdict,
 )
@@ -242,10 +240,8 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
     """Every estimate and its 95 % interval, on a scale from nothing to twice the estimate."""
     curves, words, names = list[Curve](), list[Words](), dict[float, str]()
     for k, row in enumerate(parameters(identification)):
-        value, interval = estimate(identification, row.name)
-        factor, unit = unit_of(identification, row.name)
+        value, interval, factor = row.estimate, row.ends, row.factor
         least, most = _strip(identification, row.name, value)
-        scaled = Interval(*(factor * each for each in interval))
         marks = (least, 0.5 * (least + most), most)
         low, high, estimated, *ends = (
             100.0 * (each - least) / (most - least)
@@ -260,10 +256,10 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
             _stroke(style.INK, (estimated, estimated), (y - 0.22, y + 0.22), 2.0, "estimate"),
         ]
         words += [
-            Words(figure(factor * mark, scaled) if mark else "0", end, y + 0.18, across, "top")
+            Words(figure(factor * mark, row.scaled) if mark else "0", end, y + 0.18, across, "top")
             for mark, end, across in zip(marks, ends, SIDES, strict=True)
         ]
-        names[y] = f"{row.brief} [{unit}]"
+        names[y] = f"{row.brief} [{row.unit}]"
     return Figure(
         f"{prefix}intervals",
         *words_of("intervals"),

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from planner.files.joint_model import PARAMETER_UNITS
 from planner.identification.judgement import is_loose
 from planner.identification.parameters import TERMS
-from planner.identification.result import Identification, Interval
+from planner.identification.result import Alternative, Identification, Interval
+from planner.model.joint import JointModel
 from planner.report.page import PARAMETERS
 from planner.report.table import NOTHING, Column, Row, Table, raised
 
@@ -48,18 +50,84 @@ class Units(NamedTuple):
     si: bool
 
 
-class Parameter(NamedTuple):
-    """One row of the table of parameters, ready to be printed."""
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an identified joint, with its interval, and how both are shown."""
 
     name: str  # as in the model's file; `gain` for v_max / theta_0
-    words: str  # its description
-    brief: str  # a shorter description
-    value: str  # the estimate, with its unit
-    interval: str  # the 95 % interval in the same unit
-    si: str  # both in SI
-    judgement: str  # how well it is determined
-    bounded: bool  # whether it is bounded on both sides
-    rough: bool  # whether it is unbounded, or bounded by a wide interval only
+    estimate: float  # in SI, as the interval
+    ends: Interval  # its 95 % interval
+    factor: float  # from SI to the unit in which it is shown
+    unit: str
+    si_unit: str  # "" where the values in SI are not shown
+    model: JointModel
+
+    @property
+    def words(self) -> str:
+        """Its description."""
+        return PARAMETERS[self.name][0]
+
+    @property
+    def brief(self) -> str:
+        """A shorter description."""
+        return PARAMETERS[self.name][1]
+
+    @property
+    def scaled(self) -> Interval:
+        """The interval in the unit in which it is shown."""
+        return Interval(*(self.factor * end for end in self.ends))
+
+    @property
+    def value(self) -> str:
+        """The estimate, with its unit."""
+        return f"{figure(self.factor * self.estimate, self.scaled)} {self.unit}"
+
+    @property
+    def interval(self) -> str:
+        """The interval in the same unit."""
+        return between(self.scaled)
+
+    @property
+    def si(self) -> str:
+        """Both in SI, or nothing."""
+        own = f"{figure(self.estimate, self.ends)} {self.si_unit}, {between(self.ends)}"
+        return own if self.si_unit else ""
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it is bounded on both sides."""
+        return self.ends.bounded
+
+    @property
+    def rough(self) -> bool:
+        """Whether its interval is wide, beside the parameter or what it adds to."""
+        model, width = self.model, self.ends.upper - self.ends.lower
+        if self.name == "lag" and is_loose(model.tick, width, self.estimate):
+            return True
+        beside = {
+            "lag": model.lag + model.acceleration_time,
+            "offset": model.theta_0,
+            "v_offset": model.v_max,
+            "sag_sin": model.most_pose_sag,
+            "sag_cos": model.most_pose_sag,
+        }
+        return not 0.5 * width <= ROUGH * abs(beside.get(self.name, self.estimate))
+
+    @property
+    def judgement(self) -> str:
+        """How well it is known, in words."""
+        lower, upper = (math.isfinite(end) for end in self.ends)
+        if between(self.ends) == NOT_KNOWN:
+            return "not determined"
+        if not lower or not upper:
+            return f"only bounded from {'below' if lower else 'above'}"
+        half = 0.5 * (self.ends.upper - self.ends.lower)
+        only = "only " if self.rough else ""
+        if self.name in ("lag", "offset", "v_offset", "sag_sin", "sag_cos"):
+            return f"{only}± {two_figures(self.factor * half)} {self.unit}"
+        if half > abs(self.estimate):
+            return HARDLY
+        return f"{only}± {percent_of(half, self.estimate)}"
 
     @property
     def determined(self) -> bool:
@@ -74,28 +142,9 @@ class Parameter(NamedTuple):
     @property
     def bounds(self) -> str:
         """The interval with its unit, or the end that it has."""
-        unit = self.value.partition(" ")[2]
         if self.interval == NOT_KNOWN:
             return NOT_KNOWN
-        return f"{self.interval} {unit}".replace("at least", "≥").replace("at most", "≤")
-
-
-class Error(NamedTuple):
-    """The error of one description of the joint [rad]; the joint model has no name.
-
-    ``held_out`` is that on the rows held out; None where there are none.
-    """
-
-    name: str
-    words: str
-    detail: str
-    rms: float
-    held_out: float | None
-
-    @property
-    def telling(self) -> float:
-        """The error on rows held out, where there are any [rad]."""
-        return self.rms if self.held_out is None else self.held_out
+        return f"{self.interval} {self.unit}".replace("at least", "≥").replace("at most", "≤")
 
 
 def units_of(identification: Identification) -> Units:
@@ -105,44 +154,25 @@ def units_of(identification: Identification) -> Units:
     return Units(100.0, "% of range", "%/s", False)
 
 
-def unit_of(identification: Identification, name: str) -> tuple[float, str]:
-    """The factor from SI to the unit in which a parameter is shown, and that unit."""
-    units, unit = units_of(identification), PARAMETER_UNITS.get(name, "1/s")
-    if unit == "s":
-        return 1e3, "ms"
-    if unit == "rad":
-        return units.factor, units.angle
-    if "rad" not in unit:
-        return 1.0, unit
-    return units.factor, raised(unit.replace("rad", units.speed.removesuffix("/s")))
-
-
 def parameters(identification: Identification) -> list[Parameter]:
     """Every parameter with its interval, in the order of :data:`PARAMETERS`."""
-    si_too, rows = units_of(identification).si, []
-    for name, (words, brief) in PARAMETERS.items():
-        if name != "gain" and name not in identification.intervals:
+    model, units, rows = identification.model, units_of(identification), []
+    known = {"gain": (identification.gain, identification.gain_interval)}
+    known |= {name: (getattr(model, name), i) for name, i in identification.intervals.items()}
+    for name in PARAMETERS:
+        estimate, interval = known.get(name, (math.inf, None))
+        if interval is None or math.isinf(estimate):  # no limit of the acceleration
             continue
-        factor, unit = unit_of(identification, name)
-        value, interval = estimate(identification, name)
-        if math.isinf(value):  # no limit of the acceleration
-            continue
-        scaled = Interval(factor * interval.lower, factor * interval.upper)
-        own = raised(PARAMETER_UNITS.get(name, ""))
-        si = f"{figure(value, interval)} {own}, {between(interval)}"
-        rows.append(
-            Parameter(
-                name=name,
-                words=words,
-                brief=brief,
-                value=f"{figure(factor * value, scaled)} {unit}",
-                interval=between(scaled),
-                si=si if si_too and "rad" in own else "",
-                judgement=judgement(identification, name, factor, unit),
-                bounded=interval.bounded,
-                rough=is_rough(identification, name),
-            )
-        )
+        si_unit = raised(PARAMETER_UNITS.get(name, "1/s"))
+        factor, unit = 1.0, si_unit
+        if unit == "s":
+            factor, unit = 1e3, "ms"
+        elif unit == "rad":
+            factor, unit = units.factor, units.angle
+        elif "rad" in unit:
+            factor, unit = units.factor, unit.replace("rad", units.speed.removesuffix("/s"))
+        shown = si_unit if units.si and "rad" in si_unit else ""
+        rows.append(Parameter(name, estimate, interval, factor, unit, shown, model))
     return rows
 
 
@@ -164,74 +194,34 @@ def parameters_table(identification: Identification, *, page: bool = False) -> T
     return Table("parameter", columns, tuple(rows), label="Parameters")
 
 
-def estimate(identification: Identification, name: str) -> tuple[float, Interval]:
-    """A parameter, ``gain`` among them, and its interval, in SI."""
-    if name == "gain":
-        return identification.gain, identification.gain_interval
-    return getattr(identification.model, name), identification.intervals[name]
-
-
-def judgement(identification: Identification, name: str, factor: float, unit: str) -> str:
-    """How well a parameter is known, in words."""
-    value, interval = estimate(identification, name)
-    lower, upper = (math.isfinite(end) for end in interval)
-    if between(interval) == NOT_KNOWN:
-        return "not determined"
-    if not lower or not upper:
-        return f"only bounded from {'below' if lower else 'above'}"
-    half = 0.5 * (interval.upper - interval.lower)
-    only = "only " if is_rough(identification, name) else ""
-    if name in ("lag", "offset", "v_offset", "sag_sin", "sag_cos"):
-        return f"{only}± {two_figures(factor * half)} {unit}"
-    if half > abs(value):
-        return HARDLY
-    return f"{only}± {percent_of(half, value)}"
-
-
-def is_rough(identification: Identification, name: str) -> bool:
-    """Whether an interval is wide, beside the parameter or what it adds to."""
-    (value, interval), model = estimate(identification, name), identification.model
-    width = interval.upper - interval.lower
-    if name == "lag" and is_loose(model.tick, width, value):
-        return True
-    beside = {
-        "lag": model.lag + model.acceleration_time,
-        "offset": model.theta_0,
-        "v_offset": model.v_max,
-        "sag_sin": model.most_pose_sag,
-        "sag_cos": model.most_pose_sag,
-    }
-    return not 0.5 * width <= ROUGH * abs(beside.get(name, value))
-
-
-def errors(identification: Identification) -> list[Error]:
-    """The errors of the simpler descriptions, and of the joint model at the end."""
-    entries = []
-    for each in identification.alternatives:
-        times = (each.parameters.get(name) for name in ("delay", "time_constant"))
-        detail = " + ".join(f"{1e3 * time:.0f} ms" for time in times if time is not None)
-        words = ALTERNATIVES.get(each.name, each.name)
-        entries.append(Error(each.name, words, detail, each.rms, each.held_out_rms))
-    own = identification.rms, identification.held_out_rms
-    return [*entries, Error("", "the joint model", "", *own)]
+def telling(of: Identification | Alternative) -> float:
+    """The error on rows held out, where there are any [rad]."""
+    return of.rms if of.held_out_rms is None else of.held_out_rms
 
 
 def errors_table(identification: Identification) -> Table:
-    """The errors of every description."""
-    units, rows = units_of(identification), []
-    for error in errors(identification):
-        about = f"{error.words}\n{error.detail}" if error.detail else error.words
-        sizes = (None if e is None else units.factor * e for e in (error.rms, error.held_out))
-        cells = (NOTHING if size is None else f"{size:.3g}" for size in sizes)
-        rows.append(Row(about, tuple(cells), kind="" if error.name else "model"))
+    """The errors of the simpler descriptions, and of the joint model at the end."""
+    factor, rows = units_of(identification).factor, []
+    every: tuple[Alternative | Identification, ...]
+    every = *identification.alternatives, identification
+    for each in every:
+        about = "the joint model"
+        if isinstance(each, Alternative):
+            times = (each.parameters.get(name) for name in ("delay", "time_constant"))
+            detail = " + ".join(f"{1e3 * time:.0f} ms" for time in times if time is not None)
+            about = ALTERNATIVES.get(each.name, each.name) + (f"\n{detail}" if detail else "")
+        sizes = (None if e is None else factor * e for e in (each.rms, each.held_out_rms))
+        cells = tuple(NOTHING if size is None else f"{size:.3g}" for size in sizes)
+        rows.append(Row(about, cells, kind="model" if each is identification else ""))
     columns = (Column("all rows"), Column("held out"))
-    return Table(f"rms error [{units.angle}]", columns, tuple(rows), label="Errors")
+    unit = units_of(identification).angle
+    return Table(f"rms error [{unit}]", columns, tuple(rows), label="Errors")
 
 
 def verdict(identification: Identification) -> str:
     """Whether the model holds, and what it adds, in one sentence."""
     units, (error, where) = units_of(identification), telling_error(identification)
-    by_name = {each.name: each.telling for each in errors(identification)}
+    by_name = {each.name: telling(each) for each in identification.alternatives}
     words = {
         "holds": "the model holds",
         "usable": "the model is usable, but not exact",
@@ -263,7 +253,7 @@ def joints_table(identifications: Mapping[str, Identification]) -> Table:
     names, rows = shown_parameters(identifications), list[Row]()
     for joint, each in identifications.items():
         units, values = units_of(each), {row.name: row.short for row in parameters(each)}
-        delays = [error.telling for error in errors(each) if error.name == "delay"]
+        delays = [telling(other) for other in each.alternatives if other.name == "delay"]
         of_rows = (each.rms, each.held_out_rms, delays[0] if delays else None)
         cells = (
             "DOES NOT FIT" if each.verdict == "refused" else each.verdict,
@@ -324,9 +314,9 @@ def determined_words(identification: Identification) -> str:
 
 def telling_error(identification: Identification) -> tuple[float, str]:
     """The error on rows held out, where there are any [rad], and on which rows it was measured."""
-    if identification.held_out_rms is not None:
-        return identification.held_out_rms, "on rows held out"
-    return identification.rms, "on the rows it was fitted to"
+    held_out = identification.held_out_rms is not None
+    where = "on rows held out" if held_out else "on the rows it was fitted to"
+    return telling(identification), where
 
 
 def compared_with(error: float, other: float) -> str:
