@@ -36,9 +36,6 @@ SEGMENTS = 6
 """Lines of an approximation; the paper draws its own by hand, with about as many (Figure 6)."""
 
 
-Table2 = Mapping[str, Mapping[str, Distance]]
-FootTable = Mapping[str, Distance]
-
 SAME_METHOD: Mapping[str, str] = {
     "Des,Plain": "Des,MB",
     "Pwl,Plain": "Pwl,MB",
@@ -118,7 +115,9 @@ def published_foot(method: str) -> OverCycles | None:
     return FOOT.get(SAME_METHOD.get(method, method))
 
 
-def deviations(table2: Table2, foot: FootTable) -> tuple[float, ...]:
+def deviations(
+    table2: Mapping[str, Mapping[str, Distance]], foot: Mapping[str, Distance]
+) -> tuple[float, ...]:
     """How far the baseline figures are from the published ones, each relative to the latter.
 
     The baselines are the figures that no choice of an approximation enters: the six of (Des, Dir),
@@ -170,23 +169,22 @@ class PlannedWalk:
     @cached_property
     def requests(self) -> dict[str, Array]:
         """Requests of all joints by method."""
-        desired, plans = self.walk.desired, self.plans.items()
-        return {
-            "direct": desired,
-            "shift": np.roll(desired, -self.lead, axis=0),
-            **{method: np.column_stack([each.requests for each in own]) for method, own in plans},
-            "foot_optimal": self.foot_plan.requests,
-        }
+        return self._by_method(self.walk.desired, "requests")
 
     @cached_property
     def angles(self) -> dict[str, Array]:
         """Angles that the models predict under them."""
-        plans = self.plans.items()
+        return self._by_method(self.direct, "predicted")
+
+    def _by_method(self, direct: Array, of_plans: str) -> dict[str, Array]:
         return {
-            "direct": self.direct,
-            "shift": np.roll(self.direct, -self.lead, axis=0),
-            **{method: np.column_stack([each.predicted for each in own]) for method, own in plans},
-            "foot_optimal": self.foot_plan.predicted,
+            "direct": direct,
+            "shift": np.roll(direct, -self.lead, axis=0),
+            **{
+                method: np.column_stack([getattr(each, of_plans) for each in own])
+                for method, own in self.plans.items()
+            },
+            "foot_optimal": getattr(self.foot_plan, of_plans),
         }
 
     @cached_property
@@ -405,9 +403,7 @@ class Clock:
     def __init__(self, progress: Callable[[str], None]) -> None:
         """A stopped clock; ``progress`` is called with the name of each part."""
         self.seconds: dict[str, float] = {}
-        self._progress = progress
-        self._part: str | None = None
-        self._since = 0.0
+        self._progress, self._part, self._since = progress, "", 0.0
 
     def start(self, part: str, doing: str) -> None:
         """End the part before, and begin this one."""
@@ -417,7 +413,7 @@ class Clock:
 
     def stop(self) -> None:
         """End the part that is under way, if any."""
-        if self._part is not None:
+        if self._part:
             spent = time.perf_counter() - self._since
             self.seconds[self._part] = self.seconds.get(self._part, 0.0) + spent
-        self._part = None
+        self._part = ""

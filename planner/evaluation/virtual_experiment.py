@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -64,6 +65,10 @@ def over_cycles(distances: Iterable[Distance], unit: float) -> OverCycles:
     return OverCycles(mean, spread)
 
 
+Reading = Literal["angles", "sensed"]
+"""Which angles of a walk: the true ones, or those that the sensors read."""
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """A walk of the robot.
@@ -107,30 +112,24 @@ class VirtualOutcome:
     shift_samples: int
     seconds: Mapping[str, float]
 
-    @property
-    def table2(self) -> dict[str, dict[str, OverCycles]]:
-        """Table 2 by joint and comparison [degrees], by the true angles."""
-        return self._table2(lambda run: run.angles)
+    def table2(self, read: Reading = "angles") -> dict[str, dict[str, OverCycles]]:
+        """Table 2 by joint and comparison [degrees], by the true angles or the sensors."""
+        planned, degree = self.planned, math.radians(1.0)
+        table: dict[str, dict[str, OverCycles]] = {name: {} for name in planned.walk.joint_names}
+        for j, pairs in enumerate(table.values()):
+            for pair, method in PAIRS.items():
+                goal, cycles = planned.goal(pair)[:, j], getattr(self.runs[method], read)[:, :, j]
+                pairs[pair] = over_cycles((angle_distance(each, goal) for each in cycles), degree)
+        return table
 
-    @property
-    def sensed_table2(self) -> dict[str, dict[str, OverCycles]]:
-        """Table 2 by the sensors' readings [degrees]."""
-        return self._table2(lambda run: run.sensed)
-
-    @property
-    def foot_table(self) -> dict[str, OverCycles]:
-        """Distances of the foot from its desired path by method [cm], by the true angles."""
-        return {method: self._foot_distance(run.angles) for method, run in self.runs.items()}
-
-    @property
-    def sensed_foot_table(self) -> dict[str, OverCycles]:
-        """Distances of the foot by the sensors' readings [cm]."""
-        return {method: self._foot_distance(run.sensed) for method, run in self.runs.items()}
+    def foot_table(self, read: Reading = "angles") -> dict[str, OverCycles]:
+        """Distances of the foot from its desired path by method [cm], likewise."""
+        return {method: self._foot(getattr(run, read)) for method, run in self.runs.items()}
 
     @property
     def learnt_foot(self) -> list[OverCycles]:
         """Distance of the foot from its desired path in each trial [cm], by the true angles."""
-        return [self._foot_distance(run.angles) for run in self.trials]
+        return [self._foot(run.angles) for run in self.trials]
 
     @cached_property
     def legs(self) -> dict[str, Array]:
@@ -153,29 +152,12 @@ class VirtualOutcome:
         It is identified from step tests alone, so this walk is new to it.
         """
         run = self.runs["direct"]
-        errors = {}
-        for j, name in enumerate(self.planned.walk.joint_names):
-            actual = run.angles[:, :, j].mean(axis=0)
-            errors[name] = angle_distance(actual, self.planned.direct[:, j]).rms
-        return errors
-
-    def _table2(self, read: Callable[[Run], Array]) -> dict[str, dict[str, OverCycles]]:
-        planned = self.planned
         return {
-            name: {
-                pair: over_cycles(
-                    (
-                        angle_distance(cycle, planned.goal(pair)[:, j])
-                        for cycle in read(self.runs[method])[:, :, j]
-                    ),
-                    math.radians(1.0),
-                )
-                for pair, method in PAIRS.items()
-            }
-            for j, name in enumerate(planned.walk.joint_names)
+            name: angle_distance(run.angles[:, :, j].mean(axis=0), self.planned.direct[:, j]).rms
+            for j, name in enumerate(self.planned.walk.joint_names)
         }
 
-    def _foot_distance(self, angles: Array) -> OverCycles:
+    def _foot(self, angles: Array) -> OverCycles:
         """Distance of the foot from its desired path [cm], for angles (cycles, n, k)."""
         distance = walk_distance(self.planned.walk)
         return over_cycles(map(distance, angles), 0.01)

@@ -174,12 +174,12 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     (``loss``), and the paper's own.
     """
     planned, constants = outcome.planned, outcome.constants
-    sensed, predicted = outcome.sensed_table2, planned.table2
+    sensed, predicted = outcome.table2("sensed"), planned.table2
     mean_table2 = {
         joint: {pair: over.mean for pair, over in pairs.items()}
-        for joint, pairs in outcome.table2.items()
+        for joint, pairs in outcome.table2().items()
     }
-    mean_foot = {method: over.mean for method, over in outcome.foot_table.items()}
+    mean_foot = {method: over.mean for method, over in outcome.foot_table().items()}
     return {
         **_heads(
             "reproduce --robot virtual",
@@ -209,16 +209,16 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
                 )
                 for pair, over in pairs.items()
             }
-            for joint, pairs in outcome.table2.items()
+            for joint, pairs in outcome.table2().items()
         },
         "foot": {
             method: _entry(
                 over,
-                outcome.sensed_foot_table[method],
+                outcome.foot_table("sensed")[method],
                 planned.foot_table[method],
                 published_foot(method),
             )
-            for method, over in outcome.foot_table.items()
+            for method, over in outcome.foot_table().items()
         },
         "learning": {
             "trials": [
