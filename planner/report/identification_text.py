@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import shlex
-import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
@@ -26,7 +25,8 @@ from planner.report.identified_joint import (
     units_of,
     verdict,
 )
-from planner.report.table import text_table
+from planner.report.table import by_columns
+from planner.report.wording import rendered_text
 
 RECORD: dict[str, dict[Topic, str]] = {
     "steps": {
@@ -168,45 +168,40 @@ def excitation_text(excitation: Excitation, expected: Identification, *, model: 
     estimates, units = parameters(expected), units_of(expected)
     missing = [row.brief for row in estimates if not row.determined]
     rough = [row.brief for row in estimates if row.determined and row.rough]
-    statements = [
-        f"{how} {', '.join(names)}"
-        for how, names in (("would not determine", missing), ("only roughly", rough))
-        if names
-    ]
-    heights = ", ".join(f"{math.degrees(height):.4g}" for height in excitation.amplitudes)
-    known = {True: "yes", False: "no"}
-    rows = [
-        [row.brief, row.value, row.interval,
-         "roughly" if row.determined and row.rough else known[row.determined], row.judgement]
-        for row in estimates
-    ]  # fmt: skip
     each: dict[str, list[str]] = {}
     for part in excitation.parts:
         each.setdefault(part.name, [part.determines]).append(f"{part.begin:.0f} to {part.end:.0f}")
-    rows_of_parts = [[name, ", ".join(times), what] for name, (what, *times) in each.items()]
-    friction = "would not be determined"
-    if dead_band := next((term for term in expected.terms if term.name == "dead_band"), None):
-        half = units.factor * (dead_band.interval.upper - expected.model.dead_band)
-        friction = (
-            "would not distinguish a dead band from a static sag"
-            if math.isinf(half)
-            else f"would determine the dead band to ± {half:.2g} {units.angle}"
-        )
-    return "\n".join(
-        [
-            f"{excitation.kind.replace('_', ' ')} for "
-            f"{len(excitation.requests) * excitation.period:.4g} s: "
-            f"{'; '.join(statements) or 'would determine every parameter'}",
-            f"begins and ends at {math.degrees(excitation.centre):.4g} deg; the largest jump is "
-            f"{math.degrees(excitation.largest_jump):.4g} deg"
-            + (f"; step tests of {heights} deg" if heights else ""),
-            *textwrap.wrap(excitation.meaning, 96),
-            *([text_table(["part", "time [s]", "determines"], rows_of_parts)] if each else []),
-            f"expected of a joint like {model}:",
-            text_table(["parameter", "identified", "95 % interval", "determined", "known"], rows),
-            f"dry friction: {friction}",
-            *(f"identify would warn: {warning}" for warning in expected.warnings),
-        ]
+    dead_band = next((term for term in expected.terms if term.name == "dead_band"), None)
+    known = ["no" if not row.determined else "roughly" if row.rough else "yes" for row in estimates]
+    return rendered_text(
+        "excitation.txt",
+        of=excitation,
+        missing=missing,
+        rough=rough,
+        parts=by_columns(
+            "part",
+            each,
+            [
+                ("time [s]", [", ".join(times) for _, *times in each.values()]),
+                ("determines", [what for what, *_ in each.values()]),
+            ],
+        ),
+        model=model,
+        expected=by_columns(
+            "parameter",
+            [row.brief for row in estimates],
+            [
+                ("identified", [row.value for row in estimates]),
+                ("95 % interval", [row.interval for row in estimates]),
+                ("determined", known),
+                ("known", [row.judgement for row in estimates]),
+            ],
+        ),
+        dead_band=dead_band
+        and units.factor * (dead_band.interval.upper - expected.model.dead_band),
+        inf=math.inf,
+        unit=units.angle,
+        warnings=expected.warnings,
     )
 
 

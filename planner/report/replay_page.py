@@ -24,7 +24,7 @@ from planner.report.figure import (
 from planner.report.page import Page, models_table
 from planner.report.plan_page import motions_table
 from planner.report.table import NOTHING, Column, Row, Table, number
-from planner.report.wording import words_of
+from planner.report.wording import phrase, rendered_text, words_of
 from planner.trajectory import Array, Distance, error_norm
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def replay_page(
     known = [each for each in joints if each["expected"] is not None]
     fast = {each.name: sum(b - a for a, b in each.too_fast) for each in replay.planned}
     fast = {name: seconds for name, seconds in fast.items() if seconds}
-    proof = fastest and fastest.impossible
+    proof, spoken = fastest and fastest.impossible, _spoken(replay, models, fastest)
     return Page(
         "replay",
         replay=replay,
@@ -97,17 +97,17 @@ def replay_page(
             kind: max(each["sizes"][kind].max for each in joints)
             for kind in ("planned", "direct", "resent")
         },
-        first_line=first_line(replay, models),
+        first_line=phrase("replay.txt", "line", **spoken),
         good=not missed,
-        fastest=fastest and fastest_text(fastest),
+        fastest=fastest and phrase("replay.txt", "fastest", **spoken),
         missed=missed,
         fast=fast,
-        unknown=sorted(replay.path.open_top_speeds & fast.keys()),
+        unknown=spoken["unknown"],
         said=proof and proof.of_model_only,
         open=OPEN_TOP_SPEED,
         untested=fastest is None and replay.untested,
         unplanned=[each for each in replay.joints if each.inversion is None],
-        resent=_resent_words(replay),
+        resent=spoken["resent"] and phrase("replay.txt", "resent", **spoken),
         remarks=remarks,
         farthest=max(joints, key=lambda each: each["sizes"]["planned"].rms),
         expected=max(known, key=lambda each: each["expected"], default=None),
@@ -124,84 +124,42 @@ def replay_page(
 # The text.
 
 
-def first_line(replay: Replay, models: str) -> str:
-    """One line about the replay: track, requests, speed and ``models``, their origin."""
-    path = replay.path
-    count, seconds = len(replay.moments), (len(replay.moments) - 1) * replay.period
-    load = "; loaded by the masses of the URDF" if path.load_at else ""
-    return (
-        f"follows {WHY[path.track]}; {count} requests at {1.0 / replay.period:.4g} Hz, "
-        f"{seconds:.4g} s for {path.duration:.4g} s at {replay.speed:.3g} times the speed; "
-        f"{models}{load}"
+def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
+    """A replay for people: each joint's errors, rms, and how its requests move."""
+    return rendered_text(
+        "replay.txt",
+        **_spoken(replay, models, fastest),
+        joints=replace(joints_table(replay), about="rms [deg]"),
+        requests=motions_table(
+            (_label(each), each.motion, LOG_UNITS[each.path.unit][1]) for each in replay.planned
+        ),
     )
 
 
-def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
-    """A replay for people: each joint's errors, rms, and how its requests move."""
-    lines = [first_line(replay, models)]
-    if fastest is not None:
-        lines.append(fastest_text(fastest))
-    lines.append(replace(joints_table(replay), about="rms [deg]").text())
-    lines += ["", requests_table(replay).text()]
-    fast = {each.name for each in replay.planned if each.too_fast}
-    if unknown := sorted(replay.path.open_top_speeds & fast):
-        lines.append(f"faster by the model only of {', '.join(unknown)}: {OPEN_TOP_SPEED}")
-    if contradicted := replay.contradicted:
-        lines.append(
-            f"the recording contradicts the model of {', '.join(contradicted)}: it moved faster "
-            "than the top speed of the model; identify it from this recording too"
-        )
-    if words := _resent_words(replay):
-        lines.append(words)
-    if fastest is None and (untested := replay.untested):
-        lines.append(f"outside what the models were tested on: {untested}")
-    return "\n".join(lines)
-
-
-def _resent_words(replay: Replay) -> str:
-    """A remark on joints whose recorded requests may be better than the plan; "" if none."""
-    errors = []
+def _spoken(replay: Replay, models: str, fastest: Fastest | None) -> dict[str, Any]:
+    """What the sentences about a replay say."""
+    resent = []
     for each in replay.resent_may_serve:
         unit, factor = LOG_UNITS[each.path.unit]
-        resent = factor * error_norm(each.error_of("resent"), "rms")
-        errors.append(f"{each.name} ({factor * each.expected:.3f} and {resent:.3f} {unit} rms)")
-    if not errors:
-        return ""
-    return f"{RESENT}, {', '.join(errors)}"
-
-
-def fastest_text(fastest: Fastest) -> str:
-    """The largest speed of the recording, and the proof that no much larger one is possible."""
-    factor = 100.0 if fastest.foot else math.degrees(1.0)
-    allowed = factor * fastest.tolerance
-    size = f"{allowed:.3g} cm"
-    if not fastest.foot:
-        size = f"{allowed:.3g} degree{'s' * (f'{allowed:.3g}' != '1')}"
-    speed = f"{fastest.speed:.3g} times the speed"
-    if fastest.retime == "varying":
-        low, high = float(np.min(fastest.factors)), float(np.max(fastest.factors))
-        speed += f" in all, {low:.3g} to {high:.3g} along it ({fastest.constant:.3g} constant)"
-    words = f"within {size} (largest error {fastest.largest * allowed:.3g}) at {speed}"
-    if untested := fastest.replay.untested:
-        words += f" by the models, but outside what these were tested on: {untested}"
-    if fastest.contradicted:
-        names = ", ".join(fastest.contradicted)
-        plural = "models" if len(fastest.contradicted) > 1 else "model"
-        return (
-            f"{words}; the recording contradicts the {plural} of {names}: at its own speed, from "
-            f"rest, no requests would keep {names} within {size}, but the robot did it: no "
-            "limit on the speed is known; identify from this recording too, or begin where it rests"
+        error = factor * error_norm(each.error_of("resent"), "rms")
+        resent.append(
+            {"name": each.name, "expected": factor * each.expected, "resent": error, "unit": unit}
         )
-    if fastest.impossible is None:
-        proof = (
-            "there is no lower bound for a foot" if fastest.foot else "no speed is proved too high"
-        )
-        return f"{words}; {proof}"
-    proof = f"at {fastest.impossible.speed:.3g} times the speed no requests keep "
-    proof += f"{fastest.impossible.joint} within {size}"
-    if fastest.impossible.of_model_only:
-        proof += f", which holds for its model only: {OPEN_TOP_SPEED}"
-    return f"{words}; {proof}"
+    allowed = 0.0
+    if fastest is not None:
+        allowed = (100.0 if fastest.foot else math.degrees(1.0)) * fastest.tolerance
+    fast = {each.name for each in replay.planned if each.too_fast}
+    return {
+        "replay": replay,
+        "models": models,
+        "why": WHY[replay.path.track],
+        "fastest": fastest,
+        "allowed": allowed,
+        "unknown": sorted(replay.path.open_top_speeds & fast),
+        "open": OPEN_TOP_SPEED,
+        "better": RESENT,
+        "resent": resent,
+    }
 
 
 def joints_table(replay: Replay) -> Table:
@@ -241,13 +199,6 @@ def joints_table(replay: Replay) -> Table:
             ]
         rows.append(Row(_label(joint), tuple(cells)))
     return Table("joint [deg]", columns, tuple(rows), label="Joints")
-
-
-def requests_table(replay: Replay) -> Table:
-    """How the requests of the planned joints move."""
-    return motions_table(
-        (_label(each), each.motion, LOG_UNITS[each.path.unit][1]) for each in replay.planned
-    )
 
 
 def _label(joint: JointReplay) -> str:

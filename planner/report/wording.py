@@ -39,6 +39,7 @@ def environment() -> jinja2.Environment:
         "digits": lambda value, digits=3: f"{value:.{digits}g}",
         "fixed": lambda value, digits=2: f"{value:.{digits}f}",
         "heading": heading,
+        "line": _line,
         "noted": _noted,
         "number": number,
         "percent": percent,
@@ -61,12 +62,22 @@ def _plain() -> jinja2.Environment:
     return environment().overlay(autoescape=False)
 
 
+def phrase(template: str, block: str, **values: Any) -> str:
+    """A block of a template of plain text, in one line."""
+    of = _plain().get_template(template)
+    return _line("".join(of.blocks[block](of.new_context(values))))
+
+
 def words_of(figure: str, **values: Any) -> tuple[str, str]:
     """Title and caption of a figure: the first line of its block in ``captions.txt``, the rest."""
     template = _plain().get_template("captions.txt")
     words = "".join(template.blocks[figure](template.new_context(values)))
     title, _, caption = words.strip().partition("\n")
-    return title, " ".join(caption.split())
+    return title, _line(caption)
+
+
+def _line(words: str) -> str:
+    return " ".join(words.split())
 
 
 def heading(name: str) -> str:
