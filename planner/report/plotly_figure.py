@@ -37,18 +37,25 @@ def plot(figure: Figure) -> dict[str, Any]:
     Returns:
         ``data`` and ``layout`` for Plotly, ``height`` [px], ``clock``, and ``views``.
     """
-    domains, inner = _domains(figure.panels)
+    heights = [ROW * panel.height for panel in figure.panels]
+    inner = top = sum(heights) + GAP * (len(heights) - 1)
     above = ABOVE + (18 if figure.panels[0].title else 0)
     below = 8 if figure.x.names == {} else BELOW
     data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
-    if figure.clock is not None:
-        shapes.append(_cursor())
-    for number, (panel, domain) in enumerate(zip(figure.panels, domains, strict=True), 1):
+    if figure.clock is not None:  # the line at the moment of the moving leg; the script moves it
+        ends = {"x0": 0, "x1": 0, "y0": 0, "y1": 1}
+        look = {"line": {"color": INK.colour, "width": 1.2}, "layer": "above"}
+        shapes.append({"type": "line", "xref": "x", "yref": "paper", **ends, **look})
+    for number, (panel, height) in enumerate(zip(figure.panels, heights, strict=True), 1):
         axis = "y" if number == 1 else f"y{number}"
-        axes[axis.replace("y", "yaxis")] = _y_axis(figure, panel, domain)
+        domain = [round(max(top - height, 0.0) / inner, 6), round(top / inner, 6)]
+        top -= height + GAP
+        axes[axis.replace("y", "yaxis")] = _y_axis(figure, panel) | {"domain": domain}
         data += [{**_trace(curve, figure, panel), "yaxis": axis} for curve in panel.curves]
         if panel.title:
-            words.append(_heading(panel.title, domain[1]))
+            title = {"text": f"<b>{_escaped(panel.title)}</b>", "x": 0, "y": domain[1]}
+            place = {"xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
+            words.append({**title, **place, "showarrow": False})
         words += [_words(each, axis) for each in panel.words]
         shapes += [_shade(each, axis) for each in panel.spans]
     layout = {
@@ -78,65 +85,43 @@ def packed(values: Array) -> dict[str, str]:
 
 
 def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
-    looks: dict[str, Any] = {"text": list(curve.notes)} if curve.notes else {}
-    if not curve.legend:
-        looks |= {"hoverinfo": "skip", "showlegend": False}
-    else:
-        looks["hovertemplate"] = _hover(curve, figure, panel)
-    return {
+    """A curve with its looks, and with what is written beside the pointer."""
+    trace: dict[str, Any] = {
         "type": "scatter",
         "name": curve.name,
         "x": packed(curve.x),
         "y": packed(curve.y),
         "visible": "legendonly" if curve.hidden else True,
         "connectgaps": False,
-        **(_marker(curve) if curve.marks else _line(curve)),
-        **looks,
     }
-
-
-def _hover(curve: Curve, figure: Figure, panel: Panel) -> str:
+    colour = curve.role.colour
+    if not curve.marks:
+        line = {
+            "color": colour,
+            "width": curve.role.pixels,
+            "dash": curve.role.strokes,
+            "shape": "hv" if curve.held else "linear",
+            "simplify": False,  # which makes a polygon of a wide line
+        }
+        trace |= {"mode": "lines", "line": line}
+    else:
+        marker = {"color": colour, "opacity": curve.opacity, "line": {"color": colour, "width": 0}}
+        if curve.marks == "rings":
+            marker = {"color": "rgba(0,0,0,0)", "line": {"color": colour, "width": 1.6}}
+        trace |= {"mode": "markers", "marker": marker | {"size": 4.5 if curve.opacity < 1.0 else 7}}
+    if curve.notes:
+        trace["text"] = list(curve.notes)
+    if not curve.legend:
+        return trace | {"hoverinfo": "skip", "showlegend": False}
     note = " · %{text}" if curve.notes else ""
     if figure.over_time:
-        return f"%{{y:.{panel.y.decimals}f}} {panel.y.unit}{note}"
+        return trace | {"hovertemplate": f"%{{y:.{panel.y.decimals}f}} {panel.y.unit}{note}"}
     values = ", ".join(
         f"%{{{letter}:.{axis.decimals}f}} {axis.unit}".rstrip()
         for letter, axis in (("x", figure.x), ("y", panel.y))
         if axis.names is None
     )
-    return f"{values}{note}<extra>%{{fullData.name}}</extra>"
-
-
-def _line(curve: Curve) -> dict[str, Any]:
-    return {
-        "mode": "lines",
-        "line": {
-            "color": curve.role.colour,
-            "width": curve.role.pixels,
-            "dash": curve.role.strokes,
-            "shape": "hv" if curve.held else "linear",
-            "simplify": False,  # which makes a polygon of a wide line
-        },
-    }
-
-
-def _marker(curve: Curve) -> dict[str, Any]:
-    look = curve.role.colour
-    marker = {"color": look, "opacity": curve.opacity, "line": {"color": look, "width": 0}}
-    if curve.marks == "rings":
-        marker = {"color": "rgba(0,0,0,0)", "line": {"color": look, "width": 1.6}}
-    return {"mode": "markers", "marker": marker | {"size": 4.5 if curve.opacity < 1.0 else 7}}
-
-
-def _domains(panels: tuple[Panel, ...]) -> tuple[list[tuple[float, float]], float]:
-    """Place of each panel, as shares of the height from below, and that height [px]."""
-    heights = [ROW * panel.height for panel in panels]
-    inner = sum(heights) + GAP * (len(panels) - 1)
-    domains, top = [], inner
-    for height in heights:
-        domains.append((round(max(top - height, 0.0) / inner, 6), round(top / inner, 6)))
-        top -= height + GAP
-    return domains, inner
+    return trace | {"hovertemplate": f"{values}{note}<extra>%{{fullData.name}}</extra>"}
 
 
 def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
@@ -174,8 +159,8 @@ def _x_axis(figure: Figure) -> dict[str, Any]:
     }
 
 
-def _y_axis(figure: Figure, panel: Panel, domain: tuple[float, float]) -> dict[str, Any]:
-    layout = _axis(panel.y, standoff=6) | {"domain": list(domain)}
+def _y_axis(figure: Figure, panel: Panel) -> dict[str, Any]:
+    layout = _axis(panel.y, standoff=6)
     ends = panel.y_range
     if figure.equal:
         layout["scaleanchor"] = "x"
@@ -183,13 +168,6 @@ def _y_axis(figure: Figure, panel: Panel, domain: tuple[float, float]) -> dict[s
     if panel.y.names is None:
         layout |= {"nticks": 6, "rangemode": "tozero" if panel.y.from_zero else "normal"}
     return layout if ends is None else layout | {"range": list(ends)}
-
-
-def _cursor() -> dict[str, Any]:
-    """The line at the moment that the moving leg shows; the script moves it."""
-    ends = {"x0": 0, "x1": 0, "y0": 0, "y1": 1}
-    look = {"line": {"color": INK.colour, "width": 1.2}, "layer": "above"}
-    return {"type": "line", "xref": "x", "yref": "paper", **ends, **look}
 
 
 def _shade(span: Span, axis: str) -> dict[str, Any]:
@@ -202,20 +180,6 @@ def _shade(span: Span, axis: str) -> dict[str, Any]:
         ends = {"x0": 0, "x1": 1, "y0": span.start, "y1": span.end}
     look = {"fillcolor": span.role.colour, "opacity": span.opacity, "line": {"width": 0}}
     return {"type": "rect", **place, **ends, **look, "layer": "below"}
-
-
-def _heading(text: str, top: float) -> dict[str, Any]:
-    """The title of a panel, whose upper end is at a share of the height."""
-    return {
-        "text": f"<b>{_escaped(text)}</b>",
-        "xref": "paper",
-        "yref": "paper",
-        "x": 0,
-        "y": top,
-        "xanchor": "left",
-        "yanchor": "bottom",
-        "showarrow": False,
-    }
 
 
 def _words(words: Words, axis: str) -> dict[str, Any]:
