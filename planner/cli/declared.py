@@ -78,16 +78,83 @@ def within(
     return Expected(words or numbers, check)
 
 
+@dataclass(frozen=True)
+class Kind:
+    """The type of a setting, and what its annotations expect of a value."""
+
+    type: Any  # without None and annotations, such as float, or a Literal of choices
+    notes: tuple[Any, ...]  # the annotations, innermost first
+    origin: Any  # Literal, tuple or dict; None of a simple type
+    inner: tuple[Any, ...]  # the choices of a Literal, the types of a tuple or dict
+    expected: str  # the expected value, in words
+    is_table: bool  # whether it is a table of settings
+    is_repeated: bool  # whether it is a table that may stand there several times
+    is_free: bool  # whether it is a table of values by any name, such as `limits.joints`
+
+    @classmethod
+    def of(cls, annotation: Any) -> Kind:
+        """The kind of an annotated type, which may be None."""
+        notes: tuple[Any, ...] = ()
+        while True:
+            if get_origin(annotation) is Annotated:
+                annotation, *more = get_args(annotation)
+                notes = (*more, *notes)
+            elif get_origin(annotation) in (Union, UnionType):
+                (annotation,) = (each for each in get_args(annotation) if each is not NoneType)
+            else:
+                break
+        origin, inner = get_origin(annotation), get_args(annotation)
+        words = [note.words for note in notes if isinstance(note, Expected)]
+        expected = "true or false" if annotation is bool else "a number"
+        if origin is Literal:
+            expected = f"one of {', '.join(inner)}"
+        is_table = isinstance(annotation, type) and issubclass(annotation, Settings)
+        is_repeated = origin is tuple and Kind.of(inner[0]).is_table
+        is_free = origin is dict and not words
+        expected = words[-1] if words else expected
+        return cls(annotation, notes, origin, inner, expected, is_table, is_repeated, is_free)
+
+    def fitted(self, value: Any) -> Any:
+        """A value of this kind; ValueError, perhaps with a hint, if it does not fit."""
+        inner, origin = self.inner, self.origin
+        if origin is Literal:
+            fits = isinstance(value, str) and value in inner
+        elif origin is tuple:
+            repeated = len(inner) == 2 and inner[1] is ...
+            fits = isinstance(value, list | tuple) and (repeated or len(value) == len(inner))
+            if fits:
+                kinds = [inner[0]] * len(value) if repeated else inner
+                pairs = zip(kinds, value, strict=True)
+                value = tuple(Kind.of(kind).fitted(each) for kind, each in pairs)
+        elif origin is dict:
+            fits = isinstance(value, Mapping)
+            if fits:
+                value = {name: Kind.of(inner[1]).fitted(each) for name, each in value.items()}
+        else:
+            kinds = (int, float) if self.type is float else (self.type,)
+            fits = isinstance(value, kinds) and (self.type is bool or not isinstance(value, bool))
+            if fits and self.type is float:
+                value = float(value)
+                fits = math.isfinite(value)
+        if not fits:
+            raise ValueError
+        for note in self.notes:
+            if isinstance(note, Expected) and note.check is not None:
+                value = note.check(value)
+        return value
+
+
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """A key as declared: the arguments of :func:`setting`, and what follows from its field."""
+    """A key as declared: the arguments of :func:`setting`, its kind and its default."""
 
     help: str = ""  # its purpose, in a sentence
     otherwise: str = ""  # the effect of leaving it unset, in words, if the default does not show it
     example: Any = None  # an example value, if there is no default
     set_to: Any = None  # its value in a template, if that is not the default
-    is_option: bool = False  # whether it is an option of the command line, named like the key
-    option: str = ""  # that option, such as `--cyclic/--no-cyclic`, if any: declared or derived
+
+    # its option of the command line, such as `--cyclic/--no-cyclic`; "--" for one named like it
+    option: str = ""
 
     # the key of the same table that takes values of the option for single joints
     by_joint: str = ""
@@ -97,15 +164,10 @@ class Declared:
 
     # arguments for click that do not follow from the above
     click: Mapping[str, Any] = field(default_factory=dict)
-    annotation: Any = None
+    kind: Kind = field(default_factory=lambda: Kind.of(str))
 
     # its default; MISSING where it has to be set
     default: Any = field(default_factory=lambda: MISSING)
-
-    # its type without None and annotations, such as float, or a Literal of its choices
-    type: Any = None
-    expected: str = ""  # the expected value, in words
-    free: bool = False  # whether it is a table of values by any name, such as `limits.joints`
 
     @property
     def required(self) -> bool:
@@ -133,11 +195,10 @@ def setting(
     if implied is not None:
         about |= {"otherwise": toml_value(implied), "example": implied}
     own = {each.name: about.pop(each.name) for each in fields(Declared) if each.name in about}
-    click = {"type": own.pop("type")} if "type" in own else {}
-    return field(default=default, metadata={"declared": Declared(help, **own, click=click | about)})
+    return field(default=default, metadata={"declared": Declared(help, **own, click=about)})
 
 
-option = partial(setting, is_option=True)
+option = partial(setting, option="--")
 """Declare a key of a table that is also an option of the same name."""
 
 
@@ -158,14 +219,23 @@ class Settings:
 
     def __init_subclass__(cls) -> None:
         """Make a dataclass of the annotations, and keep what they declare."""
-        annotations = get_type_hints(cls)
+        types, annotations = get_type_hints(cls), get_type_hints(cls, include_extras=True)
         for name, each in vars(cls).items():
-            if isinstance(each, Field) and NoneType in get_args(annotations[name]):
+            if isinstance(each, Field) and NoneType in get_args(types[name]):
                 each.default = None
-            elif isinstance(each, Field) and get_origin(annotations[name]) is dict:
+            elif isinstance(each, Field) and get_origin(types[name]) is dict:
                 each.default_factory = dict
         dataclass(frozen=True, kw_only=True)(cls)
-        cls.keys = _declared(cls)
+        cls.keys = {}
+        for each in fields(cls):
+            declared = each.metadata.get("declared", Declared())
+            named = f"--{each.name.replace('_', '-')}"
+            cls.keys[each.name] = replace(
+                declared,
+                option=named if declared.option == "--" else declared.option,
+                kind=Kind.of(annotations[each.name]),
+                default=each.default if each.default_factory is MISSING else each.default_factory(),
+            )
 
     def without_effect(self, choice: str) -> dict[str, tuple[str, ...]]:
         """The keys that are set without effect, and the choices with which they have an effect."""
@@ -182,13 +252,76 @@ class Settings:
 
     @classmethod
     def of(
-        cls, content: Mapping[str, Any], place: Place = (), *, standard_input: bool = False
+        cls,
+        content: Any,
+        place: Place = (),
+        *,
+        whole: type[Settings] | None = None,
+        standard_input: bool = False,
     ) -> Self:
-        """Settings from values by key and table, at a place in messages, or BadSetting.
+        """Settings from values by key and table, or BadSetting.
 
-        ``standard_input``: whether ``-`` may name a file to read.
+        Args:
+            content: The values.
+            place: The place of the table in messages.
+            whole: The settings of the whole file, if this is a table of it.
+            standard_input: Whether ``-`` may name a file to read.
         """
-        return _read(cls, content, place, cls, standard_input=standard_input)
+        if not isinstance(content, Mapping):
+            words = f": got {_described(content)}, expected a table [{key_name(place)}]"
+            raise BadSetting(Key(place), words)
+        for name in content:
+            if name not in cls.keys:
+                hint = nearest(str(name), list(cls.keys))
+                every = tables(whole or cls)
+                others = [(*table.place, name) for table in every if name in table.keys]
+                if not hint and others:
+                    hint = f" (did you mean '{key_name(others[0])}'?)"
+                of = f" of [{key_name(place)}]" if place else ""
+                keys = f"'{hint}; keys{of}: {', '.join(cls.keys)}"
+                raise BadSetting("unknown key '", Key((*place, name)), keys)
+        missing = [name for name, key in cls.keys.items() if key.required and name not in content]
+        if len(missing) == 1:
+            words = f": no key '{missing[0]}', expected {cls.keys[missing[0]].kind.expected}"
+            raise BadSetting(Key(place), f"{words}; add it")
+        if missing:
+            raise BadSetting(Key(place), f": no keys {', '.join(missing)}; add them")
+
+        def checked(kind: Kind, value: Any, place: Place) -> Any:
+            hint, expected = "", kind.expected
+            if kind.is_table:
+                table: type[Settings] = kind.type
+                return table.of(value, place, whole=whole or cls, standard_input=standard_input)
+            if kind.is_repeated:
+                if isinstance(value, list):
+                    inner = Kind.of(kind.inner[0])
+                    return tuple(checked(inner, each, (*place, k)) for k, each in enumerate(value))
+                expected = f"tables [[{key_name(place)}]]"
+            elif kind.is_free:
+                if isinstance(value, Mapping):
+                    inner = Kind.of(kind.inner[1])
+                    return {k: checked(inner, each, (*place, k)) for k, each in value.items()}
+                expected = f"a table [{key_name(place)}]"
+            else:
+                try:
+                    result = kind.fitted(value)
+                    if result != "-" or standard_input or SOURCE not in kind.notes:
+                        return result
+                    hint = "; a run reads no standard input, so write it to a file first"
+                except OverflowError:
+                    hint = ""
+                except ValueError as error:
+                    hint = str(error) or _hint(value, expected)
+            raise BadSetting(Key(place), f": got {_described(value)}, expected {expected}{hint}")
+
+        values = {
+            name: checked(key.kind, content[name], (*place, name))
+            for name, key in cls.keys.items()
+            if name in content
+        }
+        settings = cls(**values)
+        object.__setattr__(settings, "keys_set", frozenset(values))
+        return settings
 
 
 AnySettings = TypeVar("AnySettings", bound=Settings)
@@ -210,156 +343,13 @@ def flat(settings: Settings) -> dict[str, Any]:
         cls: type[Settings], values: Mapping[str, Any] | None, place: tuple[str, ...]
     ) -> Iterator[tuple[str, Any]]:
         for name, key in cls.keys.items():
-            value = None if values is None else values[name]
-            if _is_table(key.type):
-                yield from items(key.type, value, (*place, name))
+            value = values and values[name]
+            if key.kind.is_table:
+                yield from items(key.kind.type, value, (*place, name))
             else:
                 yield key_name((*place, name)), value
 
     return dict(items(type(settings), settings.values(), ()))
-
-
-def _declared(cls: type[Settings]) -> dict[str, Declared]:
-    annotations = get_type_hints(cls, include_extras=True)
-    keys = {}
-    for each in fields(cls):
-        annotation = annotations[each.name]
-        default = each.default if each.default_factory is MISSING else each.default_factory()
-        base, notes = unwrapped(annotation)
-        in_words = any(isinstance(note, Expected) for note in notes)
-        declared = each.metadata.get("declared", Declared())
-        named = f"--{each.name.replace('_', '-')}" if declared.is_option else ""
-        keys[each.name] = replace(
-            declared,
-            option=declared.option or named,
-            annotation=annotation,
-            default=default,
-            type=base,
-            expected=_expected(base, notes),
-            free=get_origin(base) is dict and not in_words,
-        )
-    return keys
-
-
-def unwrapped(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
-    """The annotated type without None, and its annotations, innermost first."""
-    notes: tuple[Any, ...] = ()
-    while True:
-        if get_origin(annotation) is Annotated:
-            annotation, *more = get_args(annotation)
-            notes = (*more, *notes)
-        elif get_origin(annotation) in (Union, UnionType):
-            (annotation,) = (each for each in get_args(annotation) if each is not NoneType)
-        else:
-            return annotation, notes
-
-
-def _expected(base: Any, notes: Sequence[Any]) -> str:
-    """The expected value, in words, from its type and its annotations."""
-    words = [note.words for note in notes if isinstance(note, Expected)]
-    if words:
-        return words[-1]
-    if get_origin(base) is Literal:
-        return f"one of {', '.join(get_args(base))}"
-    return "true or false" if base is bool else "a number"
-
-
-def _is_table(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, Settings)
-
-
-def _read(
-    cls: type[AnySettings],
-    content: Any,
-    place: Place,
-    whole: type[Settings],
-    *,
-    standard_input: bool,
-) -> AnySettings:
-    """The settings of a table at a place of a file, whose tables are those of ``whole``."""
-    if not isinstance(content, Mapping):
-        words = f": got {_described(content)}, expected a table [{key_name(place)}]"
-        raise BadSetting(Key(place), words)
-    for name in content:
-        if name not in cls.keys:
-            hint = nearest(str(name), list(cls.keys))
-            others = [(*table.place, name) for table in tables(whole) if name in table.keys]
-            if not hint and others:
-                hint = f" (did you mean '{key_name(others[0])}'?)"
-            of = f" of [{key_name(place)}]" if place else ""
-            keys = f"'{hint}; keys{of}: {', '.join(cls.keys)}"
-            raise BadSetting("unknown key '", Key((*place, name)), keys)
-    missing = [name for name, key in cls.keys.items() if key.required and name not in content]
-    if len(missing) == 1:
-        words = f": no key '{missing[0]}', expected {cls.keys[missing[0]].expected}; add it"
-        raise BadSetting(Key(place), words)
-    if missing:
-        raise BadSetting(Key(place), f": no keys {', '.join(missing)}; add them")
-
-    def checked(annotation: Any, value: Any, place: Place) -> Any:
-        base, notes = unwrapped(annotation)
-        origin, inner, hint = get_origin(base), get_args(base), ""
-        in_words = any(isinstance(note, Expected) for note in notes)
-        if _is_table(base):
-            return _read(base, value, place, whole, standard_input=standard_input)
-        expected = _expected(base, notes)
-        if origin is tuple and _is_table(inner[0]):
-            if isinstance(value, list):
-                return tuple(checked(inner[0], each, (*place, k)) for k, each in enumerate(value))
-            expected = f"tables [[{key_name(place)}]]"
-        elif origin is dict and not in_words:
-            if isinstance(value, Mapping):
-                return {k: checked(inner[1], each, (*place, k)) for k, each in value.items()}
-            expected = f"a table [{key_name(place)}]"
-        else:
-            try:
-                result = fitted(annotation, value)
-                if result != "-" or standard_input or SOURCE not in notes:
-                    return result
-                hint = "; a run reads no standard input, so write it to a file first"
-            except OverflowError:
-                hint = ""
-            except ValueError as error:
-                hint = str(error) or _hint(value, expected)
-        raise BadSetting(Key(place), f": got {_described(value)}, expected {expected}{hint}")
-
-    given = {name: key for name, key in cls.keys.items() if name in content}
-    values = {
-        name: checked(key.annotation, content[name], (*place, name)) for name, key in given.items()
-    }
-    settings = cls(**values)
-    object.__setattr__(settings, "keys_set", frozenset(values))
-    return settings
-
-
-def fitted(annotation: Any, value: Any) -> Any:
-    """A value of a type with annotations; ValueError, perhaps with a hint, if it does not fit."""
-    base, notes = unwrapped(annotation)
-    origin, inner = get_origin(base), get_args(base)
-    if origin is Literal:
-        fits = isinstance(value, str) and value in inner
-    elif origin is tuple:
-        repeated = len(inner) == 2 and inner[1] is ...
-        fits = isinstance(value, list | tuple) and (repeated or len(value) == len(inner))
-        if fits:
-            kinds = [inner[0]] * len(value) if repeated else inner
-            value = tuple(fitted(kind, each) for kind, each in zip(kinds, value, strict=True))
-    elif origin is dict:
-        fits = isinstance(value, Mapping)
-        if fits:
-            value = {name: fitted(inner[1], each) for name, each in value.items()}
-    else:
-        kinds = (int, float) if base is float else (base,)
-        fits = isinstance(value, kinds) and (base is bool or not isinstance(value, bool))
-        if fits and base is float:
-            value = float(value)
-            fits = math.isfinite(value)
-    if not fits:
-        raise ValueError
-    for note in notes:
-        if isinstance(note, Expected) and note.check is not None:
-            value = note.check(value)
-    return value
 
 
 def _hint(value: Any, words: str) -> str:
@@ -409,29 +399,23 @@ class Table:
         return f"[[{name}]]" if self.repeated else f"[{name}]"
 
 
-def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
+def tables(cls: type[Settings], place: tuple[str, ...] = (), **more: Any) -> Iterator[Table]:
     """The table that a class describes and its inner tables, in the order of the fields."""
-    yield _table(cls, place)
+    keys, inner = {}, list[Table]()
     for name, key in cls.keys.items():
-        inner = get_args(key.type)
-        if _is_table(key.type):
-            first, *rest = tables(key.type, (*place, name))
-            yield replace(first, active=key.default is not None or key.set_to is not None)
-            yield from rest
-        elif get_origin(key.type) is tuple and _is_table(inner[0]):
-            yield _table(inner[0], (*place, name, NUMBER), repeated=True)
-        elif key.free:
-            free, place_of = _expected(*unwrapped(inner[1])), (*place, name)
-            yield Table(place_of, key.help, {}, free=free, example=key.example, active=False)
-
-
-def _table(cls: type[Settings], place: tuple[str, ...], **more: Any) -> Table:
-    keys = {
-        name: key
-        for name, key in cls.keys.items()
-        if not key.free and not any(_is_table(each) for each in (key.type, *get_args(key.type)))
-    }
-    return Table(place, " ".join((cls.__doc__ or "").split()), keys, **more)
+        kind, at = key.kind, (*place, name)
+        if kind.is_table:
+            active = key.default is not None or key.set_to is not None
+            inner += tables(kind.type, at, active=active)
+        elif kind.is_repeated:
+            inner += tables(kind.inner[0], (*at, NUMBER), repeated=True)
+        elif kind.is_free:
+            free = Kind.of(kind.inner[1]).expected
+            inner.append(Table(at, key.help, {}, free=free, example=key.example, active=False))
+        else:
+            keys[name] = key
+    yield Table(place, " ".join((cls.__doc__ or "").split()), keys, **more)
+    yield from inner
 
 
 def template(cls: type[Settings], heading: Sequence[str]) -> str:
@@ -446,7 +430,7 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
             lines.append(f"{'' if table.active else '# '}{table.header}")
         for name, key in table.keys.items():
             default = None if key.required else key.default
-            words = f" {key.expected.capitalize()}." * key.expected.startswith("one of")
+            words = f" {key.kind.expected.capitalize()}." * key.kind.expected.startswith("one of")
             if in_words := key.default_in_words:
                 visible = default is not None and key.set_to is None
                 words += "" if visible else f" Default: {in_words}."

@@ -14,13 +14,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 from click.shell_completion import CompletionItem
 
 from planner.cli.console import Answer, FailedCheck, Key, Remark, warn
-from planner.cli.declared import NUMBER, SOURCE, Declared, tables, unwrapped
+from planner.cli.declared import NUMBER, SOURCE, Declared, tables
 from planner.cli.settings import LEG_NAMES, Replay, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
 
@@ -403,10 +403,10 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     shown = "" if default in (None, (), {}) else str(default)
     default_text = declared.otherwise.strip('"') or shown
     first, slash, second = declared.option.partition("/")
-    if declared.type is bool and (default is not None or not slash):
+    if declared.kind.type is bool and (default is not None or not slash):
         default_text = (first if default else second).strip("-") if slash else ""
     kind = _type_of(key, declared)
-    origin, is_list = get_origin(declared.type), kind is LIST or "nargs" in attributes
+    origin, is_list = declared.kind.origin, kind is LIST or "nargs" in attributes
     several_times = origin is dict or (origin is tuple and not is_list)
     text = of_command or own or declared.help
     if several_times and not declared.by_joint and not (of_command or own):
@@ -431,15 +431,14 @@ def _type_of(key: str, declared: Declared) -> Any:
     """The type of an option, by that of its setting."""
     if key in TYPES:
         return TYPES[key]
-    base, notes = unwrapped(declared.annotation)
-    origin, inner = get_origin(base), get_args(base)
+    base, origin, inner = declared.kind.type, declared.kind.origin, declared.kind.inner
     if declared.by_joint:
         return {int: TICKS, float: ANGLES}.get(base, SPANS)
     if origin is dict:
         return POSE if inner[1] is float else NAMES
     if origin is tuple:
         return float if "nargs" in declared.click else str
-    if SOURCE in notes:
+    if SOURCE in declared.kind.notes:
         return INPUT
     return click.Choice(inner) if origin is Literal else base
 
@@ -501,7 +500,7 @@ def put(content: dict[str, Any], key: str, value: Any) -> None:
     elif key == "leg.lock":
         for joint, (unit, position) in value:
             table.setdefault(unit, {})[joint] = position
-    elif get_origin(declared.type) is dict:
+    elif declared.kind.origin is dict:
         table[name] = dict(value)
     else:
         table[name] = list(value) if isinstance(value, tuple) else value

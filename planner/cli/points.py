@@ -23,7 +23,7 @@ import numpy as np
 
 from planner.cli import options
 from planner.cli.console import BadSetting, Key, Remark, speaking_of
-from planner.cli.declared import fitted, understand
+from planner.cli.declared import understand
 from planner.cli.desired import Desired
 from planner.cli.models import beside, find_leg, load_leg, models_of, refused_models
 from planner.cli.planning import plan_of, prepare
@@ -159,13 +159,13 @@ def read_sweep(path: str) -> Space:
         if leg is not None and "period_s" in values:
             period = models_of(run, leg.joint_names, leg, folder)[0].period
         for name, value in ((name, value) for name, each in values.items() for value in each):
-            declared, unit = options.SETTINGS[SWEPT[name]], ""
+            declared, of_time = options.SETTINGS[SWEPT[name]].kind, name == "period_s"
             expected = declared.expected
-            if name == "period_s":
+            if of_time:
                 count = expected.removeprefix("a whole number from ")
-                expected, unit = f"{count} requests, which are {period:g} s apart", "requests"
+                expected = f"{count} requests, which are {period:g} s apart"
             try:
-                fitted(declared.annotation, round(value / period) if unit else value)
+                declared.fitted(round(value / period) if of_time else value)
             except (ValueError, OverflowError) as error:
                 key = Key(f"sweep.parameters.{name}")
                 raise BadSetting(key, f": got {value:g}, expected {expected}") from error

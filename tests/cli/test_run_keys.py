@@ -14,7 +14,7 @@ import pytest
 
 import planner
 from planner.cli import cli
-from planner.cli.declared import NUMBER, fitted, tables, template, toml_value, understand
+from planner.cli.declared import NUMBER, tables, template, toml_value, understand
 from planner.cli.options import SETTINGS
 from planner.cli.program import COMMANDS
 from planner.cli.settings import HalfEllipse, Replay, Run
@@ -43,7 +43,7 @@ def markdown(cls) -> str:
         for name, key in table.keys.items():
             given = key.otherwise or ("" if key.default is None else toml_value(key.default))
             default = "must be there" if key.required else cell(given) or "–"
-            lines.append(f"| `{name}` | {cell(key.expected)} | {default} | {cell(key.help)} |")
+            lines.append(f"| `{name}` | {cell(key.kind.expected)} | {default} | {cell(key.help)} |")
         if table.free:
             lines += ["", f"Any joint of the path, set to {table.free}."]
         sections.append("\n".join(lines))
@@ -87,7 +87,7 @@ def test_every_key_is_in_the_template_and_its_example_is_of_its_kind(place, key)
     assert key.help.endswith(".")
     example = key.example
     if example is not None:
-        fitted(key.annotation, example)
+        key.kind.fitted(example)
 
 
 KEYS = {**dict(zip(NAMES, (key for _, key in DECLARED), strict=True)), **Replay.keys}
@@ -97,15 +97,15 @@ KEYS = {**dict(zip(NAMES, (key for _, key in DECLARED), strict=True)), **Replay.
 def test_a_number_at_an_end_of_its_range_is_taken_where_the_words_say_so(key):
     def takes(number):
         with suppress(ValueError):
-            return fitted(key.annotation, number) == number
+            return key.kind.fitted(number) == number
         return False
 
-    if whole := re.fullmatch(r"a whole number from (-?\d+) to (\d+)", key.expected):
+    if whole := re.fullmatch(r"a whole number from (-?\d+) to (\d+)", key.kind.expected):
         low, high = map(int, whole.groups())
         assert [*map(takes, (low - 1, low, high, high + 1))] == [False, True, True, False]
         assert not takes(low + 0.5)
-    elif key.expected.startswith("a number"):
-        for words, end in re.findall(r"(above|of at least|below) ([\d.]+)", key.expected):
+    elif key.kind.expected.startswith("a number"):
+        for words, end in re.findall(r"(above|of at least|below) ([\d.]+)", key.kind.expected):
             at, inside = float(end), math.inf if words != "below" else -math.inf
             assert takes(at) is (words == "of at least")
             assert takes(math.nextafter(at, inside))
