@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,7 @@ from planner.report.table import text_table
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.gait.stride import Pattern, Stride
+    from planner.gait.stride import Pattern
     from planner.trajectory import Array
 
 PATTERNS = ("walk", "trot", "pace", "bound")
@@ -78,6 +77,7 @@ def gait(
     from planner.files.paths import write_foot_path
     from planner.gait.half_ellipse import half_ellipse
     from planner.gait.stride import stride
+    from planner.report.gait_results import stride_results, stride_text
 
     least, most = 1e-6, 1e3  # beyond these the unit is surely mistaken
     if not least <= period <= most:
@@ -109,8 +109,8 @@ def gait(
         if fastest:
             path, document["fastest"], words = _shortest(run, leg, path, period)
             stretched = len(path) / samples
-        document["stride"] = about(leg, leg_stride, stretched * period)
-        words += f"\n{in_words(document['stride'])}"
+        document["stride"] = stride_results(leg, leg_stride, stretched * period)
+        words += f"\n{stride_text(document['stride'])}"
     document |= {f"{axis}_m": path[:, k].tolist() for k, axis in enumerate("xyz")}
     return Answer(document, words, lambda file: write_foot_path(file, path, period=period))
 
@@ -122,6 +122,7 @@ def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -
     from planner.files.paths import write_joint_path
     from planner.gait.stride import check_legs
     from planner.gait.stride import gait as gait_of
+    from planner.report.gait_results import stride_results
 
     legs = legs_of(run.model)
     try:
@@ -134,7 +135,7 @@ def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -
     gaits = gait_of(legs, pattern, **walk.arguments(given_only=True))
     document, rows = {}, []
     for name, each in gaits.items():
-        figures = about(legs[name], each.stride, period)
+        figures = stride_results(legs[name], each.stride, period)
         document[name] = {"phase": each.phase, **figures}
         fastest = max(figures["speeds_deg_s"].values())
         numbers = (each.phase, *figures["centre_m"])
@@ -157,7 +158,7 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
     """The path in the fewest samples that keep the tolerance; the same for machines and people."""
     from planner.cli.models import models_of, refused_models
     from planner.gait.stride import in_samples, shortest_cycle
-    from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+    from planner.report.gait_results import shortest_answer
 
     assert run.tolerance.cm is not None, "the tolerance is needed"
     at_rate = replace(run, path=replace(run.path, rate_hz=1.0 / period))
@@ -172,58 +173,6 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
             samples=len(path),
             progress=progress,
         )
-    proof, count, expected = cycle.too_short, cycle.samples, cycle.plan.plan.expected
     unknown = any(each.evidence and each.evidence.leaves_top_speed_open for each in models)
-    names, too_short, proved = leg.joint_names, None, "no shorter one is proved impossible"
-    if proof is not None:
-        too_short = {
-            "samples": proof.samples,
-            "cycle_s": proof.samples * period,
-            "lower_bound_cm": 100.0 * proof.bound,
-            "of_model_only": unknown,
-        }
-        proved = f"in {proof.samples * period:.4g} s no requests keep it there"
-        proved += f", which holds for the models only: {OPEN_TOP_SPEED}" if unknown else ""
-    document = {
-        "tolerance_cm": run.tolerance.cm,
-        "samples": count,
-        "cycle_s": cycle.period,
-        "max_cm": 100.0 * cycle.plan.max_error,
-        "untested": {name: list(e.untested) for name, e in zip(names, expected, strict=True)},
-        "too_short": too_short,
-    }
-    words = (
-        f"a cycle of {count} samples, {count * period:.4g} s, is the shortest at which the planned "
-        f"foot stays within {run.tolerance.cm:g} cm by the model; {proved}\n"
-        "plan it with --method foot-optimal --norm max: the default, rms, lets the largest error "
-        "be more"
-    )
-    untested = untested_words(names, expected)
-    return in_samples(path, count), document, f"{words}\n{untested}" if untested else words
-
-
-def about(leg: Leg, stride: Stride, period: float) -> dict[str, Any]:
-    """The walk of a leg for machines."""
-    import numpy as np
-
-    closed = np.vstack([stride.angles, stride.angles[:1]])
-    speeds = np.abs(np.diff(closed, axis=0)).max(axis=0) / period
-    return {
-        "length_m": stride.length,
-        "height_m": stride.height,
-        "centre_m": stride.centre.tolist(),
-        "pose_deg": dict(zip(leg.joint_names, np.degrees(stride.pose).tolist(), strict=True)),
-        "speeds_deg_s": dict(zip(leg.joint_names, np.degrees(speeds).tolist(), strict=True)),
-    }
-
-
-def in_words(about: Mapping[str, Any]) -> str:
-    """The walk of a leg for people."""
-    x, y, z = about["centre_m"]
-    pose = " ".join(f"--near {name}={angle:g}" for name, angle in about["pose_deg"].items())
-    speeds = ", ".join(f"{name} {speed:.0f}" for name, speed in about["speeds_deg_s"].items())
-    return (
-        f"half stroke {about['length_m']:.4g} m, height {about['height_m']:.4g} m, "
-        f"around ({x:.4g}, {y:.4g}, {z:.4g}) m, the foot of {pose}\n"
-        f"fastest on the way [deg/s]: {speeds}"
-    )
+    document, words = shortest_answer(cycle, run.tolerance.cm, period, of_model_only=unknown)
+    return in_samples(path, cycle.samples), document, words

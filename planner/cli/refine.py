@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -91,13 +91,14 @@ def refine(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.models import leg_title
+    from planner.cli.models import leg_title, model_words
     from planner.cli.planning import prepare
     from planner.files.learning_history import LearningState, write_history
     from planner.files.measured import read_executed, read_measured
     from planner.model.response import load_columns
     from planner.planning.plan import joined
     from planner.report.learning_page import learning_page
+    from planner.report.learning_results import joint_results, trials_results, trials_text
 
     desired = prepare(run)
     if history is None or not Path(history).is_file():  # else the first trial has said it
@@ -141,6 +142,7 @@ def refine(
             if plan.learning
         }
         write_history(history, desired.angles, {**answer.states, **states})
+    trials = progress_of(answer)
     if report is not None:
         columns = [desired.names.index(name) for name in angles.names]
         learnt = list(answer.learnt.values())
@@ -148,7 +150,7 @@ def refine(
             learnt[0] if len(learnt) == 1 else joined(learnt),
             executed=executed.angles[:, columns],
             measured=angles.angles.mean(axis=0),
-            progress=progress_of(answer),
+            progress=trials,
             about_others=answer.about_not_measured,
             title=leg_title(run.leg) or ", ".join(desired.names),
         )
@@ -156,9 +158,21 @@ def refine(
         html = page.html(report, origins, [("requests", output), ("history", history)])
     rows = np.hstack([plan.requests for plan in plans])
     loads = load_columns([load for plan in plans for load in plan.task.loads], len(rows))
+    every = {}
+    for plan in plans:
+        for k, name in enumerate(plan.names):
+            unit = desired.unit(desired.names.index(name))
+            every[name] = joint_results(plan, k, unit)
+    count = f"{len(angles.angles)} measured cycle{'s' * (len(angles.angles) > 1)}"
     return Answer(
-        document(answer),
-        summary(answer),
+        {
+            "cyclic": desired.cyclic,
+            "period_s": period,
+            "learning": {each.name: trials_results(each) for each in trials},
+            "not_measured": list(answer.not_measured),
+            "joints": every,
+        },
+        f"{count} of {len(rows)} requests; {model_words(run.model)}\n{trials_text(trials)}",
         lambda file: desired.write(file, rows, loads),
         pages=[(report, html)],
     )
@@ -307,72 +321,6 @@ def refined(
     return Refined(desired, executed, measured, answer, states)
 
 
-def document(answer: Refined) -> dict[str, Any]:
-    """The answer for machines."""
-    import numpy as np
-
-    desired = answer.desired
-    rows = progress_of(answer)
-    joints = {}
-    for plan in answer.plans.values():
-        learnt = plan.task.disturbance
-        for k, name in enumerate(plan.names):
-            unit = desired.unit(desired.names.index(name))
-            joints[name] = {
-                f"requests_{unit}": np.degrees(plan.requests[:, k]).tolist(),
-                f"predicted_{unit}": np.degrees(plan.predicted[:, k]).tolist(),
-                f"learnt_{unit}": None if learnt is None else np.degrees(learnt[:, k]).tolist(),
-            }
-    return {
-        "cyclic": desired.cyclic,
-        "period_s": desired.period,
-        "learning": {
-            each.name: {
-                "trials": len(each.errors),
-                f"errors_{each.unit}": each.errors.tolist(),
-                f"predicted_{each.unit}": each.predicted,
-                f"lower_bound_{each.unit}": each.bound,
-                f"noise_{each.unit}": each.noise,
-                "gain": each.gain,
-                "best_trial": each.best + 1,
-                "stopped": each.stopped or None,
-                "remarks": list(each.remarks),
-                "sensor_delay_ms": [
-                    1e3 * delay.removed for delay in answer.plans[each.name].learning[0].delays
-                ],
-            }
-            for each in rows
-        },
-        "not_measured": list(answer.not_measured),
-        "joints": joints,
-    }
-
-
-def summary(answer: Refined) -> str:
-    """The answer for people."""
-    import numpy as np
-
-    from planner.cli.models import model_words
-    from planner.report.table import number, text_table
-
-    rows, cells, measured = progress_of(answer), [], len(answer.measured.angles)
-    for each in rows:
-        errors = (each.errors[0], each.errors[-1], np.min(each.errors), each.predicted)
-        bound, noise = number(each.bound, 3), f"{each.noise:.3f}"
-        cells.append([f"{each.name} [{each.unit}]", *map("{:.3f}".format, errors), bound, noise])
-    titles = ["rms error", "first", "last", "best", "predicted next", "lower bound", "noise"]
-    lines = [
-        f"{measured} measured {'cycle' if measured == 1 else 'cycles'} of {len(answer.executed)} "
-        f"requests; {model_words(answer.desired.settings.model)}",
-        text_table(titles, cells),
-    ]
-    for each in rows:
-        lines += [f"{each.name}: {text}" for text in each.remarks]
-        if each.stopped:
-            lines.append(f"{each.name}: learning has ended: {each.stopped}")
-    return "\n".join(lines)
-
-
 def progress_of(answer: Refined) -> list[Trials]:
     """The errors of each joint, or of the foot, in the user's units."""
     from planner.report.learning_page import Trials
@@ -404,6 +352,7 @@ def progress_of(answer: Refined) -> list[Trials]:
                 best=learning.best,
                 stopped=learning.stopped,
                 remarks=tuple(remarks),
+                delays=tuple(each.removed for each in learning.delays),
             )
         )
     return rows

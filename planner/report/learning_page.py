@@ -44,6 +44,7 @@ class Trials:
     best: int  # the trial that the next requests start from
     stopped: str  # why learning has ended; empty while it goes on
     remarks: tuple[str, ...]  # notes on the use of the measurements
+    delays: tuple[float, ...] = ()  # how late the sensors of its joints are taken to be [s]
 
 
 def learning_page(

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,13 +15,13 @@ from planner.cli.console import BadSetting, Key
 from planner.cli.desired import check_felt, load_of_masses
 from planner.cli.models import find_leg, load_leg, model_words
 from planner.cli.planning import off_by, search_options
-from planner.exceptions import InvalidInput, PlannerError, nearest
 from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import find_dataset
 from planner.identification.log import Log
-from planner.model.evidence import refusal, with_reasons
+from planner.model.evidence import refusal
 from planner.model.joint import JointModel
+from planner.recording.models import JointModels, first_logs, models_from
 from planner.recording.recorded_path import (
     RecordedPath,
     check_length,
@@ -40,15 +39,6 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-9
 """Share of a tolerance by which rounding may miss it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointModels:
-    """The models of a replay, the default under the key ""; their origin in words, and remarks."""
-
-    by_joint: Mapping[str, JointModel]
-    words: str = ""
-    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,7 +161,7 @@ def joint_models(
     if model.file == settings.SHIPPED_MODEL:
         return JointModels(by_joint={"": JointModel.ers210a()}, words=model_words(model))
     if model.file == settings.FROM_LOG:
-        return _models_from_recordings(replay, recordings, progress)
+        return models_from(recordings, replay.joints, progress)
     file = read_model_file(model.file)
     models = {**({} if file.common is None else {"": file.common}), **file.by_joint}
     recorded = [log.joint for log in first_logs(recordings)]
@@ -180,72 +170,6 @@ def joint_models(
     words = refusal({name: each.evidence for name, each in of_joints.items() if each})
     return JointModels(
         by_joint=models, words=f"model: {file.path}", remarks=(words,) if words else ()
-    )
-
-
-def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
-    """The logs of the first recording that can be read."""
-    for recording in recordings:
-        with suppress(PlannerError):  # reported when it is planned
-            return recording.read()
-    return []
-
-
-def _models_from_recordings(
-    replay: settings.Replay, recordings: Sequence[Recording], progress: Callable[[str], None]
-) -> JointModels:
-    from planner.identification.identify import identify
-
-    used = recordings[:10]  # more of the same robot add little, and time grows with each
-    by_joint: dict[str, list[Log]] = {}
-    for recording in used:
-        # With several, an error is reported when the recording is planned.
-        with suppress(PlannerError) if len(recordings) > 1 else nullcontext():
-            for log in recording.read():
-                by_joint.setdefault(log.joint or "joint", []).append(log)
-    for name in replay.joints:
-        if by_joint and name not in by_joint:
-            raise BadSetting(
-                Key("replay.joints"),
-                f": no joint '{name}'{nearest(name, list(by_joint))}; joints: "
-                + ", ".join(by_joint),
-            )
-    joints = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
-    models: dict[str, JointModel] = {}
-    remarks: list[str] = []
-    refused: dict[str, str] = {}
-    failure: PlannerError = InvalidInput("no recording could be read")
-    for name in replay.joints or joints:
-        if name not in by_joint:
-            continue
-        progress(f"identifying {name}")
-        try:
-            identification = identify(by_joint[name])
-        except PlannerError as error:
-            remarks.append(f"{name}: no model: {error}")
-            failure = error
-            continue
-        if identification.accepted:
-            models[name] = identification.model
-        else:
-            refused[name] = identification.reason
-            words = "no model of any joint fits the recording; identify the joints from better logs"
-            failure = InvalidInput(words)
-    if not models:
-        raise failure
-    if refused:
-        of = "its model describes" if len(refused) == 1 else "their models describe"
-        remarks.append(
-            f"{with_reasons(refused)}: left at the recorded requests, {of} the recording too badly"
-        )
-    words = "the recording"
-    if len(recordings) > 1:
-        first = f"first {len(used)} of " if len(used) < len(recordings) else ""
-        words = f"the {first}{len(recordings)} recordings"
-    return JointModels(
-        by_joint=models,
-        words=f"models: identified from {words}",
-        remarks=tuple(remarks),
     )
 
 

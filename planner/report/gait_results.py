@@ -1,0 +1,74 @@
+"""Walks of legs, and how fast they can be walked, in numbers for machines and as text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from kinematics.leg import Leg
+from planner.gait.stride import ShortestCycle, Stride
+from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+
+
+def stride_results(leg: Leg, stride: Stride, period: float) -> dict[str, Any]:
+    """The walk of a leg for machines."""
+    closed = np.vstack([stride.angles, stride.angles[:1]])
+    speeds = np.abs(np.diff(closed, axis=0)).max(axis=0) / period
+    return {
+        "length_m": stride.length,
+        "height_m": stride.height,
+        "centre_m": stride.centre.tolist(),
+        "pose_deg": dict(zip(leg.joint_names, np.degrees(stride.pose).tolist(), strict=True)),
+        "speeds_deg_s": dict(zip(leg.joint_names, np.degrees(speeds).tolist(), strict=True)),
+    }
+
+
+def stride_text(results: Mapping[str, Any]) -> str:
+    """The walk of a leg for people."""
+    x, y, z = results["centre_m"]
+    pose = " ".join(f"--near {name}={angle:g}" for name, angle in results["pose_deg"].items())
+    speeds = ", ".join(f"{name} {speed:.0f}" for name, speed in results["speeds_deg_s"].items())
+    return (
+        f"half stroke {results['length_m']:.4g} m, height {results['height_m']:.4g} m, "
+        f"around ({x:.4g}, {y:.4g}, {z:.4g}) m, the foot of {pose}\n"
+        f"fastest on the way [deg/s]: {speeds}"
+    )
+
+
+def shortest_answer(
+    cycle: ShortestCycle, tolerance: float, period: float, *, of_model_only: bool
+) -> tuple[dict[str, Any], str]:
+    """The shortest cycle that keeps a tolerance [cm], for machines and for people.
+
+    ``of_model_only``: whether a proof may not hold for the robot, of unknown top speeds.
+    """
+    proof, count, plan = cycle.too_short, cycle.samples, cycle.plan.plan
+    too_short, proved = None, "no shorter one is proved impossible"
+    if proof is not None:
+        too_short = {
+            "samples": proof.samples,
+            "cycle_s": proof.samples * period,
+            "lower_bound_cm": 100.0 * proof.bound,
+            "of_model_only": of_model_only,
+        }
+        proved = f"in {proof.samples * period:.4g} s no requests keep it there"
+        proved += f", which holds for the models only: {OPEN_TOP_SPEED}" if of_model_only else ""
+    pairs = zip(plan.names, plan.expected, strict=True)
+    document = {
+        "tolerance_cm": tolerance,
+        "samples": count,
+        "cycle_s": cycle.period,
+        "max_cm": 100.0 * cycle.plan.max_error,
+        "untested": {name: list(each.untested) for name, each in pairs},
+        "too_short": too_short,
+    }
+    words = (
+        f"a cycle of {count} samples, {count * period:.4g} s, is the shortest at which the planned "
+        f"foot stays within {tolerance:g} cm by the model; {proved}\n"
+        "plan it with --method foot-optimal --norm max: the default, rms, lets the largest error "
+        "be more"
+    )
+    untested = untested_words(plan.names, plan.expected)
+    return document, f"{words}\n{untested}" if untested else words
