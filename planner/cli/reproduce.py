@@ -92,8 +92,8 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Outcome:
     from planner.evaluation.reproduction import reproduce
     from planner.files.paths import write_foot_path, write_joint_path
     from planner.report.paper_figures import paper_figures
-    from planner.report.paper_page import paper_page
-    from planner.report.paper_results import joint_paths, paper_results, paper_text
+    from planner.report.paper_page import experiment_text
+    from planner.report.paper_results import joint_paths, paper_results
 
     reproduction = reproduce(progress=progress)
     progress("the report")
@@ -103,22 +103,22 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Outcome:
     for name, path in {"desired": reproduction.walk.desired_foot, **reproduction.foot}.items():
         write_foot_path(folder / f"foot_{name}.csv", path, period=period)
     document = paper_results(reproduction)
-    _write_report(folder, document, paper_figures(reproduction), paper_page)
-    return document, paper_text(document), []
+    _write_report(folder, document, paper_figures(reproduction))
+    return document, experiment_text(document), []
 
 
 def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Outcome:
     """The paper's experiment on the virtual robot, whose joints are not the model."""
     from planner.evaluation.virtual_experiment import play_experiment
     from planner.report.paper_figures import virtual_figures
-    from planner.report.paper_page import virtual_page
-    from planner.report.paper_results import virtual_results, virtual_text
+    from planner.report.paper_page import experiment_text
+    from planner.report.paper_results import virtual_results
 
     outcome = play_experiment(progress=progress)
     progress("the report")
     _write_records(folder, outcome)
     document = virtual_results(outcome)
-    _write_report(folder, document, virtual_figures(outcome), virtual_page)
+    _write_report(folder, document, virtual_figures(outcome))
     failures = [
         f"{joint}: the model that was identified does not describe the joint; see its "
         "warnings in results.json"
@@ -127,7 +127,7 @@ def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Outcome:
         )
         if not identification.accepted
     ]
-    return document, virtual_text(document), failures
+    return document, experiment_text(document), failures
 
 
 def _write_records(folder: Path, outcome: VirtualOutcome) -> None:
@@ -164,10 +164,10 @@ def _write_report(
     folder: Path,
     document: dict[str, Any],
     figures: Sequence[Figure],
-    page: Callable[[dict[str, Any], Sequence[Figure], Sequence[str]], str],
 ) -> None:
     """The page, which links to the files that are already there, and its pictures."""
     from planner.report.matplotlib_figure import pictures_of
+    from planner.report.paper_page import experiment_page
 
     linked = ["results.json", *list_files(folder)]
     (folder / "figures").mkdir()
@@ -175,4 +175,4 @@ def _write_report(
         svg, png = pictures_of(figure)
         write_text(folder / "figures" / f"{figure.name}.svg", svg)
         write_bytes(folder / "figures" / f"{figure.name}.png", png)
-    write_text(folder / "report.html", page(document, figures, linked))
+    write_text(folder / "report.html", experiment_page(document, figures, linked))
