@@ -44,9 +44,6 @@ REGIONS, SAMPLES = 3, 4
 """Parts that each joint's range is cut into, of which every combination is searched on its own, and
 poses per joint and part among which each search starts."""
 
-SETTLED = 1e-13
-"""A search ends when its step is below this [rad]."""
-
 CHUNK = 128
 """Points searched at once, which bounds the memory."""
 
@@ -190,7 +187,7 @@ def _descend(chain: Chain, limits: Limits, points: Array, poses: Array) -> Array
         value[going[better]] = reached[better]
         scale = np.maximum(damping[going], 1e-6 * (chain.tip @ chain.tip))
         damping[going] = np.where(better, 0.1 * damping[going], 10.0 * scale)
-        going = going[np.abs(there - here).max(axis=1) > SETTLED]
+        going = going[np.abs(there - here).max(axis=1) > 1e-13]  # [rad]
     return poses
 
 

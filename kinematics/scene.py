@@ -18,9 +18,6 @@ from kinematics.robot import Robot, captured_stderr, read_robot
 from planner.exceptions import InvalidInput
 from planner.trajectory import Array
 
-MESHES = (".stl", ".obj", ".dae")
-"""Readable formats of meshes."""
-
 MOST_BYTES = 32 * 2**20
 """Largest readable mesh [bytes]."""
 
@@ -136,7 +133,7 @@ def _find_mesh(path: Path, name: str) -> Path | None:
         folders = [*path.resolve().parents, *named, *(each / "share" for each in prefixes)]
     for folder in folders:
         file = folder / relative
-        fits = file.suffix.lower() in MESHES and file.is_file()
+        fits = file.suffix.lower() in (".stl", ".obj", ".dae") and file.is_file()
         if fits and file.stat().st_size <= MOST_BYTES:
             return file
     return None

@@ -250,9 +250,6 @@ TASK = "follow the planned requests"
 FILE = "chunk-000/file-000.parquet"
 """The one file of rows, and that of episodes, below the folder of their kind."""
 
-WHOLE = 1e-3
-"""A rate may be this part away from a whole number [1/s], as periods are written rounded."""
-
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 """Quantiles by which some policies normalise, under LeRobot's names."""
 
@@ -264,10 +261,6 @@ class Layout:
     features: Mapping[str, Sequence[str]]
     rate: float
     robot_type: str | None = None
-
-
-Figures = dict[str, Any]
-"""Figures of a column under LeRobot's names, each of all of its numbers, shape (k,)."""
 
 
 def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = TASK) -> None:
@@ -291,7 +284,7 @@ def lerobot_dataset(
         from pyarrow import parquet
     tasks: dict[str, int] = {}
     episodes: list[dict[str, Any]] = []
-    figures: dict[str, list[Figures]] = {}
+    figures: dict[str, list[dict[str, Any]]] = {}
     with output_folder(path, export=f"LeRobot dataset {LEROBOT_VERSION}") as folder:
         for kind in ("data", "meta/episodes"):
             (folder / kind / FILE).parent.mkdir(parents=True)
@@ -350,14 +343,14 @@ def lerobot_dataset(
 
 def frame_rate(period: float) -> float:
     """Rows per second: a whole number where the rate is one but for rounding."""
-    rate = 1.0 / period
+    rate, near = 1.0 / period, 1e-3  # periods are written rounded
     whole = round(rate)
-    if rate < 1.0 - WHOLE:
+    if rate < 1.0 - near:
         raise InvalidInput(
             f"a request every {period:g} s is {rate:.6g} per second, expected at least one for "
             "LeRobot; resample to a higher rate"
         )
-    return whole if abs(rate - whole) <= WHOLE * rate else float(f"{rate:.6g}")
+    return whole if abs(rate - whole) <= near * rate else float(f"{rate:.6g}")
 
 
 def _schema(layout: Layout) -> Any:
@@ -413,8 +406,8 @@ def _info(layout: Layout, episodes: int, rows: int, tasks: int) -> dict[str, Any
     }
 
 
-def _figures_of(column: Any) -> Figures:
-    """The figures of a column, shape (n,) or (n, k)."""
+def _figures_of(column: Any) -> dict[str, Any]:
+    """The figures of a column, (n,) or (n, k), under LeRobot's names, each of shape (k,)."""
     values = column.reshape(len(column), -1).astype(np.float64)
     return {
         "min": values.min(axis=0),
@@ -426,7 +419,7 @@ def _figures_of(column: Any) -> Figures:
     }
 
 
-def _of_all(parts: Sequence[Figures]) -> Figures:
+def _of_all(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The figures of a column in several parts.
 
     Variances add up by the parallel-axis theorem. A quantile is the mean of theirs, weighted by

@@ -63,9 +63,6 @@ JOINT = "joint"
 KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS, VERDICT, REASON)
 """Every key of a model."""
 
-SLOWEST = 10.0
-"""No servo takes so long to answer a request [s]: the times of such a file are in other units."""
-
 KINDS = ("a number from 0 to 1e9", "two numbers up to 1e9", "pairs of numbers from 0 to 1e9")
 """Expected values in words, by number of axes: 1e9 is ``LARGEST``."""
 
@@ -348,11 +345,13 @@ def _model(
             f"{place}no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s",
         )
     times = [keys[key] for key in ("lag", "acceleration_time")]
-    if all(isinstance(time, int | float) for time in times) and sum(times) > SLOWEST:
+    if all(isinstance(time, int | float) for time in times) and sum(times) > (
+        slowest := 10.0
+    ):  # [s]
         raise InvalidFile(
             path,
             f"{place}lag + acceleration_time: got {sum(times):g} s, "
-            f"expected at most {SLOWEST:g} s; 32 ms are 0.032 (v_max is in rad/s, theta_0 in rad)",
+            f"expected at most {slowest:g} s; 32 ms are 0.032 (v_max is in rad/s, theta_0 in rad)",
         )
     try:
         model = JointModel(**{key: value for key, value in keys.items() if key in FIELDS})

@@ -18,9 +18,6 @@ from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.staging import all_there, cannot_write, read_manifest, staged
 from planner.files.text import to_json
 
-DIGEST = sha256().digest_size
-"""Bytes before a result, by which a damaged one is recognised."""
-
 
 @dataclass(frozen=True)
 class Task:
@@ -90,7 +87,7 @@ class Results:
             content = self._file(task).read_bytes()
         except OSError:
             return None
-        digest, result = content[:DIGEST], content[DIGEST:]
+        digest, result = content[:32], content[32:]
         return result if sha256(result).digest() == digest else None
 
     def remove(self, *, if_empty: bool = False) -> None:

@@ -23,10 +23,6 @@ MOST_BYTES = 64 * 2**20
 STANDARD_STREAM = "-"
 """The name of standard input and standard output."""
 
-CHUNK = 2**15
-"""Characters that go to standard output at once: where Python does not buffer it, the rest of a
-longer text is lost silently when its reader goes away."""
-
 MOST_PARTS = 100
 """Parts of a dotted key: reading one takes memory by the square of their number."""
 
@@ -88,8 +84,11 @@ def write_text(path: Path | str, text: str) -> None:
     if sys.stdout is None:
         raise InvalidFile(STANDARD_STREAM, "standard output is closed; name a file for the output")
     try:
-        for start in range(0, len(text), CHUNK):
-            sys.stdout.write(text[start : start + CHUNK])
+        # where Python does not buffer the output, the rest of a longer text is lost silently when
+        # its reader goes away
+        chunk = 2**15
+        for start in range(0, len(text), chunk):
+            sys.stdout.write(text[start : start + chunk])
         sys.stdout.flush()
     except BrokenPipeError:
         raise

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from planner.exceptions import InvalidFile, InvalidInput, nearest
-from planner.files.logs.bag import is_bag_folder, read_bag
+from planner.files.logs.bag import read_bag
 from planner.files.logs.csv_log import read_bam, read_csv_log
 from planner.files.logs.lerobot import is_dataset, lerobot_episodes, read_lerobot
 from planner.files.logs.rows import (
@@ -40,9 +40,6 @@ BAG = Format("a bag", read_bag, ("topic", "command_topic"))
 
 BY_SUFFIX = {".parquet": LEROBOT, ".json": BAM, ".mcap": BAG, ".bag": BAG, ".db3": BAG}
 """Formats by the end of a file's name; any other is CSV."""
-
-OWN = tuple(name for form in (CSV, LEROBOT, BAG) for name in form.options)
-"""Options of one format only."""
 
 
 def read_logs(
@@ -128,7 +125,7 @@ def format_of(path: Path | str, options: LogOptions) -> Format:
         form = _recognised(path)
     except OSError as error:  # not allowed to look, or a name that is too long
         raise InvalidFile(path, f"cannot be read ({reason(error)}); check the name") from error
-    for name in OWN:
+    for name in (*CSV.options, *LEROBOT.options, *BAG.options):
         if getattr(options, name) is not None and name not in form.options:
             raise InvalidFile(
                 path, f"--{name.replace('_', '-')} means nothing to {form.name}; leave it out"
@@ -146,7 +143,7 @@ def _recognised(path: Path | str) -> Format:
         return BY_SUFFIX.get(place.suffix.lower(), CSV)
     if is_dataset(place):
         return LEROBOT
-    if is_bag_folder(place):
+    if (place / "metadata.yaml").is_file():
         return BAG
     endings = {file.suffix.lower() for file in place.iterdir()} & {*BY_SUFFIX, ".csv"}
     files = " or ".join(str(place / f"*{ending}") for ending in sorted(endings))

@@ -10,16 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, nearest
 from planner.files.logs.bag_file import CONTROLLER_STATE, LATEST, Bag, open_bag
 from planner.files.logs.rows import ALL_JOINTS, LogOptions, Recorded, Rows
 from planner.files.table import Source
-from planner.trajectory import Array
-
-Stamps = npt.NDArray[np.int64]
-"""Times [ns], shape (n,)."""
+from planner.trajectory import Array, Indices
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -32,14 +28,6 @@ REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, NUMBER, JOINT_STATE)
 
 APART = 1_000_000_000
 """Stamps that are further from the receipt than this [ns] come from another clock."""
-
-MOST_COMPARED = 1000
-"""Messages of which the stamps are compared with the receipt."""
-
-
-def is_bag_folder(path: Path) -> bool:
-    """Whether a folder is a bag of ROS 2."""
-    return (path / "metadata.yaml").is_file()
 
 
 def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
@@ -92,7 +80,7 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
 class _States(NamedTuple):
     """The states of a joint and the request that holds at each, shape (n,) each."""
 
-    stamps: Stamps
+    stamps: Indices  # [ns]
     angles: Array
     requests: Array
     repeated: int  # left out, as the same as the one before
@@ -145,15 +133,14 @@ class Track:
             rows[2].append(angle)
 
     def lead(self) -> float:
-        """How far the stamps are ahead of the receipt [ns], in the median."""
+        """How far the stamps are ahead of the receipt [ns], in the median of many messages."""
         leads = [
-            own - receipt
+            np.subtract(stamps[:1000], received[:1000])
             for received, stamps, _ in self._by_joint.values()
-            for receipt, own in zip(received[:MOST_COMPARED], stamps[:MOST_COMPARED], strict=True)
         ]
-        return float(np.median(leads)) if leads else 0.0
+        return float(np.median(np.concatenate(leads))) if leads else 0.0
 
-    def series(self, joint: str) -> tuple[Stamps, Array]:
+    def series(self, joint: str) -> tuple[Indices, Array]:
         """Times [ns] and angles of a joint, by the stamps or by the receipt, in order of time."""
         received, own, values = self._by_joint[joint]
         stamps = np.array(own if self.stamped else received, dtype=np.int64)
@@ -205,7 +192,11 @@ def _gather(
         for role, track in tracks.items():
             try:
                 joints, angles, field = _angles_in(content, kind, role)
-                values, stamp = tuple(map(float, angles)), _stamp(content)
+                values, stamp = tuple(map(float, angles)), 0
+                if hasattr(content, "header"):
+                    own = content.header.stamp
+                    stamp = int(own.sec) * 1_000_000_000 + int(own.nanosec)
+                    stamp = stamp if 0 < stamp < LATEST else 0
             except (AttributeError, LookupError, TypeError, ValueError, ArithmeticError) as error:
                 raise InvalidFile(  # the bag's definition of the type may be anything
                     bag.path,
@@ -249,15 +240,6 @@ def _angles_in(content: Any, kind: str, role: str) -> tuple[tuple[str, ...] | No
         field = (filled or layouts)[0][role == "actual"]
         joints, angles = content.joint_names, getattr(content, field).positions
     return tuple(map(str, joints)), angles, field
-
-
-def _stamp(content: Any) -> int:
-    """The stamp in the header of a message [ns], 0 where it has none."""
-    if not hasattr(content, "header"):
-        return 0
-    stamp = content.header.stamp
-    nanoseconds = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-    return nanoseconds if 0 < nanoseconds < LATEST else 0
 
 
 def _order(

@@ -43,9 +43,6 @@ SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "tru
 BAM_KEYS = ("timestamp", "goal_position", "position", "torque_enable")
 """Keys of an entry of BAM that are read; an entry may leave the torque's out."""
 
-MASS, LENGTH, ARM_MASS = "mass", "length", "arm_mass"
-"""Keys beside the entries: of the pendulum on the servo [kg, m, kg], the last of a few files."""
-
 
 def read_csv_log(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     """Read the recording in a CSV file, or in standard input for ``-``."""
@@ -104,14 +101,15 @@ def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
 
     The pendulum hangs at 0 and is ``length`` long, its arm of one thickness.
     """
-    if MASS not in content or LENGTH not in content:
+    if "mass" not in content or "length" not in content:
         return None
-    values = {key: content.get(key, 0.0) for key in (MASS, LENGTH, ARM_MASS)}
+    values = {key: content.get(key, 0.0) for key in ("mass", "arm_mass", "length")}
     for key, value in values.items():
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (number and 0.0 <= value < LARGEST):
             raise InvalidFile(path, f"'{key}': got {value!r:.20}, expected a number, 0 or more")
-    return float((values[MASS] + values[ARM_MASS] / 2.0) * 9.80665 * values[LENGTH])  # [m/s^2]
+    mass, arm_mass, length = values.values()
+    return float((mass + arm_mass / 2.0) * 9.80665 * length)  # [m/s^2]
 
 
 def _recorded(table: Table, options: LogOptions, *, units: str = "") -> Recorded:
