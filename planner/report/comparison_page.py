@@ -19,7 +19,7 @@ from planner.evaluation.cross_check import (
 )
 from planner.model.evidence import untested_words
 from planner.report import figure, style
-from planner.report.figure import Axis, Figure, Panel, Timeline, line, near_limits
+from planner.report.figure import Axis, Figure, Panel, Timeline, line
 from planner.report.page import Page, models_table
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.report.wording import words_of
@@ -229,24 +229,19 @@ def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
     """A joint: its angles, its requests, and how far these differ."""
     timeline = _timeline_of(check)
     plans = [(joint.plans[SHOWN], style.CLOSED_FORM), (joint.plans["optimal"], style.OPTIMAL)]
-    angles = [(joint.desired, style.DESIRED), *((plan.predicted, role) for plan, role in plans)]
-    requests = [timeline.degrees(plan.requests, role, held=True) for plan, role in plans]
     look = style.INK._replace(label="difference", width=1.3)
-    difference = timeline.degrees(joint.difference(SHOWN), look, held=True)
-    end, limits = timeline.step * timeline.last, joint.plans["optimal"].limits
-    lines = near_limits(limits and np.degrees(limits).tolist(), requests[1], end=end)
-    return timeline.figure(
+    zero = line((0.0, timeline.step * timeline.last), (0.0, 0.0))
+    difference = (zero, timeline.degrees(joint.difference(SHOWN), look, held=True))
+    title = "requests, closed form − optimised"
+    return figure.joint_figure(
+        timeline,
         f"joint_{j}",
-        [
-            Panel(Axis("angle", "deg"), tuple(timeline.degrees(*each) for each in angles),
-                  "predicted"),
-            Panel(Axis("request", "deg"), (*lines, *requests), "requested"),
-            Panel(Axis("difference", "deg"), (line((0.0, end), (0.0, 0.0)), difference),
-                  "requests, closed form − optimised", height=0.8),
-        ],
         words_of("comparison_joint", name=joint.name),
-        clock=True,
-    )  # fmt: skip
+        angles=[(joint.desired, style.DESIRED), *((plan.predicted, role) for plan, role in plans)],
+        requests=[(plan.requests, role) for plan, role in plans],
+        limits=joint.plans["optimal"].limits,
+        below=[Panel(Axis("difference", "deg"), difference, title, height=0.8)],
+    )
 
 
 def foot_figure(check: CrossCheck, foot: FootComparison) -> Figure:

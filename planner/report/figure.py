@@ -6,6 +6,7 @@ curve is a role, which gives its looks, and two arrays.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -54,6 +55,10 @@ class Curve:
     def name(self) -> str:
         """Its name in legends."""
         return self.label or self.role.label
+
+
+Drawn = Iterable[tuple[Array, Role]]
+"""Values of each sample [rad], shape (n,), and how they are drawn."""
 
 
 @dataclass(frozen=True)
@@ -365,28 +370,41 @@ def joint_figure(
     name: str,
     words: tuple[str, str],
     *,
-    angles: Sequence[Curve] = (),
-    errors: Sequence[Curve] = (),
-    requests: Sequence[Curve],
-    unit: str = "deg",
+    angles: Drawn = (),
+    errors: Drawn = (),
+    requests: Drawn,
+    unit: tuple[str, float] = ("deg", math.degrees(1.0)),
     limits: tuple[float, float] | None = None,
     spans: tuple[Span, ...] = (),
+    below: Sequence[Panel] = (),
     clock: bool = True,
     title: str = "predicted",
 ) -> Figure:
     """A joint: its angles, their errors and its requests, a panel for each that is there.
 
-    All are in one unit. Limits of the last requests are drawn where they are near; ``spans`` are
-    shades behind the angles. ``clock``: whether it follows the moving leg, or slider, of its page.
+    All are drawn in one unit, with its factor. Limits of the last requests are drawn where they
+    are near; ``spans`` are shades behind the angles, other panels may follow ``below``. ``clock``:
+    whether it follows the moving leg, or slider, of its page.
     """
-    limit_lines = near_limits(limits, requests[-1], end=timeline.step * timeline.last)
+    sign, factor = unit
+
+    def curves(drawn: Drawn, *, held: bool = False) -> tuple[Curve, ...]:
+        of_path = DESIRED.light  # nothing holds what is desired
+        return tuple(
+            timeline.curve(factor * values, role, held=held and role.light != of_path)
+            for values, role in drawn
+        )
+
+    requested, end = curves(requests, held=True), timeline.step * timeline.last
+    ends = limits and (factor * limits[0], factor * limits[1])
+    lines = near_limits(ends, requested[-1], end=end)
     panels = [
-        Panel(Axis("angle", unit, least=1.0), tuple(angles), title, spans),
-        Panel(Axis("error", unit, least=0.05), tuple(errors), "errors"),
-        Panel(Axis("request", unit, least=1.0), (*limit_lines, *requests), "requested"),
+        Panel(Axis("angle", sign, least=1.0), curves(angles), title, spans),
+        Panel(Axis("error", sign, least=0.05), curves(errors), "errors"),
+        Panel(Axis("request", sign, least=1.0), (*lines, *requested), "requested"),
     ]
     drawn = [panel for panel in panels if panel.curves]
-    return timeline.figure(name, drawn, words, clock=clock)
+    return timeline.figure(name, [*drawn, *below], words, clock=clock)
 
 
 def foot_figure(timeline: Timeline, feet: Mapping[str, Sequence[Curve]]) -> Figure:

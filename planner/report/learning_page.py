@@ -100,19 +100,20 @@ def errors_figure(progress: Trials, name: str = "learning") -> Figure:
 
 def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure:
     """A joint's angles, its error with what was learnt of it, and its requests before and after."""
-    timeline, disturbance = Timeline.of(plan), plan.task.disturbance
+    disturbance = plan.task.disturbance
     assert disturbance is not None, "a learnt plan has a disturbance"
-
-    def curves(*looks: tuple[Array, style.Role], held: bool = False) -> list[Curve]:
-        return [timeline.degrees(values[:, j], role, held=held) for values, role in looks]
-
+    desired, error = plan.desired[:, j], (measured - plan.desired)[:, j]
     return figure.joint_figure(
-        timeline,
+        Timeline.of(plan),
         f"learning_joint_{j + 1}",
         words_of("learning_joint", name=plan.names[j]),
-        angles=curves((plan.desired, style.DESIRED), (measured, EXECUTED), (plan.predicted, NEXT)),
-        errors=curves((measured - plan.desired, ERROR), (disturbance, LEARNT)),
-        requests=curves((executed, BEFORE), (plan.requests, AFTER), held=True),
+        angles=[
+            (desired, style.DESIRED),
+            (measured[:, j], EXECUTED),
+            (plan.predicted[:, j], NEXT),
+        ],
+        errors=[(error, ERROR), (disturbance[:, j], LEARNT)],
+        requests=[(executed[:, j], BEFORE), (plan.requests[:, j], AFTER)],
         clock=False,
         title="measured and predicted",
     )

@@ -398,21 +398,13 @@ def distances_figure(legs: Mapping[str, Plan], role: style.Role) -> Figure:
 
 def joint_figure(plan: Plan, role: style.Role, j: int) -> Figure:
     """A joint's angles as desired, without a plan and with it, and its requests."""
-    timeline = Timeline.of(plan)
-    desired, direct, predicted = (
-        timeline.degrees(values[:, j], looks)
-        for values, looks in (
-            (plan.desired, style.DESIRED),
-            (plan.direct, WITHOUT),
-            (plan.predicted, role),
-        )
-    )
+    desired = (plan.desired[:, j], style.DESIRED)
     return figure.joint_figure(
-        timeline,
+        Timeline.of(plan),
         f"joint_{j}",
         words_of("plan_joint", name=plan.names[j], shift=plan.method == "shift"),
-        angles=(desired, direct, predicted),
-        requests=(desired, timeline.degrees(plan.requests[:, j], style.REQUESTED, held=True)),
-        limits=(math.degrees(plan.task.lower[j]), math.degrees(plan.task.upper[j])),
+        angles=[desired, (plan.direct[:, j], WITHOUT), (plan.predicted[:, j], role)],
+        requests=[desired, (plan.requests[:, j], style.REQUESTED)],
+        limits=(plan.task.lower[j], plan.task.upper[j]),
         clock=plan.task.leg is not None or len(plan.names) > 1,
     )

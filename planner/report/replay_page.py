@@ -236,42 +236,26 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     """A joint: its angles and errors, where it is planned, and its requests."""
     timeline, joint = _timeline_of(replay), replay.joints[j]
     unit, factor = LOG_UNITS[joint.path.unit]
-    desired = timeline.curve(factor * joint.desired, style.DESIRED, "path")
-    request_curves = [
-        timeline.curve(factor * requests, role, label, held=True)
-        for requests, role, label in (
-            (joint.recorded_requests, style.APPROXIMATION, "recorded requests"),
-            (joint.requests, style.REQUESTED, ""),
-        )
-    ]
-    if joint.inversion is None:
-        return figure.joint_figure(
-            timeline,
-            f"joint_{j}",
-            words_of("replay_joint", joint=joint),
-            unit=SIGNS[unit],
-            requests=(desired, *request_curves),
-        )
-    assert joint.predicted is not None, "a planned joint is simulated"
-    angles = (
-        (joint.direct, AS_IT_IS),
-        (joint.shifted, style.SHIFT),
-        (joint.predicted, style.OPTIMAL),
-    )
-    span = replay.path.limits.get(joint.name)
-    fast = (
-        Span(timeline.per_second * a, timeline.per_second * b, style.DIRECT, 0.16)
-        for a, b in joint.too_fast
-    )
+    desired = (joint.desired, style.DESIRED._replace(label="path"))
+    recorded = (joint.recorded_requests, style.APPROXIMATION._replace(label="recorded requests"))
+    planned, fast = list[tuple[Array, style.Role]](), list[Span]()
+    if joint.inversion is not None:
+        assert joint.predicted is not None, "a planned joint is simulated"
+        planned = [(joint.direct, AS_IT_IS), (joint.shifted, style.SHIFT)]
+        planned.append((joint.predicted, style.OPTIMAL))
+        fast = [
+            Span(timeline.per_second * a, timeline.per_second * b, style.DIRECT, 0.16)
+            for a, b in joint.too_fast
+        ]
     return figure.joint_figure(
         timeline,
         f"joint_{j}",
         words_of("replay_joint", joint=joint),
-        unit=SIGNS[unit],
-        angles=(desired, *(timeline.curve(factor * each, role) for each, role in angles)),
-        errors=[timeline.curve(factor * (each - joint.desired), role) for each, role in angles[1:]],
-        requests=(desired, *request_curves),
-        limits=span and (factor * span[0], factor * span[1]),
+        unit=(SIGNS[unit], factor),
+        angles=[desired, *planned] if planned else [],
+        errors=[(angles - joint.desired, role) for angles, role in planned[1:]],
+        requests=[desired, recorded, (joint.requests, style.REQUESTED)],
+        limits=replay.path.limits.get(joint.name) if planned else None,
         spans=tuple(fast),
     )
 
