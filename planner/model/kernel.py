@@ -244,8 +244,9 @@ def rounded_clip(
     """
     above, below = value - low, value - high
     longer, shorter = np.sqrt(above * above + rounded), np.sqrt(below * below + rounded)
-    bend = rounded * (1.0 / (longer * longer * longer) - 1.0 / (shorter * shorter * shorter))
-    slope = above / longer - below / shorter
+    by_longer, by_shorter = 1.0 / longer, 1.0 / shorter  # divisions take most of the time
+    bend = rounded * (by_longer * by_longer * by_longer - by_shorter * by_shorter * by_shorter)
+    slope = above * by_longer - below * by_shorter
     return (low + high + longer - shorter) / 2.0, slope / 2.0, bend / 2.0
 
 
