@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -27,8 +27,8 @@ from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile, nearest
 from planner.files.columns import LEAST_DEG, SHARES
 from planner.files.joint_model import read_servos
 from planner.files.paths import (
-    FootPath,
-    JointPath,
+    AXES,
+    SampledPath,
     foot_path,
     is_foot_path,
     joint_path,
@@ -41,7 +41,6 @@ from planner.trajectory import Array, most_lost
 if TYPE_CHECKING:
     from kinematics import Leg
 
-AnyPath = TypeVar("AnyPath", JointPath, FootPath)
 
 Limits = Mapping[str, tuple[float, float]]
 """Smallest and largest request by joint [rad]."""
@@ -185,11 +184,11 @@ def load_joints(file: str, run: settings.Run) -> Desired:
     joints = joint_path(table, joints=run.path.joints)
     models = models_of(run, joints.names, units=joints.units)
     joints.check_period(models[0].period)
-    return _of_joints(joints, run, models, *repeats(joints.angles, run.plan.cyclic))
+    return _of_joints(joints, run, models, *repeats(joints.values, run.plan.cyclic))
 
 
 def _of_joints(
-    path: JointPath,
+    path: SampledPath,
     run: settings.Run,
     models: tuple[JointModel, ...],
     cyclic: bool,
@@ -199,7 +198,7 @@ def _of_joints(
     return Desired(
         run,
         path.names,
-        path.angles,
+        path.values,
         models,
         units=path.units,
         cyclic=cyclic,
@@ -208,11 +207,11 @@ def _of_joints(
     )
 
 
-def _from_foot(points: FootPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
+def _from_foot(points: SampledPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
     """The desired motion of a leg's joints for its foot to follow a path."""
     models = models_of(run, leg.joint_names, leg, folder)
     points, closed, remarks = _in_step(points, run, models[0].period)
-    solution = leg.inverse(points.positions, unreachable=run.leg.unreachable)
+    solution = leg.inverse(points.values, unreachable=run.leg.unreachable)
     count = int((~solution.reachable).sum())
     clamped = run.leg.unreachable == "clamp" and count > 0
     return Desired(
@@ -223,8 +222,8 @@ def _from_foot(points: FootPath, run: settings.Run, leg: Leg, folder: str) -> De
         folder=folder,
         limits=_limits_of(leg.joint_names, (leg,), run.model, folder),
         leg=leg,
-        foot=leg.foot_positions(solution.angles) if clamped else points.positions,
-        foot_given=points.positions if clamped else None,
+        foot=leg.foot_positions(solution.angles) if clamped else points.values,
+        foot_given=points.values if clamped else None,
         unreachable=count,
         cyclic=closed,
         remarks=(*remarks, *refused_models(leg.joint_names, models)),
@@ -247,24 +246,25 @@ def _half_ellipse(
         leg = leg if run.leg.near else replace(leg, near=leg_stride.pose)
     else:
         positions = half_ellipse(**walk.arguments())
-    return _from_foot(FootPath("path.half_ellipse", positions, None), run, leg, folder)
+    return _from_foot(
+        SampledPath("path.half_ellipse", AXES, ("m",) * 3, positions, None), run, leg, folder
+    )
 
 
 def _in_step(
-    path: AnyPath, run: settings.Run, period: float
-) -> tuple[AnyPath, bool, tuple[Remark, ...]]:
+    path: SampledPath, run: settings.Run, period: float
+) -> tuple[SampledPath, bool, tuple[Remark, ...]]:
     """The path with a sample every ``period`` [s], whether it repeats, and remarks on it."""
-    first, speed = path.samples[0], run.path.speed
-    rows: Array = getattr(path, first)
+    rows, speed = path.values, run.path.speed
     closed, remarks = repeats(rows, run.plan.cyclic)
-    if isinstance(path, JointPath) and len(rows) >= 10 and set(path.units) == {"deg"}:
+    if len(rows) >= 10 and set(path.units) == {"deg"}:
         span, name = float(np.max(np.degrees(np.ptp(rows, axis=0)))), path.names[0]
         if 0.0 < span < LEAST_DEG:
             words = f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then "
             remarks += (Remark(f"{words}rename {name}_deg to {name}_rad"),)
     resample = run.path.rate_hz is not None
     resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
-    new_rows: Array = getattr(resampled, first)
+    new_rows = resampled.values
     if path.times is None or len(new_rows) >= len(rows):
         return resampled, closed, remarks
     times, step = path.times - path.times[0], period * (speed or 1.0)
@@ -274,11 +274,11 @@ def _in_step(
     new_times = np.asarray(step * np.arange(len(new_rows)), dtype=np.float64)
     if lost := most_lost(times, rows, new_times, new_rows):
         worst, share = lost
-        names = path.names if isinstance(path, JointPath) else ("x", "y", "z")
         words = (
-            f"{path.path}: with a request every {1e3 * period:.3g} ms the path of {names[worst]} "
-            f"is missed by {100.0 * share:.0f} % of its motion (rms), and the errors are those "
-            "from the path that is left: plan with a higher rate (--rate-hz) to keep it"
+            f"{path.path}: with a request every {1e3 * period:.3g} ms the path of "
+            f"{path.names[worst]} is missed by {100.0 * share:.0f} % of its motion (rms), and the "
+            "errors are those from the path that is left: plan with a higher rate (--rate-hz) to "
+            "keep it"
         )
         remarks += (Remark(words),)
     return resampled, closed, remarks

@@ -65,7 +65,7 @@ def export(
         raise InvalidFile(
             requests, "no column t_s, so no time between requests; add it, or --period-s"
         )
-    schedule = Schedule(path.names, path.angles, period)
+    schedule = Schedule(path.names, path.values, period)
     if model is not None:
         export = _with_servos(export, model, schedule)
     if export.format in FOLDERS and output == "-":

@@ -75,11 +75,11 @@ def play(
             rows.append((time, angles))
 
         with buses.stopping(f"the log until then is {log.unfinished}"), arm.powered():
-            performance = arm.perform(path.angles, period=period, cycles=cycles, keep=keep)
+            performance = arm.perform(path.values, period=period, cycles=cycles, keep=keep)
             if performance.interrupted:
                 raise KeyboardInterrupt
         log.finish()
-    count = cycles * len(path.angles)
+    count = cycles * len(path.values)
     times, angles = np.array([time for time, _ in rows]), np.array([each for _, each in rows])
     if measured is not None:
         write_joint_path(

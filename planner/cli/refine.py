@@ -118,14 +118,14 @@ def refine(
         units=desired.units,
         cycles=cycles,
     )
-    if words := recorded_in_a_cycle(desired, executed.angles, angles):
+    if words := recorded_in_a_cycle(desired, executed.values, angles):
         options.warn_of([words])
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
     with Progress(len(desired.names)) as progress:
         answer = refined(
             desired,
-            executed.angles,
+            executed.values,
             angles,
             history=history,
             sensor_delay=None if sensor_delay_ms is None else 1e-3 * sensor_delay_ms,
@@ -148,7 +148,7 @@ def refine(
         learnt = list(answer.learnt.values())
         page = learning_page(
             learnt[0] if len(learnt) == 1 else joined(learnt),
-            executed=executed.angles[:, columns],
+            executed=executed.values[:, columns],
             measured=angles.angles.mean(axis=0),
             progress=trials,
             about_others=answer.about_not_measured,

@@ -55,15 +55,15 @@ def simulate(
 
     inputs = load_joints(requests, run)
     path = None if desired is None else read_joint_path(desired, joints=inputs.names)
-    if path is not None and len(path.angles) != len(inputs.angles):
+    if path is not None and len(path.values) != len(inputs.angles):
         raise InvalidFile(
             path.path,
-            f"got {len(path.angles)} samples, expected {len(inputs.angles)}, one per request; "
+            f"got {len(path.values)} samples, expected {len(inputs.angles)}, one per request; "
             "compare with the path that the requests were planned for",
         )
     cyclic, remarks = inputs.cyclic, inputs.remarks
     if path is not None:  # its ends are better evidence than the ends of its requests
-        cyclic, closing = repeats(path.angles, run.plan.cyclic)
+        cyclic, closing = repeats(path.values, run.plan.cyclic)
         remarks = (*closing, *refused_models(inputs.names, inputs.models))
     options.warn_of(remarks)
     rest = starts_of(run.start, inputs.names, cyclic=cyclic)
@@ -85,7 +85,7 @@ def simulate(
             )
         columns.append(predicted)
         if path is not None:
-            target = path.angles[:, j]
+            target = path.values[:, j]
             each = expectation(
                 model.evidence, target, predicted, period=inputs.period, cyclic=cyclic, load=column
             )

@@ -68,7 +68,7 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
         sent.check_period(desired.period)
         sent.check_samples(len(desired.angles))
         loads = sent.loads
-        planned = simulate_joints(desired.models, sent.angles, cyclic=desired.cyclic, loads=loads)
+        planned = simulate_joints(desired.models, sent.values, cyclic=desired.cyclic, loads=loads)
     direct = simulate_joints(desired.models, desired.angles, cyclic=desired.cyclic, loads=loads)
     order = [desired.names.index(name) for name in desired.leg.joint_names]
     angles = [each[:, order] for each in (desired.angles, direct, planned)]

@@ -12,7 +12,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from planner.exceptions import InvalidFile
 from planner.files.columns import pairs, split_unit, with_unit
-from planner.files.paths import JOINT_UNITS, UNEVEN, JointPath, joint_path, read_joint_path
+from planner.files.paths import JOINT_UNITS, UNEVEN, SampledPath, joint_path, read_joint_path
 from planner.files.table import Table, read_table
 from planner.identification.grid import mean_period
 from planner.trajectory import Array
@@ -29,7 +29,7 @@ class Measured(NamedTuple):
     unused: int
 
 
-def read_executed(path: str, names: Sequence[str], samples: int, period: float) -> JointPath:
+def read_executed(path: str, names: Sequence[str], samples: int, period: float) -> SampledPath:
     """The requests to joints that were executed, so many, one every ``period`` [s]."""
     executed = read_joint_path(path, joints=names)
     _check_rate(path, executed.step, period)
@@ -50,7 +50,7 @@ def _check_rate(path: str, step: float, period: float) -> None:
 
 def read_measured(
     paths: Sequence[str],
-    executed: JointPath,
+    executed: SampledPath,
     *,
     period: float,
     cyclic: bool,
@@ -73,7 +73,7 @@ def read_measured(
         InvalidFile: The files hold no whole cycle, too few, or another motion.
     """
     blocks, unused_rows = [], 0
-    joints, samples = executed.names, len(executed.angles)
+    joints, samples = executed.names, len(executed.values)
     tables = [_of_a_path(read_table(path), joints) for path in paths]
     columns = [
         {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
@@ -114,7 +114,7 @@ def read_measured(
     return Measured(names or joints, angles[: cycles or len(angles)], unused_rows)
 
 
-def _check_requests(table: Table, log: JointPath, executed: JointPath, period: float) -> None:
+def _check_requests(table: Table, log: SampledPath, executed: SampledPath, period: float) -> None:
     """Raise InvalidFile if a log has other requests than those executed.
 
     Its requests may be up to two rows early or late, and rounded or clamped a little: what counts
@@ -130,13 +130,13 @@ def _check_requests(table: Table, log: JointPath, executed: JointPath, period: f
             continue
         column = pair.requested[0]
         values = with_unit(table, [column], JOINT_UNITS)[2]
-        got = rows_by_request(table, replace(log, angles=values), period)[:, 0]
-        sent = np.resize(executed.angles[:, k], len(got))  # repeats the cycle
+        got = rows_by_request(table, replace(log, values=values), period)[:, 0]
+        sent = np.resize(executed.values[:, k], len(got))  # repeats the cycle
         low, high = minimum_filter1d(sent, 5), maximum_filter1d(sent, 5)
         beyond = np.maximum(np.maximum(low - got, got - high), 0.0)
         if np.sqrt(np.mean(beyond**2)) > max(math.radians(1.0), 0.05 * np.std(sent)):
             worst, factor = int(np.argmax(beyond)), JOINT_UNITS[parts[1]]
-            cycle, request = divmod(worst, len(executed.angles))
+            cycle, request = divmod(worst, len(executed.values))
             raise InvalidFile(
                 table.path,
                 f"column '{column}' has {got[worst] / factor:.4g} at request {request + 1} of "
@@ -157,7 +157,7 @@ def _of_a_path(table: Table, joints: Sequence[str]) -> Table:
     return replace(table, names=tuple(names))
 
 
-def rows_by_request(table: Table, log: JointPath, period: float) -> Array:
+def rows_by_request(table: Table, log: SampledPath, period: float) -> Array:
     """Measured angles [rad], (n, k), a row for each request; rows may come early or late, or miss.
 
     A row belongs to the request that is whole periods after that of the row before. The time of a
@@ -165,7 +165,7 @@ def rows_by_request(table: Table, log: JointPath, period: float) -> Array:
     that falls behind keeps its rows.
     """
     if log.times is None:
-        return log.angles
+        return log.values
     steps = np.diff(log.times)
     step = mean_period(steps, float(np.median(steps)))
     _check_rate(log.path, step, period)
@@ -181,4 +181,4 @@ def rows_by_request(table: Table, log: JointPath, period: float) -> Array:
     every = np.arange(places[-1] + 1.0)
     late = np.interp(every, places, log.times - step * places)
     due = step * every + uniform_filter1d(late, 21, mode="nearest")  # the mean of 21 rows
-    return np.column_stack([np.interp(due, log.times, column) for column in log.angles.T])
+    return np.column_stack([np.interp(due, log.times, column) for column in log.values.T])

@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self, TextIO
+from typing import TextIO
 
 import numpy as np
 
@@ -59,12 +59,19 @@ AXES = ("x", "y", "z")
 """Axes of a foot's positions."""
 
 
-class _Path:
-    """The common part of joint paths and foot paths: samples at times."""
+@dataclass(frozen=True)
+class SampledPath:
+    """Angles or requests of joints, or positions of a foot, over time."""
 
-    path: str
-    times: Array | None
-    samples: ClassVar[tuple[str, ...]]
+    path: str  # where it came from; `-` is standard input
+    names: tuple[str, ...]  # of the joints; `AXES` of a foot
+    units: tuple[str, ...]  # units in the file; `.SHARES` are of joints without angles
+    values: Array  # [rad, m], shape (n, k), read-only; a percent is carried as a degree
+    times: Array | None  # times of the samples [s], shape (n,); None where the file does not say
+
+    # torques on the joints [N m], shape (n, k), read-only, 0 for a joint without a column; None
+    # where no joint has one
+    loads: Array | None = None
 
     @property
     def step(self) -> float:
@@ -89,7 +96,7 @@ class _Path:
 
     def in_step(
         self, period: float, *, resample: bool, cyclic: bool, speed: float | None = None
-    ) -> Self:
+    ) -> SampledPath:
         """The path with a sample every ``period`` [s]; resampled, or else checked.
 
         Without times it has a sample per request, and is returned unchanged unless ``speed``
@@ -104,44 +111,25 @@ class _Path:
         if speed is None and (self.times is None or not resample):
             self.check_period(period)
             return self
-        times = self.times
-        if times is None:
-            times = _times(len(getattr(self, self.samples[0])), period)
-        arrays: dict[str, Any] = {
-            name: resampled(times, rows, period * (speed or 1.0), cyclic=cyclic)
-            for name in self.samples
-            if (rows := getattr(self, name)) is not None
-        }
-        count = len(arrays[self.samples[0]])
-        return replace(self, times=_times(count, period), **arrays)  # type: ignore[type-var]
-
-
-@dataclass(frozen=True)
-class JointPath(_Path):
-    """Angles or requests of some joints over time."""
-
-    path: str  # where it came from; `-` is standard input
-    names: tuple[str, ...]
-    units: tuple[str, ...]  # units in the file; `.SHARES` are of joints without angles
-    angles: Array  # their angles [rad], shape (n, k), read-only; a percent is carried as a degree
-    times: Array | None  # times of the samples [s], shape (n,); None where the file does not say
-
-    # torques on the joints [N m], shape (n, k), read-only, 0 for a joint without a column; None
-    # where no joint has one
-    loads: Array | None = None
-    samples: ClassVar[tuple[str, ...]] = ("angles", "loads")
+        times = _times(len(self.values), period) if self.times is None else self.times
+        values, loads = (
+            rows if rows is None else resampled(times, rows, period * (speed or 1.0), cyclic=cyclic)
+            for rows in (self.values, self.loads)
+        )
+        assert values is not None
+        return replace(self, times=_times(len(values), period), values=values, loads=loads)
 
     def check_samples(self, samples: int) -> None:
         """Raise InvalidFile unless these are the requests of a path of so many samples."""
-        if len(self.angles) != samples:
+        if len(self.values) != samples:
             raise InvalidFile(
                 self.path,
-                f"got {len(self.angles)} requests, expected {samples}, one for each sample of the "
+                f"got {len(self.values)} requests, expected {samples}, one for each sample of the "
                 "desired path; name the path for which they were planned",
             )
 
 
-def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> JointPath:
+def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> SampledPath:
     """Read a joint path from CSV, or from standard input for ``-``: the named joints, or all."""
     return joint_path(path_table(path), joints=joints)
 
@@ -151,7 +139,7 @@ def path_table(path: Path | str) -> Table:
     return read_table(path, most_rows=MOST_SAMPLES)
 
 
-def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> JointPath:
+def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> SampledPath:
     """Parse a table as a joint path, whose times must be evenly spaced if ``even``.
 
     Without named joints every column is one, but for times, ``index`` and ``sample``.
@@ -199,7 +187,7 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         for j in [j for j, name in enumerate(names) if name in loaded]:
             loads[:, j] = table.numbers([f"{names[j]}{LOAD}"])[:, 0]
         loads.setflags(write=False)
-    return JointPath(str(table.path), names, units, values, read_times(table, even=even), loads)
+    return SampledPath(str(table.path), names, units, values, read_times(table, even=even), loads)
 
 
 def write_joint_path(
@@ -228,32 +216,22 @@ def write_joint_path(
     write_table(path, [TIME, *titles], rows)
 
 
-@dataclass(frozen=True)
-class FootPath(_Path):
-    """Positions of a foot in the leg's base frame [m], (n, 3), at times [s], (n,), if known."""
-
-    path: str
-    positions: Array  # (n, 3)
-    times: Array | None  # (n,)
-    samples: ClassVar[tuple[str, ...]] = ("positions",)
-
-
 def is_foot_path(table: Table) -> bool:
     """Whether a table has a position along an axis, as foot paths have."""
     parts = [split_unit(name, LENGTHS) for name in table.names]
     return any(part is not None and part[0] in AXES for part in parts)
 
 
-def read_foot_path(path: Path | str) -> FootPath:
+def read_foot_path(path: Path | str) -> SampledPath:
     """Read a foot path from CSV, or from standard input for ``-``."""
     return foot_path(path_table(path))
 
 
-def foot_path(table: Table, *, even: bool = True) -> FootPath:
+def foot_path(table: Table, *, even: bool = True) -> SampledPath:
     """Parse a table as a foot path; see :func:`read_foot_path` and :func:`joint_path`."""
     columns = pick(table, AXES, LENGTHS, advice="rename the column, or add it")
-    _, _, positions = with_unit(table, columns, LENGTHS)
-    return FootPath(str(table.path), positions, read_times(table, even=even))
+    _, units, positions = with_unit(table, columns, LENGTHS)
+    return SampledPath(str(table.path), AXES, units, positions, read_times(table, even=even))
 
 
 def write_foot_path(path: Path | str, positions: Array, *, period: float | None = None) -> None:

@@ -65,7 +65,7 @@ def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     millimetres = 10.0 * float(re.search(r"foot: ([\d.]+) cm rms", planned.stderr)[1])
     assert millimetres < 1.2  # an encoder's step in each joint moves the largest foot as far
     requests = read_joint_path(tmp_path / f"{name}_requests.csv")
-    assert requests.angles.shape == (len(read_foot_path(tmp_path / f"{name}.csv").positions), 3)
+    assert requests.values.shape == (len(read_foot_path(tmp_path / f"{name}.csv").values), 3)
     page = (tmp_path / f"{name}.html").read_text()
     assert "By the model the foot stays within" in page
     assert all(joint in page for joint in requests.names)

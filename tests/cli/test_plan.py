@@ -22,7 +22,7 @@ from planner.files.paths import read_joint_path
 def test_the_smaller_limit_on_steps_is_kept(run, foot, limits):
     ask = ("plan", foot, "--leg", "front-left", "--method", "optimal", *limits)
     assert run(*ask, "-o", "requests.csv").exit_code == 0
-    requests = np.degrees(read_joint_path("requests.csv").angles)
+    requests = np.degrees(read_joint_path("requests.csv").values)
     steps = np.abs(np.diff(requests, axis=0, append=requests[:1]))
     assert 0.85 < np.max(steps) <= 0.9 * (1.0 + 1e-9)
 

@@ -22,7 +22,7 @@ def execute():
 
     def execute(requests="requests.csv", measured="measured.csv", *, cycles=1, ending=None):
         path = read_joint_path(requests)
-        angles = np.column_stack([simulate(TRUE, column) for column in path.angles.T])
+        angles = np.column_stack([simulate(TRUE, column) for column in path.values.T])
         rows = np.tile(angles, (cycles, 1))
         rows = rows if ending is None else rows[:ending]
         write_joint_path(measured, path.names, rows, period=0.008)
@@ -64,7 +64,7 @@ def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, ex
 def test_a_sensor_delay_of_0_is_not_replaced_by_an_estimate(run, desired, options, removed):
     run("plan", desired, "-o", "requests.csv")
     path = read_joint_path("requests.csv")
-    late = [np.roll(simulate(KNOWN, column), 5) for column in path.angles.T]
+    late = [np.roll(simulate(KNOWN, column), 5) for column in path.values.T]
     write_joint_path("late.csv", path.names, np.transpose(late), period=0.008)
     result = run("refine", "requests.csv", "late.csv", "--desired", desired, *options, "--json")
     learning = json.loads(result.stdout)["learning"]
@@ -110,11 +110,11 @@ def test_measured_rows_at_uneven_times_are_those_at_even_ones(run, desired, late
     """Clocks jitter by a fifth of a period here, one of 264 rows is lost, and loops fall behind."""
     line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
     run(*line, "-o", "next.csv")
-    even = read_joint_path("next.csv").angles
+    even = read_joint_path("next.csv").values
     for changed in ({}, {"drift": 1.005}):
         result = late("t_s", "hip_deg", "knee_deg", **changed)
         assert "3 measured cycles of 88 requests" in result.stderr
-        assert read_joint_path("next.csv").angles == pytest.approx(even, abs=np.radians(0.3))
+        assert read_joint_path("next.csv").values == pytest.approx(even, abs=np.radians(0.3))
 
 
 def test_measured_rows_with_a_hole_are_refused(late):
@@ -126,7 +126,7 @@ def test_measured_rows_with_a_hole_are_refused(late):
 
 def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):
     run("plan", desired, "-o", "requests.csv")
-    requests, angles = read_joint_path("requests.csv").angles, execute()
+    requests, angles = read_joint_path("requests.csv").values, execute()
     names = ("hip_requested", "hip_actual", "knee_requested", "knee_actual")
     rows = np.stack([requests, angles], axis=2).reshape(len(angles), 4)
     write_joint_path("log.csv", names, rows, period=0.008)
@@ -147,7 +147,7 @@ def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):
 def keep_columns(file, *names):
     """Leave only some joints in a file of angles."""
     path = read_joint_path(file, joints=names)
-    write_joint_path(file, names, path.angles, period=0.008)
+    write_joint_path(file, names, path.values, period=0.008)
 
 
 @pytest.mark.usefixtures("unbounded")
@@ -159,7 +159,7 @@ def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
     write_foot_path(file, half_ellipse(samples=40, length=0.015, height=0.005), period=0.008)
     assert run("plan", file, *LEG, "-o", "requests.csv").exit_code == 0
     first = read_joint_path("requests.csv")
-    planned = np.column_stack([simulate(KNOWN, column) for column in first.angles.T])
+    planned = np.column_stack([simulate(KNOWN, column) for column in first.values.T])
     line = ("refine", "requests.csv", "measured.csv", "--desired", file, *LEG, "--no-reidentify")
     line = (*line, "--history", "all.json", "--json", "-o", "requests.csv")
     line = (*line, "--report", "page.html")
@@ -176,8 +176,8 @@ def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
         learning = json.loads(result.stdout)["learning"]
         assert learning.keys() == {name}
         assert np.radians(learning[name]["errors_deg"]) == pytest.approx(errors, rel=1e-6)
-        sent = read_joint_path("requests.csv").angles
-        np.testing.assert_allclose(sent[:, [0, 2]], first.angles[:, [0, 2]], atol=1e-12)
+        sent = read_joint_path("requests.csv").values
+        np.testing.assert_allclose(sent[:, [0, 2]], first.values[:, [0, 2]], atol=1e-12)
     left = np.sqrt(np.mean((execute()[:, 1] - planned[:, 1]) ** 2))
     assert left < 0.25 * errors[0]
     answer = json.loads(run(*line).stdout)
@@ -189,7 +189,7 @@ def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
 def test_a_motion_from_rest_that_was_recorded_in_a_cycle_is_warned_of(run, desired, again):
     run("plan", desired, "--no-cyclic", "-o", "requests.csv")
     path = read_joint_path("requests.csv")
-    angles = [simulate(TRUE, column, cyclic=again) for column in path.angles.T]
+    angles = [simulate(TRUE, column, cyclic=again) for column in path.values.T]
     write_joint_path("measured.csv", path.names, np.transpose(angles), period=0.008)
     line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-cyclic")
     warned = "the measured angles begin as in a cycle that repeats" in run(*line).stderr

@@ -25,7 +25,7 @@ def check(folder, kept):
     for name, angles in kept.items():
         path = read_joint_path(folder / f"{name}.csv")
         assert path.names == ("rotator", "abductor", "knee")
-        assert np.degrees(path.angles) == pytest.approx(np.degrees(angles), abs=WRITTEN), name
+        assert np.degrees(path.values) == pytest.approx(np.degrees(angles), abs=WRITTEN), name
 
 
 def test_tables_of_the_experiment_hold_its_angles_and_positions(reproduced):
@@ -33,7 +33,7 @@ def test_tables_of_the_experiment_hold_its_angles_and_positions(reproduced):
     check(folder, joint_paths(answer))
     feet = {"desired": answer.walk.desired_foot, **answer.foot}
     for name, positions in feet.items():
-        written = read_foot_path(folder / f"foot_{name}.csv").positions
+        written = read_foot_path(folder / f"foot_{name}.csv").values
         assert written == pytest.approx(positions, abs=WRITTEN), name
     tables = {f"{name}.csv" for name in joint_paths(answer)} | {f"foot_{name}.csv" for name in feet}
     assert {file.name for file in folder.glob("*.csv")} == tables

@@ -52,7 +52,7 @@ def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, templat
     run("plan", "foot.csv", *leg, "-o", "plan.csv")
     folder = tmp_path / "walk"
     written, other = (
-        read_joint_path(file).angles for file in (folder / "requests.csv", tmp_path / "plan.csv")
+        read_joint_path(file).values for file in (folder / "requests.csv", tmp_path / "plan.csv")
     )
     assert np.max(np.abs(written - other)) <= ROUNDED
     document = results(folder)
@@ -60,7 +60,7 @@ def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, templat
     files += ["requests.csv"]
     assert document["files"] == files
     assert document["within_tolerance"] is True
-    angles = read_joint_path(folder / "angles.csv").angles
+    angles = read_joint_path(folder / "angles.csv").values
     for j, joint in enumerate(document["joints"].values()):
         assert np.degrees(angles[:, j]) == pytest.approx(joint["predicted_deg"], abs=1e-9)
 
@@ -95,7 +95,7 @@ def test_standard_input_is_a_run_file_too(run, tmp_path):
 def test_joints_rest_where_the_file_says(run, write, tmp_path):
     start = "[plan]\ncyclic = false\n[start]\ndeg = 2\n[start.joints]\nknee = 20\n"
     assert run("run", write(JOINTS + start)).exit_code == 0
-    angles = np.degrees(read_joint_path(tmp_path / "it" / "angles.csv").angles)
+    angles = np.degrees(read_joint_path(tmp_path / "it" / "angles.csv").values)
     assert angles[0] == pytest.approx([2.0, 20.0], abs=1e-9)
 
 

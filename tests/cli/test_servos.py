@@ -225,7 +225,7 @@ def test_lost_packets_are_counted_and_their_rows_lie_between_their_neighbours(
     document = json.loads(result.stdout)
     assert document["angles_lost"] > 0
     assert re.search(r"\d+ of 150 requests were not sent in time and \d+ of", result.stderr)
-    angles = np.degrees(read_joint_path(tmp_path / "m.csv").angles[:, 0])
+    angles = np.degrees(read_joint_path(tmp_path / "m.csv").values[:, 0])
     assert np.max(np.abs(np.diff(angles))) < 4.0
 
 

@@ -55,7 +55,7 @@ def foot_errors(robot, path, angles):
     for name, place in read_legs(robot).items():
         leg = Leg.from_urdf(place.urdf, base=place.base, foot=place.foot)
         columns = [path.names.index(joint) for joint in leg.joint_names]
-        feet = (leg.foot_positions(each[:, columns]) for each in (path.angles, angles))
+        feet = (leg.foot_positions(each[:, columns]) for each in (path.values, angles))
         found[name] = float(np.sqrt(np.mean(np.sum(np.subtract(*feet) ** 2, axis=1))))
     return found
 
@@ -90,8 +90,8 @@ def test_a_gait_is_planned_for_the_feet_and_played_from_one_file(run, robot, tmp
         *("--measured", "measured.csv", "-o", "log.csv"),
     )
     assert played.exit_code == 0, played.stderr
-    measured = read_joint_path(tmp_path / "measured.csv").angles[-40:]
-    for column, measured_column in zip(desired.angles.T, measured.T, strict=True):
+    measured = read_joint_path(tmp_path / "measured.csv").values[-40:]
+    for column, measured_column in zip(desired.values.T, measured.T, strict=True):
         if np.std(column) > 0.05:  # the others hardly move
             assert np.corrcoef(column, measured_column)[0, 1] > 0.9
     learnt = run(

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import planner
 from planner.exceptions import InvalidFile
 from planner.files.paths import (
-    JointPath,
+    SampledPath,
     joint_path,
     read_foot_path,
     read_joint_path,
@@ -50,9 +50,9 @@ def test_paths_name_units_as_logs_do(tmp_path):
     (tmp_path / "joints.csv").write_text("knee [deg],hip_degrees\n90,45\n180,0\n")
     path = read_joint_path(tmp_path / "joints.csv")
     assert (path.names, path.units) == (("knee", "hip"), ("deg", "deg"))
-    np.testing.assert_allclose(path.angles[0], [math.pi / 2.0, math.pi / 4.0])
+    np.testing.assert_allclose(path.values[0], [math.pi / 2.0, math.pi / 4.0])
     (tmp_path / "foot.csv").write_text("x (mm),y_mm,z_mm\n1000,0,0\n0,0,-1000\n")
-    assert read_foot_path(tmp_path / "foot.csv").positions[0, 0] == 1.0
+    assert read_foot_path(tmp_path / "foot.csv").values[0, 0] == 1.0
 
 
 @pytest.mark.parametrize("columns", ["requested_deg,actual_deg", "goal_hip_deg,present_hip_deg"])
@@ -70,16 +70,16 @@ def test_uneven_times_are_refused_unless_the_path_is_resampled(tmp_path):
     with pytest.raises(InvalidFile, match="expected even steps; plan with --rate-hz to resample"):
         read_joint_path(file)
     path = joint_path(read_table(file), even=False).in_step(0.008, resample=True, cyclic=True)
-    assert path.angles.shape == (125, 1)
+    assert path.values.shape == (125, 1)
     np.testing.assert_allclose(path.times, 0.008 * np.arange(125), rtol=0.0, atol=1e-12)
     true = np.radians(20.0 * np.sin(2.0 * np.pi * path.times))
     chord = np.radians(20.0) * (2.0 * np.pi * 0.014) ** 2 / 8.0  # of a straight line of 14 ms
-    np.testing.assert_allclose(path.angles[:, 0], true, rtol=0.0, atol=chord)
+    np.testing.assert_allclose(path.values[:, 0], true, rtol=0.0, atol=chord)
 
 
 @pytest.mark.parametrize("resample", [True, False])
 def test_times_in_milliseconds_are_refused_before_they_are_resampled(resample):
-    path = JointPath("path.csv", ("knee",), ("deg",), np.zeros((100, 1)), 20.0 * np.arange(100))
+    path = SampledPath("path.csv", ("knee",), ("deg",), np.zeros((100, 1)), 20.0 * np.arange(100))
     with pytest.raises(InvalidFile, match=r"one sample every 20 s, expected .* milliseconds t_ms"):
         path.in_step(0.02, resample=resample, cyclic=False)
 
@@ -126,7 +126,7 @@ def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):
     np.testing.assert_allclose(read_joint_path(file, joints=["knee"]).loads, loads[:, 1:])
     finer = path.in_step(0.01, resample=True, cyclic=True)
     np.testing.assert_allclose(finer.loads[:3, 0], [0.1, 0.15, 0.2], rtol=0.0, atol=1e-12)
-    assert len(finer.loads) == len(finer.angles) == 8
+    assert len(finer.loads) == len(finer.values) == 8
 
 
 @pytest.mark.parametrize("period", [0.008, 0.01, 0.1, 1.0 / 30.0])

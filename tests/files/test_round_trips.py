@@ -36,7 +36,7 @@ def test_a_written_joint_path_is_read_back(tmp_path_factory, angles):
     write_joint_path(file, ["rotator", "abductor", "knee"], angles, period=0.008)
     path = read_joint_path(file)
     assert path.names == ("rotator", "abductor", "knee")
-    assert np.max(np.abs(path.angles - angles)) <= WRITTEN
+    assert np.max(np.abs(path.values - angles)) <= WRITTEN
     assert path.times == pytest.approx(0.008 * np.arange(len(angles)), abs=WRITTEN)
     path.check_period(0.008)
 
@@ -47,7 +47,7 @@ def test_a_written_foot_path_is_read_back(tmp_path_factory, positions):
     write_foot_path(file, positions)
     path = read_foot_path(file)
     assert path.times is None
-    assert np.max(np.abs(path.positions - positions)) <= WRITTEN
+    assert np.max(np.abs(path.values - positions)) <= WRITTEN
 
 
 READ = {
@@ -97,14 +97,14 @@ def test_what_is_read_is_read_only(tmp_path):
     file = tmp_path / "path.csv"
     file.write_text("knee_rad\n1\n2\n")
     with pytest.raises(ValueError, match="read-only"):
-        read_joint_path(file).angles[0] = 0.0
+        read_joint_path(file).values[0] = 0.0
 
 
 def test_a_dash_is_standard_input_and_standard_output(monkeypatch, capsys):
     stdin = io.TextIOWrapper(io.BytesIO(b"knee_rad\n1\n2\n"))
     monkeypatch.setattr(sys, "stdin", stdin)
     path = read_joint_path("-")
-    write_joint_path("-", path.names, path.angles, period=0.5)
+    write_joint_path("-", path.names, path.values, period=0.5)
     out = capsys.readouterr().out
     assert out == "t_s,knee_deg\n0.0,57.295779513082\n0.5,114.591559026165\n"
 

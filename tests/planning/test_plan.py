@@ -77,7 +77,7 @@ def test_a_saved_plan_is_read_as_it_was(tmp_path, plan):
     plan.save(tmp_path / "requests.csv")
     read = read_joint_path(tmp_path / "requests.csv")
     assert read.names == plan.names
-    np.testing.assert_allclose(read.angles, plan.requests, rtol=0.0, atol=1e-13)  # 12 decimals
+    np.testing.assert_allclose(read.values, plan.requests, rtol=0.0, atol=1e-13)  # 12 decimals
     np.testing.assert_allclose(np.diff(read.times), AIBO.period, rtol=1e-9)
 
 

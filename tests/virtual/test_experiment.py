@@ -84,9 +84,9 @@ def test_the_fidelity_is_the_papers(results):
 
 
 def test_the_distances_follow_from_the_angles_in_the_files(folder, results, joints):
-    desired = read_joint_path(folder / "desired.csv").angles
+    desired = read_joint_path(folder / "desired.csv").values
     for method, pair in (("direct", "Des,Dir"), ("foot_optimal", "Des,Foot")):
-        angles = read_joint_path(folder / f"angles_{method}.csv").angles
+        angles = read_joint_path(folder / f"angles_{method}.csv").values
         cycles = angles.reshape(-1, *desired.shape)
         assert len(cycles) == 20
         for j, joint in enumerate(joints):

@@ -29,7 +29,7 @@ def test_what_is_written_is_read_back_as_a_joint_path(schedule, tmp_path, unit):
     write_controller_csv(file, schedule, unit=unit)
     assert file.read_text().splitlines()[0] == f"t_s,hip_{unit},on_{unit},knee_{unit}"
     given = read_joint_path(file)
-    assert np.max(np.abs(given.angles - schedule.requests)) <= ROUNDING
+    assert np.max(np.abs(given.values - schedule.requests)) <= ROUNDING
     assert np.max(np.abs(given.times - schedule.times)) <= ROUNDING
 
 
