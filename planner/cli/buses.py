@@ -37,8 +37,13 @@ def _bus(text: str) -> str:
     return text
 
 
-def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
-    """Give a command the options that :func:`open_bus` takes; ``required``: a bus."""
+def bus_options(model: str = "") -> Callable[[Command], Command]:
+    """Give a command the options that :func:`open_bus` takes.
+
+    ``model`` is the help of the file that names the servos of the joints, and by default the bus;
+    without it a bus has to be named.
+    """
+    required = not model
     bus_type = options.Parsed(
         _bus,
         f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:{ROBOT}, or virtual:KIND with one "
@@ -55,18 +60,16 @@ def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
         required=required,
     )
     default = f"{'' if required else 'that of the model file, else '}1000000"
-    return options.several(
+    rate = f"Bits per second.  [default: {default}]"
+    decorators = [
         bus,
         options.option("--port", "The serial port, such as /dev/ttyACM0.", metavar="P"),
-        options.option(
-            "--baud-rate", f"Bits per second.  [default: {default}]", click.IntRange(9600)
-        ),
-    )
-
-
-def model_option(help_text: str) -> Callable[[Command], Command]:
-    """Give a command the option of the file that names the servos of the joints."""
-    return options.option("--model", help_text, options.INPUT, metavar="FILE", required=True)
+        options.option("--baud-rate", rate, click.IntRange(9600)),
+    ]
+    if model:
+        file = options.option("--model", model, options.INPUT, metavar="FILE", required=True)
+        decorators.append(file)
+    return options.several(*decorators)
 
 
 def _ids(text: str) -> dict[str, int]:

@@ -31,7 +31,7 @@ SLOWEST = 16.0
 
 
 @click.command()
-@buses.bus_options(required=True)
+@buses.bus_options()
 @options.option(
     "--ids",
     "Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2.",
@@ -290,8 +290,7 @@ def _write(
 
 
 @click.command()
-@buses.bus_options()
-@buses.model_option("The models and servos of the joints, as calibrate writes them.")
+@buses.bus_options("The models and servos of the joints, as calibrate writes them.")
 @options.option(
     "--joint chosen", "Check this joint only.  [default: all]", metavar="NAME", multiple=True
 )

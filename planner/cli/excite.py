@@ -12,9 +12,7 @@ from planner.cli.console import Answer
 from planner.cli.settings import Run
 
 if TYPE_CHECKING:
-    from planner.identification.excitation import Excitation
     from planner.identification.result import Identification
-    from planner.model.joint import JointModel
 
 KINDS = ("combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
 
@@ -93,68 +91,10 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
     """  # noqa: D301
     from planner.cli.models import models_of
     from planner.files.paths import write_joint_path
+    from planner.identification.excitation import excite as make
     from planner.identification.excitation import expect
     from planner.report.identification_text import excitation_results, excitation_text
 
-    _check(choices)
-    (model,) = models_of(run, [joint])
-    excitation = _signal(choices, model)
-    expected = expect(
-        excitation,
-        model,
-        noise=math.radians(choices["noise_deg"]),
-        resolution=math.radians(choices["resolution_deg"]),
-        seed=choices["seed"],
-    )
-    return Answer(
-        excitation_results(excitation, expected),
-        excitation_text(excitation, expected, model=run.model.file),
-        lambda file: write_joint_path(
-            file, [joint], excitation.requests[:, None], period=excitation.period
-        ),
-        pages=[(expected_log, _log_text(joint, expected))],
-    )
-
-
-def _signal(choices: dict[str, Any], model: JointModel) -> Excitation:
-    """The signal of the options, for a joint like this."""
-    from planner.identification.excitation import excite as make
-
-    kind = choices["kind"]
-    low, high = map(math.radians, choices["limits_deg"])
-    centre = choices["centre_deg"]
-    rate = choices["rate_hz"]
-    duration = choices["duration_s"]
-    if duration is None:
-        duration = 60.0 if kind == "combined" else 20.0
-    return make(
-        kind.replace("-", "_"),
-        limits=(low, high),
-        period=model.period if rate is None else 1.0 / rate,
-        duration=duration,
-        centre=None if centre is None else math.radians(centre),
-        amplitudes=[math.radians(height) for height in choices["amplitude_deg"]] or None,
-        cycles=choices["cycles"],
-        highest=choices["highest_hz"],
-        seed=choices["seed"],
-    )
-
-
-def _log_text(joint: str, expected: Identification) -> str:
-    """The simulated log from which the expected joint was identified, as CSV."""
-    import numpy as np
-
-    from planner.files.table import table_text
-
-    (fit,) = expected.fits
-    prefix = "" if joint == UNNAMED else f"{joint}_"
-    angles = np.degrees([fit.log.requests, fit.log.angles])
-    names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
-    return table_text(names, np.vstack([fit.log.times, angles]).T)
-
-
-def _check(choices: dict[str, Any]) -> None:
-    """Refuse options that the kind ignores, and invalid numbers."""
     kind, (low, high), turns = choices["kind"], choices["limits_deg"], 720.0
     if high - low > turns:
         raise click.UsageError(
@@ -174,3 +114,46 @@ def _check(choices: dict[str, Any]) -> None:
         raise click.UsageError(
             f"--resolution-deg: got {step:g}, expected 0 for none, or at least {finest:g}."
         )
+    (model,) = models_of(run, [joint])
+    centre, rate, duration = (choices[name] for name in ("centre_deg", "rate_hz", "duration_s"))
+    if duration is None:
+        duration = 60.0 if kind == "combined" else 20.0
+    excitation = make(
+        kind.replace("-", "_"),
+        limits=(math.radians(low), math.radians(high)),
+        period=model.period if rate is None else 1.0 / rate,
+        duration=duration,
+        centre=None if centre is None else math.radians(centre),
+        amplitudes=[math.radians(height) for height in choices["amplitude_deg"]] or None,
+        cycles=choices["cycles"],
+        highest=choices["highest_hz"],
+        seed=choices["seed"],
+    )
+    expected = expect(
+        excitation,
+        model,
+        noise=math.radians(choices["noise_deg"]),
+        resolution=math.radians(choices["resolution_deg"]),
+        seed=choices["seed"],
+    )
+    return Answer(
+        excitation_results(excitation, expected),
+        excitation_text(excitation, expected, model=run.model.file),
+        lambda file: write_joint_path(
+            file, [joint], excitation.requests[:, None], period=excitation.period
+        ),
+        pages=[(expected_log, _log_text(joint, expected))],
+    )
+
+
+def _log_text(joint: str, expected: Identification) -> str:
+    """The simulated log from which the expected joint was identified, as CSV."""
+    import numpy as np
+
+    from planner.files.table import table_text
+
+    (fit,) = expected.fits
+    prefix = "" if joint == UNNAMED else f"{joint}_"
+    angles = np.degrees([fit.log.requests, fit.log.angles])
+    names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
+    return table_text(names, np.vstack([fit.log.times, angles]).T)

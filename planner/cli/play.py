@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("requests", type=options.INPUT)
-@buses.bus_options()
-@buses.model_option("The servos of the joints, with zeros and ranges, as calibrate writes them.")
+@buses.bus_options("The servos of the joints, with zeros and ranges, as calibrate writes them.")
 @options.option("--cycles", "How often to play them.", click.IntRange(1), default=1)
 @options.option(
     "--measured",
@@ -122,8 +121,7 @@ def _a_row_each(times: Array, angles: Array, count: int, period: float) -> Array
 
 
 @click.command()
-@buses.bus_options()
-@buses.model_option("The servos of the joints, as calibrate writes them.")
+@buses.bus_options("The servos of the joints, as calibrate writes them.")
 @options.positive("--rate-hz", "Rows per second.", 50.0)
 @options.positive("--duration-s", "How long.  [default: until Ctrl-C]")
 @options.option(

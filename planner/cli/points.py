@@ -109,17 +109,15 @@ class Space:
 
     def rounded(self) -> tuple[Remark, ...]:
         """A remark on periods of a grid that are no whole number of requests."""
-        periods = self.values.get("period_s", ())
-        whole = [round(each / self.period) * self.period for each in periods]
-        pairs = [
-            f"{each:g} becomes {to:g}"
-            for each, to in zip(periods, whole, strict=True)
-            if abs(each - to) > 1e-6 * each
-        ]
-        if not pairs or self.settings.sweep.method == "cma":  # which chooses between the ends
+        if self.settings.sweep.method == "cma":  # which chooses between the ends
             return ()
-        every = f" s, rounded to requests {self.period:g} s apart"
-        return (Remark(Key("sweep.parameters.period_s"), f": {', '.join(pairs)}{every}"),)
+        pairs = [
+            f"{each:g} becomes {whole:g}"
+            for each in self.values.get("period_s", ())
+            if abs((whole := round(each / self.period) * self.period) - each) > 1e-6 * each
+        ]
+        words = f": {', '.join(pairs)} s, rounded to requests {self.period:g} s apart"
+        return (Remark(Key("sweep.parameters.period_s"), words),) if pairs else ()
 
     def inputs(self) -> dict[str, Any]:
         """The inputs of all outcomes, beside the point."""

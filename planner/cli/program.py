@@ -188,28 +188,29 @@ class Commands(click.Group):
         try:
             run: Any = super().main
             status = run(*args, standalone_mode=False, **extra)
+            return status if isinstance(status, int) else 0
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx else "request-planner"
             message = error.format_message().replace("is not a valid float", "is not a number")
-            return _complain(f"{message} See '{where} --help'.", BAD_INPUT)
+            message, status = f"{message} See '{where} --help'.", BAD_INPUT
         except click.ClickException as error:
-            return _complain(error.format_message(), error.exit_code)
+            message, status = error.format_message(), error.exit_code
         except (click.Abort, KeyboardInterrupt):
             return 130  # 128 + SIGINT, as shells have it
         except PlannerError as error:
             message = ": ".join([*getattr(error, "__notes__", ()), _in_options(error)])
-            return _complain(message, BAD_INPUT if isinstance(error, InvalidInput) else FAILED)
+            status = BAD_INPUT if isinstance(error, InvalidInput) else FAILED
         except MemoryError:
-            return _complain(
+            status = BAD_INPUT
+            message = (
                 "not enough memory for so many samples; shorten the path, or plan fewer requests "
-                "per second",
-                BAD_INPUT,
+                "per second"
             )
         except OSError as error:
-            place = error.filename or "standard output"
-            reason = (error.strerror or str(error)).lower()
-            return _complain(f"{place}: {reason}; choose another place", BAD_INPUT)
-        return status if isinstance(status, int) else 0
+            reason, status = (error.strerror or str(error)).lower(), BAD_INPUT
+            message = f"{error.filename or 'standard output'}: {reason}; choose another place"
+        complain(message)
+        return status
 
 
 @click.group(
@@ -292,11 +293,6 @@ def _in_options(error: Exception) -> str:
     for name, option in ADVICE.items():
         message = re.sub(rf"(?<![-\w]){re.escape(name)}(?!\w)", option, message)
     return message
-
-
-def _complain(message: str, status: int) -> int:
-    complain(message)
-    return status
 
 
 def _flush(stream: TextIO | None) -> None:

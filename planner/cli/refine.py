@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -123,7 +123,7 @@ def refine(
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
     with Progress(len(desired.names)) as progress:
-        answer = refined(
+        every, states = refined(
             desired,
             executed.values,
             angles,
@@ -132,89 +132,56 @@ def refine(
             reidentify=reidentify,
             progress=progress,
         )
-    if answer.not_measured:
-        warn(answer.about_not_measured)
-    plans, html = answer.plans.values(), ""
+    missing = [name for name in desired.names if name not in angles.names]
+    about_missing = ""
+    if missing:
+        about_missing = f"no measured angles of {', '.join(missing)}: requests kept as they are"
+        if run.plan.method == "foot-optimal":
+            learnt_by = "learnt by the angles of the plan for the foot, joint by joint"
+            about_missing += f"; {', '.join(angles.names)} {learnt_by}"
+        warn(about_missing)
     if history is not None:
-        states = {
+        states |= {
             name: LearningState(plan.models, plan.learning[0])
-            for name, plan in answer.plans.items()
+            for name, plan in every.items()
             if plan.learning
         }
-        write_history(history, desired.angles, {**answer.states, **states})
-    trials = progress_of(answer)
+        write_history(history, desired.angles, states)
+    learnt, html = {name: every[name] for name in every if name not in missing}, ""
+    trials = trials_of(desired, learnt)
     if report is not None:
         columns = [desired.names.index(name) for name in angles.names]
-        learnt = list(answer.learnt.values())
+        plans = list(learnt.values())
         page = learning_page(
-            learnt[0] if len(learnt) == 1 else joined(learnt),
+            plans[0] if len(plans) == 1 else joined(plans),
             executed=executed.values[:, columns],
             measured=angles.angles.mean(axis=0),
             progress=trials,
-            about_others=answer.about_not_measured,
+            about_others=about_missing,
             title=leg_title(run.leg) or ", ".join(desired.names),
         )
         origins = [("path", path), ("model", run.model.file)]
         html = page.html(report, origins, [("requests", output), ("history", history)])
-    rows = np.hstack([plan.requests for plan in plans])
-    loads = load_columns([load for plan in plans for load in plan.task.loads], len(rows))
-    every = {}
-    for plan in plans:
-        for k, name in enumerate(plan.names):
-            unit = desired.unit(desired.names.index(name))
-            every[name] = joint_results(plan, k, unit)
+    rows = np.hstack([plan.requests for plan in every.values()])
+    loads = load_columns([load for plan in every.values() for load in plan.task.loads], len(rows))
+    joints = {
+        name: joint_results(plan, k, desired.unit(desired.names.index(name)))
+        for plan in every.values()
+        for k, name in enumerate(plan.names)
+    }
     count = f"{len(angles.angles)} measured cycle{'s' * (len(angles.angles) > 1)}"
     return Answer(
         {
             "cyclic": desired.cyclic,
             "period_s": period,
             "learning": {each.name: trials_results(each) for each in trials},
-            "not_measured": list(answer.not_measured),
-            "joints": every,
+            "not_measured": missing,
+            "joints": joints,
         },
         f"{count} of {len(rows)} requests; {model_words(run.model)}\n{trials_text(trials)}",
         lambda file: desired.write(file, rows, loads),
         pages=[(report, html)],
     )
-
-
-@dataclass(frozen=True)
-class Refined:
-    """The next plans, with their inputs; joints that were not measured keep the executed plan.
-
-    ``states`` are of other plans in the history: of the foot if joints were learnt one by one, or
-    the reverse.
-    """
-
-    desired: Desired
-    executed: Array
-    measured: Measured
-    plans: Mapping[str, Plan]
-    states: Mapping[str, LearningState]
-
-    @property
-    def learnt(self) -> Mapping[str, Plan]:
-        """The plans of the measured joints."""
-        return {name: self.plans[name] for name in self.plans if name not in self.not_measured}
-
-    @property
-    def not_measured(self) -> tuple[str, ...]:
-        """The joints that were not measured: their requests are the executed ones."""
-        names = self.desired.names
-        return tuple(name for name in names if name not in self.measured.names)
-
-    @property
-    def about_not_measured(self) -> str:
-        """A remark on the joints that were not measured; empty if all were measured."""
-        if not self.not_measured:
-            return ""
-        words = f"no measured angles of {', '.join(self.not_measured)}: requests kept as they are"
-        if self.desired.settings.plan.method == "foot-optimal":
-            words += (
-                f"; {', '.join(self.measured.names)} learnt by the angles of the plan for the "
-                "foot, joint by joint"
-            )
-        return words
 
 
 def recorded_in_a_cycle(desired: Desired, executed: Array, measured: Measured) -> Remark | None:
@@ -285,10 +252,12 @@ def refined(
     sensor_delay: float | None,
     reidentify: bool,
     progress: Callable[[str], None] = lambda _: None,
-) -> Refined:
-    """The next requests; those of joints that were not measured stay as they are.
+) -> tuple[dict[str, Plan], dict[str, LearningState]]:
+    """The next plans by joint or foot; those of joints that were not measured stay as they are.
 
-    A ``history`` need not exist yet; a ``sensor_delay`` [s] of None is estimated.
+    A ``history`` need not exist yet; a ``sensor_delay`` [s] of None is estimated. Also returned are
+    the states of other plans in the history: of the foot if joints were learnt one by one, or the
+    reverse.
     """
     from planner.files.learning_history import read_history
     from planner.learning.refine import refine
@@ -318,17 +287,17 @@ def refined(
                 sensor_delay=sensor_delay,
                 reidentify=reidentify,
             )
-    return Refined(desired, executed, measured, answer, states)
+    return answer, states
 
 
-def progress_of(answer: Refined) -> list[Trials]:
+def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> list[Trials]:
     """The errors of each joint, or of the foot, in the user's units."""
     from planner.report.learning_page import Trials
     from planner.report.plan_page import no_bound
 
-    desired, rows = answer.desired, []
+    rows = []
     file_models = dict(zip(desired.names, desired.models, strict=True))
-    for name, plan in answer.learnt.items():
+    for name, plan in learnt.items():
         learning, foot = plan.learning[0], plan.task.goal == "foot"
         factor = 100.0 if foot else math.degrees(1.0)
         bound, noise = learning.floor

@@ -6,14 +6,17 @@ import io
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.files.exports import TASK, Layout, frame_rate
+from planner.files.columns import TIME
+from planner.files.exports import TASK, Layout, frame_rate, lerobot_dataset
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
+from planner.files.paths import write_joint_path
+from planner.files.table import write_table
 from planner.recording.replaying import JointReplay, Replay
 from planner.trajectory import Array
 
@@ -95,3 +98,31 @@ def decoded(content: bytes) -> tuple[Layout, dict[str, Array], dict[str, Any]]:
     layout = head["layout"]
     layout["features"] = {name: tuple(each) for name, each in layout["features"].items()}
     return Layout(**layout), rows, head
+
+
+def write_replay(
+    file: str, recording: Recording, replay: Replay, form: Literal["csv", "joints", "lerobot"]
+) -> None:
+    """Write the requests of one recording as a log's, as a path's, or as a dataset of one episode.
+
+    A csv has the columns and units of the recording, joints those of ``plan``.
+    """
+    names, requests = replay.names, replay.requests
+    if form == "lerobot":
+        layout, rows, task = lerobot_episode(recording, replay)
+        with lerobot_dataset(file, layout) as add:
+            add(rows, task)
+    elif form == "csv":
+        columns = []
+        for log in (joint.path.log for joint in replay.joints):
+            unit = log.written.unit if log.written else {"rad": "rad", "1": "range"}[log.unit]
+            own = log.written.column if log.written else ""
+            columns.append(own or f"{log.joint or 'requested'}_{unit}")
+        times = np.arange(len(requests)) * replay.period
+        values = np.column_stack([as_written(joint, joint.requests) for joint in replay.joints])
+        write_table(file, [TIME, *columns], np.column_stack([times, values]))
+    else:
+        units = ["deg" if joint.path.unit == "rad" else "percent" for joint in replay.joints]
+        shares = np.array([joint.path.unit == "1" for joint in replay.joints])
+        angles = np.where(shares, np.radians(100.0 * requests), requests)
+        write_joint_path(file, names, angles, period=replay.period, units=units)

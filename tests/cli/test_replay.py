@@ -14,7 +14,7 @@ import pytest
 
 from kinematics import urdf_path
 from planner import JointModel, LogOptions, read_logs, simulate
-from planner.cli.replay.task import tasks_of
+from planner.cli.recordings import tasks_of
 from planner.files.staging import list_files
 from planner.identification.grid import sound_rows
 
@@ -220,7 +220,7 @@ def never_replayed(monkeypatch):
     def planned(*_):
         raise AssertionError("planned again")
 
-    monkeypatch.setattr("planner.cli.replay.task.tasks_of", planned)
+    monkeypatch.setattr("planner.cli.recordings.tasks_of", planned)
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -229,7 +229,7 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
     words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
     words += ("--urdf", urdf, "--base", "body", "--foot", "front_left_paw")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("planner.cli.replay.task.tasks_of", tasks_of)
+        patch.setattr("planner.cli.recordings.tasks_of", tasks_of)
         first = run(*words, "--workers", 1, "--json")
     assert first.exit_code == 0, first.stderr
     (dataset.parent / ".planned.results").mkdir()  # killed between writing and tidying up

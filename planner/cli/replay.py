@@ -17,7 +17,7 @@ from planner.files.staging import check_folder, check_writable, claimed
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from planner.cli.replay.task import ReplayTask
+    from planner.cli.recordings import ReplayTask
 
 
 NORM = "the plan's norm, or with --fastest the largest error"
@@ -86,8 +86,13 @@ def replay(
             --as lerobot -o planned_dataset
     """  # noqa: D301
     from planner.cli.export import FOLDERS
-    from planner.cli.replay.dataset import ABOUT, check_writing, origin_of, replay_many
-    from planner.cli.replay.task import tasks_of
+    from planner.cli.recordings import (
+        ABOUT,
+        check_writing,
+        origin_of,
+        replay_many,
+        tasks_of,
+    )
     from planner.files.logs import recordings_in
     from planner.files.results import finished
     from planner.parallel import executor_of
@@ -125,8 +130,7 @@ def replay(
 
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
-    from planner.cli.replay.dataset import write_replay
-    from planner.cli.replay.task import missed
+    from planner.cli.recordings import missed, write
     from planner.report.replay_page import replay_page, replay_text
     from planner.report.replay_results import fastest_results, replay_results
 
@@ -161,7 +165,7 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
     return Answer(
         content,
         words,
-        lambda file: write_replay(file, task.recording, result, task.replay.write_as),
+        lambda file: write(file, task, result),
         pages=[(report, page)],
         failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",
     )
