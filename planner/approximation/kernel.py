@@ -21,12 +21,7 @@ def open_ended(desired: Array, weights: Array, step: float) -> Array:
     The cost of the best sequence that ends in x is convex and piecewise quadratic. Its derivative
     is kept as two stacks of corners left and right of its root, which one more sample moves apart
     by ``step`` and tilts by its weight. From the last root, the best end, the sequence follows
-    backwards.
-
-    Args:
-        desired: Sequence to approximate [any unit], (n,).
-        weights: Weight of every sample's squared error, (n,).
-        step: Largest change from one sample to the next [same unit].
+    backwards. ``weights`` are those of the squared errors, (n,).
     """
     samples = len(desired)
     # Corners: place + k * step on the left, - on the right, and change of the slope outwards.
@@ -89,11 +84,9 @@ def segment_costs(
     for j in range(1, size):  # Σ d, Σ k d and Σ d² from the node before, where k = 0
         for k in range(1, nodes[j] - nodes[j - 1] + 1):
             d = desired[nodes[j - 1] + k]
-            sums[j, 0], sums[j, 1], sums[j, 2] = (
-                sums[j, 0] + d,
-                sums[j, 1] + k * d,
-                sums[j, 2] + d * d,
-            )
+            sums[j, 0] += d
+            sums[j, 1] += k * d
+            sums[j, 2] += d * d
     for i in range(size):
         d0 = d1 = d2 = 0.0  # likewise from the start
         for j in range(i + 1, size):
@@ -124,10 +117,7 @@ def segment_costs(
 def cheapest_chain(costs: Array, at_start: Array, segments: int) -> Indices:
     """States on the cheapest way from the first node to the last; empty if there is none.
 
-    Args:
-        costs: Costs of segments by end and start, shape (m g, m g).
-        at_start: Costs of the states of the first node, shape (g,).
-        segments: Number of segments.
+    ``costs`` are those of :func:`segment_costs`, ``at_start`` those of the first node's states.
     """
     size, count = len(costs), len(at_start)
     total, after = np.zeros(size), np.zeros(size)
@@ -222,15 +212,10 @@ def descend(
 
 @inner
 def evaluate(problem: Problem, curve: Array) -> tuple[float, Array, Array, Array]:
-    """Squared error of a curve and the derivatives of half of it.
+    """Squared error of a curve of knots and then values, (2K,), and derivatives of half of it.
 
-    Args:
-        problem: The approximation problem.
-        curve: Knots t and then values y, shape (2K,).
-
-    Returns:
-        The squared error; the gradient, shape (2K,); the Hessian, shape (2K, 2K); and the diagonal
-        of the Hessian without the residuals' part, that of Gauss and Newton, shape (2K,).
+    They are the gradient, the Hessian, and the diagonal of the Hessian without the residuals' part,
+    that of Gauss and Newton.
     """
     desired, cyclic, size, n = (
         problem.desired,
@@ -288,15 +273,8 @@ def evaluate(problem: Problem, curve: Array) -> tuple[float, Array, Array, Array
 def constraints(problem: Problem, size: int) -> tuple[Array, Array]:
     """The conditions A x <= b of curves x, knots and then values: no slope too steep, none short.
 
-    The bound on a slope, |y' - y| <= v (t' - t), is linear in knots and values together.
-
-    Args:
-        problem: The approximation problem.
-        size: Number of knots K.
-
-    Returns:
-        A, shape (3S, 2K) for S segments: slopes too high, too low, segments shorter than a sample;
-        and b, shape (3S,).
+    The bound on a slope, |y' - y| <= v (t' - t), is linear in knots and values together. The rows,
+    (3S, 2K) for S segments, are those of slopes too high, too low, and lengths of segments.
     """
     step, count = problem.step, size if problem.cyclic else size - 1
     rows, limits = np.zeros((3 * count, 2 * size)), np.zeros(3 * count)
@@ -429,13 +407,9 @@ def inverted(matrix: Array, chosen: Mask) -> bool:
 
 @inner
 def non_negative(gram: Array, short: Array) -> Array:
-    """The u >= 0 that minimises ½ uᵀGu - sᵀu, by Lawson and Hanson's non-negative least squares.
+    """The u >= 0 that minimises ½ uᵀGu - sᵀu for a semidefinite G: non-negative least squares.
 
-    Solving Least Squares Problems, 1974, Chapter 23.
-
-    Args:
-        gram: G, semidefinite, shape (r, r).
-        short: s, shape (r,).
+    C. L. Lawson and R. J. Hanson, Solving Least Squares Problems, 1974, Chapter 23.
     """
     count, enough = len(short), 0.0
     lengths, multipliers, active = np.zeros(count), np.zeros(count), np.zeros(count, np.bool_)

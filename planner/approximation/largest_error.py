@@ -101,14 +101,13 @@ def within_largest_error(
         elif turn > 0:
             low = middle
     limit = spare if high <= spare else high
-    if tight.knots.size > 1:
-        curve = candidate(problem, tight.knots, tight.values)
-        return least_squares_within(problem, curve, limit), course.fewest
-    middle = 0.5 * (float(np.max(problem.desired)) + float(np.min(problem.desired)))
-    room = max(spare - float(np.max(np.abs(problem.desired - middle))), 0.0)
-    mean = float(np.mean(problem.desired))
-    value = min(max(mean, middle - room), middle + room)
-    return candidate(problem, tight.knots, np.array([value])), course.fewest
+    if tight.knots.size == 1:
+        middle = 0.5 * (np.max(problem.desired) + np.min(problem.desired))
+        room = max(spare - 0.5 * np.ptp(problem.desired), 0.0)
+        value = middle + np.clip(np.mean(problem.desired) - middle, -room, room)
+        return candidate(problem, tight.knots, np.array([value])), course.fewest
+    curve = candidate(problem, tight.knots, tight.values)
+    return least_squares_within(problem, curve, limit), course.fewest
 
 
 def minimum_link(problem: Problem, bound: float) -> Course:
@@ -173,8 +172,10 @@ def _cut(problem: Problem, bound: float, place: float) -> Course:
         return fewest_links(gates._replace(lower=lower, upper=upper), breaks)
 
     free = path(float(least), float(most))
-    starts = [min(max(float(free.values[k]), least), most) for k in (0, -1)]
-    cycles = [path(value, value) for value in (*starts, 0.5 * sum(starts))]
+    starts = np.append(
+        np.clip(free.values[[0, -1]], least, most), np.linspace(least, most, 5)[1:-1]
+    )
+    cycles = [path(value, value) for value in starts.tolist()]
     best = min(
         cycles, key=lambda each: (each.fewest, -min(float(np.min(np.diff(each.knots))), 1.0))
     )
@@ -183,15 +184,9 @@ def _cut(problem: Problem, bound: float, place: float) -> Course:
 
 
 def least_squares_within(problem: Problem, curve: Candidate, bound: float) -> Candidate:
-    """A curve with as many segments as ``curve`` and a squared error that is no larger.
+    """A curve of as many segments, within the same bounds, and of no larger squared error.
 
-    Args:
-        problem: The approximation problem; samples of size one or less.
-        curve: A curve with no error above ``bound``, its slopes within their bound.
-        bound: Largest error at any sample.
-
-    Returns:
-        The curve, within the same bounds. One QP of OSQP with O(n) rows a round.
+    The ``curve`` has no error above ``bound``. Each round is one QP of OSQP with O(n) rows.
     """
     before, after = curve.error, np.ones(curve.knots.size, dtype=bool)
     for turn in range(min(max(MOST_LINES // curve.knots.size, 1), MOST_ROUNDS)):

@@ -191,12 +191,9 @@ def by_error(curve: Candidate) -> float:
 
 
 def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidate:
-    """The best curve found from chains on lattices, and by moves of single knots.
+    """The best curve found from chains on lattices around the ideal, and by moves of single knots.
 
-    Args:
-        problem: The approximation problem.
-        ideal: Its slope-bounded ideal, shape (n,).
-        rough: Curves of as many segments, the best first, at most :data:`WINDOW` knots.
+    ``rough`` are curves of as many segments, the best first, of at most :data:`WINDOW` knots.
     """
     best, n = rough[0], problem.samples
     segments, unit = problem.segments(best.knots), float(np.sqrt(best.error / n))
@@ -225,9 +222,7 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
 def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
     """A curve reached by moving single knots, each move followed by a descent; never a worse one.
 
-    Args:
-        problem: The approximation problem.
-        curves: Where to begin; from the first move on the best is followed alone.
+    From the first move on only the best of the ``curves`` is followed.
     """
     best, bases = min(curves, key=by_error), curves
     for _ in range(TURNS):
@@ -261,13 +256,8 @@ def exact_curve(problem: Problem) -> Candidate | None:
     """The curve that the samples lie on, if it keeps the slopes and has few segments.
 
     A corner on a sample shows in one second difference; a corner between two samples in two, and
-    lies where the lines on its two sides meet.
-
-    Args:
-        problem: The approximation problem; samples of size one.
-
-    Returns:
-        The curve; None if it is too steep somewhere or has more than one segment in three samples.
+    lies where the lines on its two sides meet. None if the curve of samples of size one is too
+    steep somewhere or has more than one segment in three samples.
     """
     d, n = problem.desired, problem.samples
     rise = np.roll(d, -1) - d  # from every sample to the next
@@ -296,13 +286,7 @@ def exact_curve(problem: Problem) -> Candidate | None:
 
 
 def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]:
-    """Knots of the cheapest chains through the ideal and by lines, without duplicates.
-
-    Args:
-        problem: The approximation problem; a cycle begins where a knot is likely.
-        ideal: Its slope-bounded ideal, shape (n,).
-        segments: Number of segments.
-    """
+    """Knots of the cheapest chains through the ideal and by lines, without duplicates."""
     n, starts = problem.samples, [0]
     if problem.cyclic:
         fixed = np.unique(nearest_samples(problem.required) % n)

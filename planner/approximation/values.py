@@ -205,17 +205,10 @@ def descend(
     progress: float = 1e-7,
     values_only: bool = False,
 ) -> Candidate:
-    """Move knots and values downhill until there is no progress; the ends of a path stay.
+    """Move knots and values downhill from a curve of at most :data:`WINDOW` knots; never worse.
 
-    Args:
-        problem: The approximation problem.
-        start: Where to start, within the slopes, at most :data:`WINDOW` knots.
-        rounds: Most evaluations.
-        progress: Relative decrease of the squared error below which the descent ends.
-        values_only: Whether all knots stay: a convex QP, of which few evaluations find the optimum.
-
-    Returns:
-        The best curve found; never worse than the start.
+    See :func:`planner.approximation.kernel.descend`. With ``values_only`` all knots stay: a convex
+    QP, of which few evaluations find the optimum.
     """
     from planner.approximation import kernel
 
@@ -228,11 +221,7 @@ def descend(
 
 
 def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
-    """Move one window of many knots after the other, each between knots that stay.
-
-    Returns:
-        The curve; never worse than the start. Cost O(n) for each round.
-    """
+    """Move one window of many knots after the other, each between knots that stay; never worse."""
     from planner.approximation import kernel
 
     size, n = start.knots.size, problem.samples
@@ -313,23 +302,13 @@ def slope_bounded(
 def attainable_error(desired: Array, step: float, *, cyclic: bool) -> float:
     """Smallest largest error of any sequence with |x[k+1] - x[k]| <= step.
 
-    Half of the most by which two samples are further apart than ``step`` allows.
+    It is half of the most by which two samples are further apart than ``step`` allows. The mean of
+    the closest slope-bounded sequences from below and from above has it (McShane's extension).
     """
-    lower, upper = envelopes(desired, step, cyclic=cyclic)
-    return 0.5 * float(np.max(upper - lower))
-
-
-def envelopes(desired: Array, step: float, *, cyclic: bool) -> tuple[Array, Array]:
-    """The slope-bounded sequences closest to ``desired`` from below and from above.
-
-    Their mean has the smallest largest error of all slope-bounded sequences (McShane's extension).
-    """
-    n = desired.size
     repeated = np.tile(desired, 3) if cyclic else desired
     ramp = step * np.arange(repeated.size, dtype=np.float64)
     lower, upper = envelope_below(repeated, ramp), -envelope_below(-repeated, ramp)
-    middle = slice(n, 2 * n) if cyclic else slice(0, n)
-    return lower[middle], upper[middle]
+    return 0.5 * float(np.max(upper - lower))
 
 
 def envelope_below(values: Array, ramp: Array) -> Array:

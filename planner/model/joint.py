@@ -146,7 +146,13 @@ class JointModel:
             name, unit = parameter.name, parameter.metadata["unit"]
             given = getattr(self, name)
             if name == "hold":
-                object.__setattr__(self, name, _checked_hold(given))
+                ticks = as_whole(given) or 0
+                if not 1 <= ticks <= MOST_HOLD:
+                    raise InvalidModel(
+                        f"hold: got {shown(given)}, expected a whole number of ticks, 1 to "
+                        f"{MOST_HOLD}"
+                    )
+                object.__setattr__(self, name, ticks)
                 continue
             value = as_number(given, infinite=name == "max_acceleration")
             if math.isnan(value):
@@ -629,15 +635,9 @@ def with_ticks(
     """v_max / theta_0 [1/s] and lag [s] for the same response with other ticks.
 
     The speed of a tick follows the error at its beginning: without inertia a tick's share of an
-    error is 1 - exp(-gain * tick), with inertia the gain stays. A request during a tick acts at its
-    end, so that the delay of slow motion is the same with any ticks only if the lag differs, too.
-
-    Args:
-        gain: v_max / theta_0 with ticks of ``tick`` [1/s].
-        lag: Lag with these [s].
-        tick: Time step [s].
-        other: The other time step [s].
-        inertia: Whether the joint has a time constant.
+    error is 1 - exp(-gain * tick), with ``inertia``, a time constant, the gain stays. A request
+    during a tick acts at its end, so that the delay of slow motion is the same with any ticks only
+    if the lag differs, too.
     """
     if inertia:
         return gain, max(lag - (tick - other), 0.0)
@@ -658,16 +658,8 @@ def joint_of_top_speed(v_max: float) -> JointModel:
     """The paper's joint with another top speed: a first model where only that is known.
 
     Lag, acceleration time and tick are from Table 1, and so is the ratio theta_0 / v_max. A URDF
-    has none of them, and its effort limit is no property of a servo's controller.
-
-    Args:
-        v_max: Top speed [rad/s].
-
-    Returns:
-        The model.
-
-    Raises:
-        InvalidModel: The speed is not a number above 0.
+    has none of them, and its effort limit is no property of a servo's controller. InvalidModel is
+    raised unless the speed [rad/s] is a number above 0.
     """
     paper = JointModel.ers210a()
     return replace(paper, v_max=v_max, theta_0=v_max * (paper.theta_0 / paper.v_max))
@@ -681,17 +673,6 @@ def checked_model(model: object) -> JointModel:
             "JointModel.ers210a()"
         )
     return model
-
-
-def _checked_hold(value: object) -> int:
-    count = as_whole(value) or 0
-    if count > MOST_HOLD:
-        raise InvalidModel(
-            f"hold: got {shown(value)}, expected at most {MOST_HOLD} ticks between requests"
-        )
-    if count < 1:
-        raise InvalidModel(f"hold: got {shown(value)}, expected a whole number of ticks, 1 or more")
-    return count
 
 
 def _snapped(ticks: float) -> float:

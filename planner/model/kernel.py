@@ -173,7 +173,7 @@ def run_period(
     state: State,
     skipped: int,
 ) -> State:
-    """One request period.
+    """The state after one request period.
 
     Args:
         law: The joint.
@@ -184,9 +184,6 @@ def run_period(
         faster: How much faster the joint is in the positive direction [rad/tick].
         state: State before the period.
         skipped: Ticks left out.
-
-    Returns:
-        The state after it.
     """
     angle, speed, integral = state
     hold, width = weights.shape
@@ -208,7 +205,7 @@ def run_period(
 def moved_along_lines(
     law: Law, weights: Array, steps: Indices, slopes: Array, offsets: Array, faster: Array
 ) -> Array:
-    """How far a joint without inertia moves in a period in which it is behind a line, S of (6).
+    """How far a joint without inertia moves in a period behind each line, S of (6) [rad]: (s,).
 
     Args:
         law: The joint.
@@ -217,9 +214,6 @@ def moved_along_lines(
         slopes: Slope of each line [rad/tick], (s,).
         offsets: How far the requests are ahead of it [rad], (s,).
         faster: How much faster the joint is in the positive direction [rad/tick], (s,).
-
-    Returns:
-        The distances [rad], (s,).
     """
     distances = np.empty(len(slopes))
     for i in range(len(slopes)):
@@ -286,15 +280,7 @@ def rounded_moved(
 def rounded_integral(
     law: Law, demand: float, by_sags: float, before: State, speed: float, rounded: float
 ) -> tuple[float, float, float]:
-    """The integral after a tick where the acceleration limit has a rounded corner.
-
-    Args:
-        law: The joint.
-        demand: Demanded speed [rad/tick].
-        by_sags: What of it is by gravity and a torque [rad/tick].
-        before: State before the tick; its angle does not count.
-        speed: Speed after it [rad/tick].
-        rounded: Square of the radius of the corners [rad^2/tick^2].
+    """The integral after a tick where the acceleration limit has a rounded corner: :func:`moved`.
 
     Returns:
         The integral [rad/tick], the share of its change that the limit leaves [-], and its

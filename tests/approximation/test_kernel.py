@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.approximation.kernel import segment_costs
-from planner.approximation.values import attainable_error, envelopes, slope_bounded
+from planner.approximation.values import attainable_error, slope_bounded
 from tests.approximation.samples import KINDS, samples_of
 
 STEP = 0.3
@@ -106,11 +106,3 @@ def test_the_attainable_error_is_that_of_a_linear_programme(kind, cyclic):
     desired = samples_of(kind, 50, np.random.default_rng(2))
     expected = programme(desired, 0.03, cyclic, cp.norm_inf)
     assert attainable_error(desired, 0.03, cyclic=cyclic) == pytest.approx(expected, abs=SOLVED)
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_both_envelopes_and_so_their_mean_keep_the_slopes(cyclic):
-    desired = samples_of("steps", 50, np.random.default_rng(3))
-    for envelope in envelopes(desired, 0.05, cyclic=cyclic):
-        rises = np.diff(np.append(envelope, envelope[0]) if cyclic else envelope)
-        assert np.all(np.abs(rises) <= 0.05 * (1.0 + 1e-12))
