@@ -386,13 +386,11 @@ class Kept(NamedTuple):
         These solve ``a cos q + b sin q = c``, with c clamped to ±hypot(a, b).
         """
         if self.is_height:
-            a, b = circle.cosine @ self.vector, circle.sine @ self.vector
-            c = (like - circle.middle) @ self.vector
+            arm, c = self.vector, (like - circle.middle) @ self.vector
         else:
             arm, target = circle.middle - self.vector, like - self.vector
-            a, b = ((arm * way).sum(-1) for way in (circle.cosine, circle.sine))
-            squares = ((each**2).sum(-1) for each in (target, arm, circle.cosine))
-            c = 0.5 * (next(squares) - next(squares) - next(squares))
+            c = 0.5 * ((target**2).sum(-1) - (arm**2).sum(-1) - (circle.cosine**2).sum(-1))
+        a, b = ((arm * way).sum(-1) for way in (circle.cosine, circle.sine))
         size = np.maximum(np.hypot(a, b), np.finfo(np.float64).tiny)
         middle, half = np.arctan2(b, a), np.arccos(np.clip(c / size, -1.0, 1.0))
         return np.stack(np.broadcast_arrays(middle + half, middle - half))

@@ -32,23 +32,18 @@ class Register(NamedTuple):
 
     def encode(self, value: int) -> bytes:
         """The bytes of a value; one that does not fit is cut to the nearest that does."""
-        width = 8 * self.size
-        if self.sign == TWO_COMPLEMENT:
-            half = 1 << (width - 1)
-            return (max(-half, min(half - 1, value)) % (1 << width)).to_bytes(self.size, "little")
-        if self.sign:
-            largest = (1 << self.sign) - 1
-            magnitude = min(abs(value), largest) | ((value < 0) << self.sign)
-            return magnitude.to_bytes(self.size, "little")
-        return max(0, min((1 << width) - 1, value)).to_bytes(self.size, "little")
+        width, signed = 8 * self.size, self.sign == TWO_COMPLEMENT
+        if self.sign > 0:
+            value = min(abs(value), (1 << self.sign) - 1) | ((value < 0) << self.sign)
+        least, span = -(1 << (width - 1)) if signed else 0, 1 << width
+        kept = max(least, min(least + span - 1, value))
+        return kept.to_bytes(self.size, "little", signed=signed)
 
     def decode(self, content: bytes | bytearray) -> int:
         """The value of bytes."""
-        value = int.from_bytes(content[: self.size], "little")
-        if self.sign == TWO_COMPLEMENT:
-            half = 1 << (8 * self.size - 1)
-            return value - 2 * half if value >= half else value
-        if self.sign and value >> self.sign & 1:
+        signed = self.sign == TWO_COMPLEMENT
+        value = int.from_bytes(content[: self.size], "little", signed=signed)
+        if self.sign > 0 and value >> self.sign & 1:
             return -(value & ((1 << self.sign) - 1))
         return value
 
@@ -89,7 +84,7 @@ class ServoProtocol:
 
     def answer(self, servo: int, error: int, content: bytes = b"") -> bytes:
         """The frame of an answer."""
-        raise NotImplementedError
+        return self.instruction(servo, error, content)
 
     def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:
         """Take the first whole packet off a buffer, and any other bytes before it.
@@ -128,9 +123,6 @@ class _Feetech(ServoProtocol):
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         body = bytes([servo, len(content) + 2, code]) + content
         return b"\xff\xff" + body + bytes([~sum(body) & 0xFF])
-
-    def answer(self, servo: int, error: int, content: bytes = b"") -> bytes:
-        return self.instruction(servo, error, content)
 
     def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:  # noqa: ARG002
         while (start := buffer.find(b"\xff\xff")) >= 0:

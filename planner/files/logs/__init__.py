@@ -121,8 +121,15 @@ def format_of(path: Path | str, options: LogOptions) -> Format:
     """The format of a path, to which the options must apply."""
     if not isinstance(path, Path | str) or "\0" in str(path):
         raise InvalidInput(f"log: got {shown(path)}, expected a path")
+    place = Path(path)
     try:
-        form = _recognised(path)
+        if place.is_dir():
+            form = _of_folder(place)
+        else:
+            suffix = "" if str(path) == STANDARD_STREAM else place.suffix.lower()
+            if suffix == ".toml":
+                raise InvalidFile(place, "TOML, such as a model file, expected a log of the joint")
+            form = BY_SUFFIX.get(suffix, CSV)
     except OSError as error:  # not allowed to look, or a name that is too long
         raise InvalidFile(path, f"cannot be read ({reason(error)}); check the name") from error
     for name in (*CSV.options, *LEROBOT.options, *BAG.options):
@@ -133,14 +140,7 @@ def format_of(path: Path | str, options: LogOptions) -> Format:
     return form
 
 
-def _recognised(path: Path | str) -> Format:
-    place = Path(path)
-    if str(path) == STANDARD_STREAM:
-        return CSV
-    if not place.is_dir():
-        if place.suffix.lower() == ".toml":
-            raise InvalidFile(place, "TOML, such as a model file, expected a log of the joint")
-        return BY_SUFFIX.get(place.suffix.lower(), CSV)
+def _of_folder(place: Path) -> Format:
     if is_dataset(place):
         return LEROBOT
     if (place / "metadata.yaml").is_file():
@@ -148,7 +148,7 @@ def _recognised(path: Path | str) -> Format:
     endings = {file.suffix.lower() for file in place.iterdir()} & {*BY_SUFFIX, ".csv"}
     files = " or ".join(str(place / f"*{ending}") for ending in sorted(endings))
     raise InvalidFile(
-        path,
+        place,
         "a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
         "(metadata.yaml), or " + (f"its files: {files}" if files else "a file"),
     )
