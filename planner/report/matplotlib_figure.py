@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.report.figure import MARGIN, Axis, Curve, Figure, Words
+from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel, Words
 from planner.report.style import INK
 
 if TYPE_CHECKING:
@@ -31,28 +31,28 @@ AWAY = 4
 """Distance of words from their place [pt]."""
 
 
-def looks() -> AbstractContextManager[None]:
-    """A context in which Matplotlib draws and saves by ``paper.mplstyle``."""
-    import matplotlib as mpl
-
-    return mpl.rc_context(fname=Path(__file__).with_name("paper.mplstyle"))
-
-
 def draw(figure: Figure) -> Picture:
-    """The figure as Matplotlib draws it."""
+    """The figure as Matplotlib draws it: the panels, and the legend above them."""
     from matplotlib.figure import Figure as Picture
 
-    with looks():
-        picture = Picture(figsize=(WIDTH, height_of(figure)), layout="constrained")
-        _draw_into(picture, figure)
-    return picture
-
-
-def height_of(figure: Figure) -> float:
-    """Height of a figure [inch]."""
+    entries, heights = _names(figure), [panel.height for panel in figure.panels]
     headings = HEADING * sum(bool(panel.title) for panel in figure.panels)
-    entries = LEGEND * -(-len(_names(figure)) // _columns(_names(figure)))
-    return ROW * sum(panel.height for panel in figure.panels) + BELOW + headings + entries
+    with _style():
+        columns = _columns(entries)
+        height = ROW * sum(heights) + BELOW + headings + LEGEND * -(-len(entries) // columns)
+        picture = Picture(figsize=(WIDTH, height), layout="constrained")
+        rows = picture.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
+        handles: dict[str, Any] = {}
+        for axes, panel in zip(rows[:, 0], figure.panels, strict=True):
+            _draw_panel(axes, panel, figure)
+            for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+                handles.setdefault(name, handle)
+        _set_axis(rows[-1, 0].xaxis, figure.x)
+        picture.align_ylabels(list(rows[:, 0]))
+        if entries:
+            drawn = [handles[name] for name in entries]
+            picture.legend(drawn, entries, loc="outside upper left", ncols=columns)
+    return picture
 
 
 def to_svg(picture: Picture) -> str:
@@ -63,67 +63,52 @@ def to_svg(picture: Picture) -> str:
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     stream = io.StringIO()
-    with looks():
+    with _style():
         canvas: Any = FigureCanvasSVG(picture)
         canvas.print_svg(stream, metadata={"Date": None, "Creator": None})
     return "\n".join(row.rstrip() for row in stream.getvalue().splitlines()) + "\n"
 
 
-def to_png(picture: Picture) -> bytes:
-    """The picture as a PNG file, printed likewise."""
+def pictures_of(figure: Figure) -> tuple[str, bytes]:
+    """The figure as an SVG file and as a PNG file, laid out once."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    stream = io.BytesIO()
-    with looks():
+    picture, stream = draw(figure), io.BytesIO()
+    svg = to_svg(picture)
+    picture.set_layout_engine("none")
+    with _style():
         picture.dpi = 200  # dots per inch
         canvas: Any = FigureCanvasAgg(picture)
         canvas.print_png(stream, metadata={"Software": None})
-    return stream.getvalue()
+    return svg, stream.getvalue()
 
 
-def pictures_of(figure: Figure) -> tuple[str, bytes]:
-    """The figure as an SVG file and as a PNG file, laid out once."""
-    picture = draw(figure)
-    svg = to_svg(picture)
-    picture.set_layout_engine("none")
-    return svg, to_png(picture)
+def _style() -> AbstractContextManager[None]:
+    """A context in which Matplotlib draws and saves by ``paper.mplstyle``."""
+    import matplotlib as mpl
+
+    return mpl.rc_context(fname=Path(__file__).with_name("paper.mplstyle"))
 
 
-def _draw_into(picture: Picture, figure: Figure) -> None:
-    """Draw the panels, and the legend above them."""
-    heights = [panel.height for panel in figure.panels]
-    rows = picture.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
-    handles: dict[str, Any] = {}
-    for axes, panel in zip(rows[:, 0], figure.panels, strict=True):
-        for span in panel.spans:
-            shade = axes.axvspan if span.along == "x" else axes.axhspan
-            look = (span.role.light, span.opacity)
-            shade(span.start, span.end, zorder=0.5, facecolor=look, linewidth=0.0)
-        for order, curve in enumerate(curve for curve in panel.curves if not curve.hidden):
-            axes.plot(curve.x, curve.y, zorder=3.0 + 0.01 * order, **_looks(curve))
-        for words in panel.words:
-            _write(axes, words)
-        axes.set_title(panel.title)
-        _set_axis(axes.yaxis, panel.y)
-        if figure.equal:
-            axes.set_aspect("equal", adjustable="datalim")
-            axes.margins(MARGIN)
-        else:
-            axes.margins(y=0.09)
-            axes.set_xlim(*figure.x_range)
-            if panel.y_range is not None or panel.y.from_zero:
-                axes.set_ylim(*(panel.y_range or (0.0, None)))
-        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            handles.setdefault(name, handle)
-    _set_axis(rows[-1, 0].xaxis, figure.x)
-    picture.align_ylabels(list(rows[:, 0]))
-    if entries := _names(figure):
-        picture.legend(
-            [handles[name] for name in entries],
-            entries,
-            loc="outside upper left",
-            ncols=_columns(entries),
-        )
+def _draw_panel(axes: Axes, panel: Panel, figure: Figure) -> None:
+    for span in panel.spans:
+        shade = axes.axvspan if span.along == "x" else axes.axhspan
+        look = (span.role.light, span.opacity)
+        shade(span.start, span.end, zorder=0.5, facecolor=look, linewidth=0.0)
+    for order, curve in enumerate(curve for curve in panel.curves if not curve.hidden):
+        axes.plot(curve.x, curve.y, zorder=3.0 + 0.01 * order, **_looks(curve))
+    for words in panel.words:
+        _write(axes, words)
+    axes.set_title(panel.title)
+    _set_axis(axes.yaxis, panel.y)
+    if figure.equal:
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.margins(MARGIN)
+        return
+    axes.margins(y=0.09)
+    axes.set_xlim(*figure.x_range)
+    if panel.y_range is not None or panel.y.from_zero:
+        axes.set_ylim(*(panel.y_range or (0.0, None)))
 
 
 def _looks(curve: Curve) -> dict[str, Any]:
