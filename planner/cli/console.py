@@ -360,8 +360,11 @@ def as_key(key: Key) -> str:
     return name if key.value is None else f"{name} = {toml_value(key.value)}"
 
 
-class _Fault(PlannerError):
-    """A message with settings as objects, so that they can be spelt as keys or as options."""
+class Remark(PlannerError):
+    """A message with settings as objects, so that they can be spelt as keys or as options.
+
+    As it is it remarks on a valid answer, and is not raised.
+    """
 
     def __init__(self, *parts: str | Key) -> None:
         """Spell the settings as keys by default."""
@@ -373,15 +376,11 @@ class _Fault(PlannerError):
         return "".join(part if isinstance(part, str) else spelling(part) for part in self.parts)
 
 
-class BadSetting(_Fault, InvalidInput):
+class BadSetting(Remark, InvalidInput):
     """Settings that contradict each other, or the files that they name."""
 
 
-class Remark(_Fault):
-    """A remark on a valid answer; it is not raised."""
-
-
-class FailedCheck(_Fault):
+class FailedCheck(Remark):
     """A plan that fails a check."""
 
 

@@ -86,10 +86,14 @@ class Desired:
         return self.models[0].period
 
     @cached_property
+    def planned_units(self) -> list[Literal["deg", "percent"]]:
+        """The unit of each joint's degrees: "deg", or "percent" of its range."""
+        return [self.unit(j) for j in range(len(self.names))]
+
+    @cached_property
     def labels(self) -> list[str]:
         """The joints, with the unit of those in shares of their range."""
-        units = map(self.unit, range(len(self.names)))
-        pairs = zip(self.names, units, strict=True)
+        pairs = zip(self.names, self.planned_units, strict=True)
         return [name if unit == "deg" else f"{name} [% of its range]" for name, unit in pairs]
 
     def unit(self, joint: int) -> Literal["deg", "percent"]:
@@ -99,7 +103,7 @@ class Desired:
     @contextmanager
     def units_in_messages(self) -> Iterator[None]:
         """Let messages about single joints inside the block use their units."""
-        units = {name: self.unit(j) for j, name in enumerate(self.names)}
+        units = dict(zip(self.names, self.planned_units, strict=True))
         token = JOINT_UNITS.set(None if ANGLE_UNIT.get() == "rad" else units)
         try:
             yield

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 from click.shell_completion import CompletionItem
 
-from planner.cli.console import Answer, FailedCheck, Key, Remark, warn
+from planner.cli.console import Answer, Key, Remark, warn
 from planner.cli.declared import NUMBER, SOURCE, Declared, tables
 from planner.cli.settings import LEG_NAMES, Replay, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
@@ -449,7 +449,7 @@ def check_parallel(workers: int | None, scheduler: str | None) -> None:
         raise click.UsageError("--workers are of this machine: leave out --workers or --scheduler.")
 
 
-def warn_of(remarks: Sequence[Remark | FailedCheck]) -> None:
+def warn_of(remarks: Sequence[Remark]) -> None:
     """Print remarks on a path or an answer, with settings as options."""
     for remark in remarks:
         warn(remark.spelt(as_option))

@@ -47,22 +47,15 @@ def plan(*, run: Run, path: str, output: str, report: str | None) -> Answer:  # 
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
-    from planner.cli.planning import (
-        answer_of,
-        beyond_limits,
-        doubted,
-        misses,
-        plan_of,
-        plan_report,
-        prepare,
-    )
+    from planner.cli.planning import answer_of, judged, plan_of, plan_report, prepare
 
     desired = prepare(run)
     options.warn_of(desired.remarks)
     with Progress(len(desired.names)) as progress:
         result = plan_of(desired, progress)
-    options.warn_of([*beyond_limits(desired, result), *doubted(desired, result)])
-    missed, page = misses(desired, result), ""
+    missed, remarks = judged(desired, result)
+    options.warn_of(remarks)
+    page = ""
     if report is not None:
         files = [("requests", output)]
         page = plan_report(desired, result, missed=missed, page=report, written=files)

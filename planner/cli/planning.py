@@ -18,8 +18,8 @@ from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
 from planner.planning.task import Task, checked_leg, limits_of_each
-from planner.report.plan_results import plan_results, plan_text
-from planner.trajectory import error_norm, index_of_largest
+from planner.report.plan_results import against_tolerances, plan_results, plan_text
+from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -159,29 +159,6 @@ def beyond_limits(desired: Desired, plan: Plan) -> list[FailedCheck]:
     return failures
 
 
-def off_by(subject: str, error: float, unit: str, norm: str, expected: float) -> str:
-    """A missed tolerance in words."""
-    return f"{subject} is off by {error:.4g} {unit} ({norm}), expected at most {expected:g}"
-
-
-def misses(desired: Desired, plan: Plan) -> list[str]:
-    """Messages about the tolerances that the plan misses, in its norm; empty if it keeps all."""
-    norm, tolerance = plan.task.norm, desired.settings.tolerance
-    messages = []
-    if tolerance.deg is not None:
-        for j, inversion in enumerate(plan.inversions):
-            error, least = np.degrees([inversion.error, inversion.lower_bound])
-            if error > tolerance.deg:
-                bound = f"; the lower bound for any requests is {least:.4g}" if least else ""
-                words = off_by(desired.names[j], error, desired.unit(j), norm, tolerance.deg)
-                messages.append(words + ("" if plan.task.load_of_pose else bound))
-    if tolerance.cm is not None:
-        error = error_norm(100.0 * plan.distances, norm)
-        if error > tolerance.cm:
-            messages.append(off_by("the foot", error, "cm", norm, tolerance.cm))
-    return messages
-
-
 def search_options(
     plan: settings.Plan, period: float, *, units: Mapping[str, float] | None = None
 ) -> dict[str, Any]:
@@ -218,32 +195,16 @@ def task_of(desired: Desired) -> Task:
     return Task.of(desired.models, desired.angles, names=desired.names, **options)
 
 
-def doubted(desired: Desired, plan: Plan) -> list[Remark]:
-    """Remarks on errors that keep the tolerance by the models, but are larger on the robot."""
-    if plan.task.norm != "rms":  # what is expected is a root mean square
-        return []
-    tolerance = desired.settings.tolerance
-    degrees, centimetres = tolerance.deg, tolerance.cm
-    errors: list[tuple[str, float, float, str, float]] = []
-    if degrees is not None:
-        errors = [
-            (name, *np.degrees([each.error, each.expected.error]), desired.unit(j), degrees)
-            for j, (name, each) in enumerate(zip(desired.names, plan.inversions, strict=True))
-        ]
-    if centimetres is not None and plan.expected_foot is not None:
-        error = error_norm(100.0 * plan.distances, "rms")
-        errors.append(("the foot", error, 100.0 * plan.expected_foot, "cm", centimetres))
-    return [
-        Remark(
-            f"{name} keeps {most:g} {unit} (rms) by the model; on the robot {expected:.3g} {unit} "
-            "is to be expected"
-        )
-        for name, error, expected, unit, most in errors
-        if error <= most < expected
-    ]
-
-
 # The answer: JSON for machines, text and pages for people.
+
+
+def judged(desired: Desired, plan: Plan) -> tuple[list[str], list[Remark]]:
+    """The tolerances that a plan misses, in words, and remarks on it."""
+    tolerance = desired.settings.tolerance
+    missed, doubted = against_tolerances(
+        plan, desired.planned_units, degrees=tolerance.deg, centimetres=tolerance.cm
+    )
+    return missed, [*beyond_limits(desired, plan), *map(Remark, doubted)]
 
 
 def answer_of(desired: Desired, plan: Plan, missed: Sequence[str]) -> tuple[dict[str, Any], str]:
@@ -256,9 +217,10 @@ def answer_of(desired: Desired, plan: Plan, missed: Sequence[str]) -> tuple[dict
         "unreachable": desired.unreachable,
     }
     has_tolerance = run.tolerance.deg is not None or run.tolerance.cm is not None
-    units = [desired.unit(j) for j in range(len(desired.names))]
     kept = not missed if has_tolerance else None
-    document = plan_results(plan, units, robust=run.plan.robust, kept=kept, **shared)
+    document = plan_results(
+        plan, desired.planned_units, robust=run.plan.robust, kept=kept, **shared
+    )
     return document, plan_text(plan, desired.labels, model=model_words(run.model), **shared)
 
 

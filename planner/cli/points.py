@@ -1,8 +1,7 @@
 """Sweep files and their points, each planned as a run file: a grid of them, or those of a search.
 
 A point is a value for each parameter, and is judged by the speed and the error of its plan. Points
-that are not worse than another in both are the Pareto front. CMA-ES (Hansen and Ostermeier, 2001)
-needs far fewer plans than a grid for more than two parameters.
+that are not worse than another in both are the Pareto front.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal
@@ -28,14 +26,14 @@ from planner.cli.desired import Desired
 from planner.cli.models import beside, find_leg, load_leg, models_of, refused_models
 from planner.cli.planning import plan_of, prepare
 from planner.cli.settings import SWEPT, Run, Sweep, SweptParameters
+from planner.evaluation.sweep import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.paths import is_foot_path, path_table
 from planner.files.results import Results, Task, digest_of
 from planner.files.text import Toml, read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
-from planner.report.sweep_page import Outcome, Point, Requirement, Swept
-from planner.trajectory import Array, error_norm, index_of_largest
+from planner.trajectory import error_norm, index_of_largest
 
 REQUIRED: Mapping[str, tuple[Literal["error", "speed"], str]] = {
     "at_error_cm": ("error", "a foot"),
@@ -226,7 +224,13 @@ def planned_points(
     if space.settings.sweep.method == "grid":
         outcomes_at([space.point(values) for values in product(*space.values.values())])
     else:
-        _search(space, outcomes_at)
+        search(
+            lambda places: outcomes_at([space.point(each) for each in places]),
+            [(each[0], each[-1]) for each in space.values.values()],
+            most=space.most_points,
+            requirement=space.requirement,
+            seed=space.settings.sweep.seed or 0,
+        )
     return Swept(
         file=space.file.path,
         names=tuple(space.values),
@@ -278,69 +282,3 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
         "unreachable": desired.unreachable,
     }
     return json.dumps(figures).encode()
-
-
-def _search(space: Space, outcomes_at: Callable[[Sequence[Point]], list[Outcome]]) -> None:
-    """Seek by CMA-ES, for a front five trade-offs at once; each plans a generation in parallel.
-
-    The first points are spread evenly (Sobol), at most a quarter of all. Each trade-off minimises
-    the larger of the weighted speed lost and logarithm of the error (Chebyshev), scaled to the
-    first points' ranges.
-    """
-    import cma
-    from scipy.stats import qmc
-
-    low, high = np.array([[each[0], each[-1]] for each in space.values.values()]).T
-    rng = np.random.default_rng(space.settings.sweep.seed or 0)
-
-    def at(places: Array) -> list[Outcome]:
-        return outcomes_at([space.point(low + (high - low) * place) for place in places])
-
-    used = 2 ** int(math.log2(min(16, space.most_points // 4)))
-    places = qmc.Sobol(len(low), rng=rng).random(used)
-    first, searches = at(places), []
-    for cost in _costs(first, space.requirement):
-        start = places[int(np.argmin([cost(each) for each in first]))]
-        attributes = {
-            "bounds": [0.0, 1.0],
-            "randn": lambda *shape: rng.standard_normal(shape),
-            "seed": math.nan,  # cma does not seed the global generator
-            "verbose": -9,
-        }
-        spread = 0.25  # standard deviation of the first steps: the range is within two of them
-        searches.append((cost, cma.CMAEvolutionStrategy(start, spread, attributes)))
-    while searches:
-        generations = [each.ask() for _, each in searches]
-        used += sum(map(len, generations))
-        if used > space.most_points:
-            return
-        outcomes = iter(at(np.concatenate([np.asarray(each) for each in generations])))
-        for (cost, each), generation in zip(searches, generations, strict=True):
-            each.tell(generation, [cost(next(outcomes)) for _ in generation])
-        searches = [(cost, each) for cost, each in searches if not each.stop()]
-
-
-def _costs(
-    first: Sequence[Outcome], required: Requirement | None
-) -> list[Callable[[Outcome], float]]:
-    """The cost of an outcome: of the requirement, or of each trade-off of speed and error."""
-    planned = [each for each in first if each.planned]
-    speeds = np.array([each.speed for each in planned] or [0.0])
-    errors = np.log(np.maximum([each.error for each in planned] or [1.0], 1e-9))
-    span, factor = (max(float(np.ptp(each)), 1e-9) for each in (speeds, errors))
-
-    def cost(weight: float, outcome: Outcome) -> float:
-        if not outcome.planned:
-            return 1e3  # more than any other
-        error = max(outcome.error, 1e-9)
-        slow = (speeds.max() - outcome.speed) / span
-        off = (math.log(error) - errors.min()) / factor
-        if required is None:
-            parts = (weight * slow, (1.0 - weight) * off)
-            return float(max(parts) + 0.05 * sum(parts))
-        if required.of == "error":  # missed by a factor e, it costs ten times the range of speeds
-            return float(slow + 10.0 * max(0.0, math.log(error / required.value)))
-        return float(off + 10.0 * max(0.0, (required.value - outcome.speed) / span))
-
-    weights = [1.0] if required is not None else np.linspace(0.1, 0.9, 5)
-    return [partial(cost, weight) for weight in weights]

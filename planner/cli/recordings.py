@@ -17,7 +17,7 @@ from planner.cli.console import BadSetting, Key
 from planner.cli.desired import check_felt, load_of_masses
 from planner.cli.export import FOLDERS, check_rows, write_rows
 from planner.cli.models import find_leg, load_leg, model_words
-from planner.cli.planning import off_by, search_options
+from planner.cli.planning import search_options
 from planner.cli.settings import ReplayFormat
 from planner.exceptions import PlannerError
 from planner.files.exports import check_installed, lerobot_dataset
@@ -42,6 +42,7 @@ from planner.recording.recorded_path import (
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
 from planner.report.episodes_page import resent_words
+from planner.report.plan_results import off_by
 from planner.report.replay_page import LOG_UNITS
 from planner.report.replay_results import episode_results
 from planner.robot.schedule import Schedule

@@ -147,14 +147,7 @@ def _check_names(run: Run) -> None:
 
 def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
     """Plan, and write the folder of the results, ``results.json`` among them."""
-    from planner.cli.planning import (
-        answer_of,
-        beyond_limits,
-        doubted,
-        misses,
-        plan_of,
-        plan_report,
-    )
+    from planner.cli.planning import answer_of, judged, plan_of, plan_report
     from planner.files.paths import write_foot_path
     from planner.report.page import versions
     from planner.robot.schedule import Schedule
@@ -171,7 +164,7 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
             return place if name else None
 
         plan = plan_of(desired, progress)
-        missed = misses(desired, plan)
+        missed, remarks = judged(desired, plan)
         progress("the files")
         for name, angles, loads in (
             (run.output.requests, plan.requests, plan.task.load),
@@ -203,7 +196,7 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
             "files": list_files(folder),
         }
         write_text(folder / MANIFEST, to_json(results))
-    for remark in (*desired.remarks, *beyond_limits(desired, plan), *doubted(desired, plan)):
+    for remark in (*desired.remarks, *remarks):
         warn(str(remark))
     if missed:
         failure = f"{'; '.join(missed)}; the files are written all the same"

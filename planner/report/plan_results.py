@@ -169,6 +169,41 @@ def errors_results(errors: Array, unit: str, factor: float = 1.0) -> dict[str, f
     }
 
 
+def against_tolerances(
+    plan: Plan, units: Sequence[str], *, degrees: float | None, centimetres: float | None
+) -> tuple[list[str], list[str]]:
+    """Tolerances that a plan misses, in its norm, and those that it keeps by the models alone.
+
+    The latter are of errors to expect on the robot, which are root mean squares.
+    """
+    missed, doubted, norm = [], [], plan.task.norm
+    judged: list[tuple[str, str, float, float, float, str]] = []
+    if degrees is not None:
+        for name, unit, each in zip(plan.names, units, plan.inversions, strict=False):
+            error, least, robot = np.degrees([each.error, each.lower_bound, each.expected.error])
+            bound = f"; the lower bound for any requests is {least:.4g}"
+            known = least > 0.0 and not plan.task.load_of_pose
+            judged.append((name, unit, error, robot, degrees, bound if known else ""))
+    if centimetres is not None:
+        error, robot = error_norm(100.0 * plan.distances, norm), plan.expected_foot
+        robot = math.nan if robot is None else 100.0 * robot
+        judged.append(("the foot", "cm", error, robot, centimetres, ""))
+    for subject, unit, error, robot, most, bound in judged:
+        if error > most:
+            missed.append(off_by(subject, error, unit, norm, most) + bound)
+        elif norm == "rms" and robot > most:
+            doubted.append(
+                f"{subject} keeps {most:g} {unit} (rms) by the model; on the robot {robot:.3g} "
+                f"{unit} is to be expected"
+            )
+    return missed, doubted
+
+
+def off_by(subject: str, error: float, unit: str, norm: str, expected: float) -> str:
+    """A missed tolerance in words."""
+    return f"{subject} is off by {error:.4g} {unit} ({norm}), expected at most {expected:g}"
+
+
 def plan_text(
     plan: Plan,
     labels: Sequence[str],
