@@ -161,21 +161,17 @@ def _cut(problem: Problem, bound: float, place: float) -> Course:
         The cycle, its ``fewest`` for any place where no knot is required.
     """
     gates, breaks = gates_of(problem, bound, place)
-    least, most = (
-        sort(each[0], each[-1]) for sort, each in zip((max, min), gates.reachable(), strict=True)
-    )
+    low, high = gates.reachable()
+    least, most = max(low[0], low[-1]), min(high[0], high[-1])
 
     def path(low: float, high: float) -> Course:
-        lower, upper = (
-            [end, *each[1:-1], end] for end, each in ((low, gates.lower), (high, gates.upper))
-        )
+        lower, upper = [low, *gates.lower[1:-1], low], [high, *gates.upper[1:-1], high]
         return fewest_links(gates._replace(lower=lower, upper=upper), breaks)
 
     free = path(float(least), float(most))
-    starts = np.append(
-        np.clip(free.values[[0, -1]], least, most), np.linspace(least, most, 5)[1:-1]
-    )
-    cycles = [path(value, value) for value in starts.tolist()]
+    first, last = np.clip(free.values[[0, -1]], least, most)
+    starts = [first, last, 0.5 * (first + last), *np.linspace(least, most, 5)[1:-1]]
+    cycles = [path(float(value), float(value)) for value in starts]
     best = min(
         cycles, key=lambda each: (each.fewest, -min(float(np.min(np.diff(each.knots))), 1.0))
     )
