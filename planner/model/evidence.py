@@ -280,11 +280,7 @@ def warn_of_refused(evidence: Mapping[str, Evidence | None]) -> None:
 
 
 def check_correlations(evidence: Evidence) -> None:
-    """Raise InvalidInput unless the correlations fit the intervals, or there are none.
-
-    Args:
-        evidence: Evidence of a model, from a file or from a caller.
-    """
+    """Raise InvalidInput unless the correlations fit the intervals, or there are none."""
     correlations, names = evidence.correlations, evidence.intervals
     try:
         matrix = as_reals(correlations)
@@ -304,14 +300,14 @@ def check_correlations(evidence: Evidence) -> None:
 
 
 class Expectation(NamedTuple):
-    """What to expect of a plan on the robot.
+    """What to expect of a plan on the robot; NaN where that is not known.
 
     Attributes:
-        error: Root mean square error to expect [rad]; NaN where the model has no evidence.
+        error: Root mean square error to expect [rad].
         untested: Quantities by which the motion is outside the model's tested range, see
             :meth:`Evidence.exceeded`; the error may then be larger.
-        low: Error that 5 % of such motions stay below [rad]; NaN where that is not known.
-        high: Error that 5 % of such motions exceed [rad]; NaN likewise.
+        low: Error that 5 % of such motions stay below [rad].
+        high: Error that 5 % of such motions exceed [rad].
     """
 
     error: float
@@ -333,14 +329,6 @@ def expectation(
 
     For the range, of the model's error in 90 % of motions like this one, the two may also add up,
     or cancel, by a correlation of ``ALIKE``. The interval of the delay counts in its upper end.
-
-    Args:
-        evidence: Evidence of the joint's model.
-        desired: Desired angles [rad], shape (n,).
-        predicted: Angles that the plan predicts [rad], shape (n,).
-        period: Time between them [s].
-        cyclic: Whether the plan repeats.
-        load: Torque on the joint [N m], shape (n,); None for none.
     """
     if evidence is None or math.isnan(evidence.error):
         return Expectation(math.nan, ())
@@ -444,10 +432,6 @@ def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool
     of the largest change there, as requests may have noise: a robot is sent ten requests a second
     and more, random steps of 0.12 to 0.9 s change in a quarter of the slots, and a hold between two
     ramps leaves a few out.
-
-    Args:
-        requests: Requests of the rows [rad], (n,).
-        period: Time between rows [s].
     """
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 

@@ -122,17 +122,10 @@ def simulate_joints(
     starts: Sequence[float | None] | Array | None = None,
     loads: Array | Loads | None = None,
 ) -> Array:
-    """Angles of several joints under their requests, each by :func:`simulate`.
+    """Angles of several joints [rad], each by :func:`simulate`, shape (n, joints).
 
-    Args:
-        models: The joints.
-        requests: Requests [rad], shape (n, joints).
-        cyclic: Whether they repeat for ever.
-        starts: From rest: angle of each joint one tick before the first request [rad], or None.
-        loads: Torques on the joints [N m], shape (n, joints), or for each joint shape (n,) or None.
-
-    Returns:
-        Angles [rad], shape (n, joints).
+    ``requests`` have that shape too; ``starts`` are angles of each joint, or None, and ``loads``
+    torques [N m], shape (n, joints), or for each joint shape (n,) or None.
     """
     none = [None] * len(models)
     each_load = loads.T if isinstance(loads, np.ndarray) else loads or none
@@ -147,15 +140,10 @@ def simulate_joints(
 
 
 class PathSpeeds(NamedTuple):
-    """Speeds of a path, and the joint's top speeds in the same direction.
+    """Speeds of a path, and the joint's top speeds in the same direction."""
 
-    Attributes:
-        speeds: Speed from each sample to the next [rad/s], shape (m,), with the sign of the motion.
-        limits: The joint's top speed in that direction, under its load and, with a sag by the pose,
-            at the angle of the sample [rad/s], shape (m,).
-    """
-
-    speeds: Array
+    speeds: Array  # from each sample to the next [rad/s], (m,), with the sign of the motion
+    # in that direction, under the load and, with a sag by the pose, at the sample's angle [rad/s]
     limits: Array
 
     @property
@@ -178,13 +166,9 @@ class PathSpeeds(NamedTuple):
 def path_speeds(
     model: JointModel, desired: Array, *, cyclic: bool, load: Array | None = None
 ) -> PathSpeeds:
-    """The speeds of a path; their limits are -v^- or v^+ of (1a), gravity of the pose included.
+    """The speeds of a path [rad], (n,); their limits are -v^- or v^+ of (1a), with gravity.
 
-    Args:
-        model: The joint.
-        desired: Desired angles [rad], shape (n,).
-        cyclic: Whether the path repeats: then the step from the last sample to the first counts.
-        load: Torque on the joint at each sample [N m], shape (n,).
+    Of a cycle the step from the last sample to the first counts, too.
     """
     speeds = steps(desired, cyclic=cyclic) / model.period
     acting = load_by_period(load, cyclic=cyclic)
@@ -245,12 +229,6 @@ def load_columns(loads: Loads, samples: int) -> Array | None:
 
 def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) -> Array | None:
     """The load at every sample [N m], shape (samples,); None where it has no effect.
-
-    Args:
-        load: Torque on the joint in the direction of positive angles [N m], a number or one a
-            sample.
-        model: The joint.
-        samples: Number of requests.
 
     Raises:
         InvalidInput: The load is not finite or of another shape, or so large that the joint could

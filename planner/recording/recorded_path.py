@@ -87,10 +87,8 @@ class RecordedPath:
     @property
     def open_top_speeds(self) -> frozenset[str]:
         """The planned joints whose logs leave open how fast they can be."""
-        evidence = {each.name: each.model.evidence for each in self.planned if each.model}
-        return frozenset(
-            name for name, seen in evidence.items() if seen and seen.leaves_top_speed_open
-        )
+        seen = {each.name: each.model and each.model.evidence for each in self.planned}
+        return frozenset(name for name, of in seen.items() if of and of.leaves_top_speed_open)
 
     @property
     def duration(self) -> float:
@@ -105,10 +103,8 @@ class RecordedPath:
 
     def loads(self, moments: Array) -> dict[str, Array]:
         """Torque by joint [N m], of the planned joints that feel one."""
-        felt = {each.name: (each, each.load) for each in self.planned}
-        return {
-            name: each.at(moments, load) for name, (each, load) in felt.items() if load is not None
-        }
+        felt = [(each, each.load) for each in self.planned]
+        return {each.name: each.at(moments, load) for each, load in felt if load is not None}
 
 
 def _rows(name: str, duration: float, period: float, speed: float) -> int:
@@ -133,11 +129,7 @@ def _rows(name: str, duration: float, period: float, speed: float) -> int:
 def check_length(
     recording: Any, *, speed: float, begin: float | None, end: float | None, rate: float | None
 ) -> None:
-    """Make sure that a replay has a number of requests that can be planned; see :func:`replay`.
-
-    Raises:
-        InvalidInput: They are too many or too few, or the part or the rate is none.
-    """
+    """Raise InvalidInput where a replay has too many or too few requests; see :func:`replay`."""
     logs = as_logs(recording)
     first, last = _part(logs, begin, end)
     _rows(logs[0].name, last - first, _period(logs, rate), speed)
@@ -244,15 +236,15 @@ def _models_of(
             f"models: of {', '.join(by_joint) or 'no joint'}, but the joints of the recording are "
             f"{', '.join(names)}; rename the tables of the model file to them"
         )
-    chosen: dict[str, tuple[JointModel | None, str]] = {}
-    for name in names:
+
+    def choice(name: str) -> tuple[JointModel | None, str]:
         if name in planned:
-            chosen[name] = by_joint.get(name, by_joint.get("")), ""
-        elif name not in with_model and not joints:
-            chosen[name] = None, "no model"
-        else:
-            chosen[name] = None, "a gripper" if is_gripper(name) else "not chosen"
-    return chosen
+            return by_joint.get(name, by_joint.get("")), ""
+        if name not in with_model and not joints:
+            return None, "no model"
+        return None, "a gripper" if is_gripper(name) else "not chosen"
+
+    return {name: choice(name) for name in names}
 
 
 def is_gripper(name: str) -> bool:
@@ -332,13 +324,12 @@ def _limits(
     paths: Sequence[Path], limits: JointLimits | None, names: Sequence[str]
 ) -> dict[str, tuple[float, float]]:
     """Limits by joint: the arguments, or of a share of a range the range itself."""
-    spans = {}
+    lower, upper = limits_of_each(limits, names)
+    spans = dict(zip(names, zip(lower.tolist(), upper.tolist(), strict=True), strict=True))
+    if limits is None or isinstance(limits, Mapping):
+        spans = {name: span for name, span in spans.items() if limits and name in limits}
     for each in paths:
         if each.unit == "1":
             values = np.concatenate([each.angles, each.requests, [0.0, 1.0]])
-            spans[each.name] = (float(np.min(values)), float(np.max(values)))
-    lower, upper = limits_of_each(limits, names)
-    for name, low, high in zip(names, lower.tolist(), upper.tolist(), strict=True):
-        if limits is not None and (not isinstance(limits, Mapping) or name in limits):
-            spans[name] = (low, high)
+            spans.setdefault(each.name, (float(np.min(values)), float(np.max(values))))
     return spans

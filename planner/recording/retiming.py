@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -279,7 +279,8 @@ def fastest_at(
     contradicted = search.contradicted()
     low, high = search.bracket()
     impossible = None if contradicted else search.first_impossible(low)
-    constant = search.largest_factor(low, min(high, impossible.speed) if impossible else high)
+    high = min(high, impossible.speed) if impossible else high
+    constant = search.replays[narrowed(low, high, search.keeps)[0]]
     replay = constant if retime == "constant" else search.varying(constant)
     return Fastest(
         replay=replay,
@@ -303,6 +304,7 @@ class _Search:
         self.path, self.measure, self.progress = path, measure, progress
         self.options = {key: value for key, value in options.items() if key != "norm"}
         self.replays: dict[float, Replay] = {}
+        self.refuted = cache(self._refuted)
         self.of_pose = path.load_at is not None or options.get("load") is not None
         self.bounded = measure.leg is None and not self.of_pose
 
@@ -329,26 +331,14 @@ class _Search:
                 )
         return low, 2.0 * low
 
-    def largest_factor(self, low: float, high: float) -> Replay:
-        """The replay at the largest constant factor that keeps the tolerance, as ``low`` does."""
-        while high / low > 1.0 + RESOLUTION:
-            middle = math.sqrt(low * high)
-            low, high = (middle, high) if self.keeps(middle) else (low, middle)
-        return self.replays[low]
-
     def first_impossible(self, low: float) -> Impossible | None:
         """The lowest factor above ``low`` at which a lower bound exceeds the tolerance."""
-        if not self.bounded:
-            return None
-        high, proof = 2.0 * low, None
-        while proof is None and high <= FASTEST and self.has_rows(high):
-            proof = self.refuted(high)
-            low, high = (low, high) if proof else (high, 2.0 * high)
-        while proof is not None and proof.speed / low > 1.0 + RESOLUTION:
-            middle = math.sqrt(low * proof.speed)
-            lower = self.refuted(middle)
-            low, proof = (low, lower) if lower else (middle, proof)
-        return proof
+        high = 2.0 * low
+        while self.bounded and high <= FASTEST and self.has_rows(high):
+            if self.refuted(high):
+                return self.refuted(narrowed(low, high, lambda each: not self.refuted(each))[1])
+            low, high = high, 2.0 * high
+        return None
 
     def contradicted(self) -> tuple[str, ...]:
         """Joints whose motion at the recorded speed no requests reach by their models.
@@ -463,7 +453,7 @@ class _Search:
         """Whether enough requests remain to speak of a motion."""
         return self.path.duration / (speed * self.path.period) >= 8
 
-    def refuted(self, speed: float) -> Impossible | None:
+    def _refuted(self, speed: float) -> Impossible | None:
         """The proof that a factor is too high, where there is one."""
         for joint, ratio in self.bounds(speed, self.path.first):
             if ratio > 1.0:
@@ -495,6 +485,14 @@ class _Search:
                 load=None if path.load is None else path.at(moments, path.load),
             )
             yield path.name, bound / self.measure.of_path(path)
+
+
+def narrowed(low: float, high: float, keeps: Callable[[float], bool]) -> tuple[float, float]:
+    """Two factors, close to each other, of which the lower one ``keeps`` and the other does not."""
+    while high / low > 1.0 + RESOLUTION:
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if keeps(middle) else (low, middle)
+    return low, high
 
 
 def _accelerating(factors: Array, step: float, most: float) -> Array:
