@@ -140,7 +140,7 @@ MOST_REJECTED = 100
 
 
 def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tuple[JointModel, ...]:
-    """The model, and further models within its intervals.
+    """The model, and pairs of further models within its intervals.
 
     They are drawn from a normal distribution with the intervals' widths, either side by itself, and
     their correlations, but none outside of the intervals, except for the lag (below); in pairs on
@@ -156,11 +156,6 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     do not show this for an interval that ends at 0: in models drawn from an identified one the lag
     makes up for such a part, and then for the acceleration time, but for ``delay_error`` of its
     evidence.
-
-    Args:
-        model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.
-        pairs: How many pairs.
-        seed: Seed of the draws.
 
     Raises:
         InvalidInput: The model has no interval with a known end.

@@ -205,10 +205,9 @@ class Problem:
         return spec._replace(smooth=Rows(numbers, factors, centre))
 
     def admissible(self, requests: Array) -> Array:
-        """Requests near the given ones within the limits [rad], shape (n, J).
+        """Requests near the given ones within the limits [rad], (n, J); the first holds the start.
 
-        From rest the first one holds the start. Without ``max_step`` they are the nearest ones,
-        with it see :func:`planner.planning.gauss_newton.keep_step`.
+        Without ``max_step`` they are the nearest, with it see :func:`gauss_newton.keep_step`.
         """
         nearest = np.array(requests, dtype=np.float64, order="C")
         limit(self.spec, nearest)
@@ -234,12 +233,7 @@ class Problem:
         return errors_of(self.spec, np.ascontiguousarray(angles))
 
     def errors_of_models(self, angles: Array) -> tuple[float, Array]:
-        """The error that counts, and errors that it comes from; inf where angles are NaN.
-
-        Over the scenarios the root mean square counts, or the worst. Second come the error in each
-        scenario, in the norm that counts, then the root mean square over samples and scenarios,
-        whichever norm counts [rad], (scenarios + 1,).
-        """
+        """The error that counts, and those it comes from: see :func:`gauss_newton.judge`."""
         errors = np.empty(len(self.weights) + 1)
         return judge(self.spec, np.ascontiguousarray(angles), errors), errors
 

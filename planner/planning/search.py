@@ -615,7 +615,7 @@ largest errors of the reference walk are two to four times as rough."""
 
 def smoothed(
     problem: Problem,  # the goal, and the limits
-    requests: Array,  # A good plan [rad], shape (n, J)
+    requests: Array,  # a good plan [rad], shape (n, J)
     *,
     best: Motion | None = None,  # the best plan, if it is another one
     # requests [rad], (n, J), to start from as well where their error is allowed; they are computed
@@ -648,11 +648,11 @@ def smoothed(
         most, heaviest = min(error, at_most), HEAVIEST * smoothness
         return Allowance(heaviest=heaviest, at_most=most, mean=max(mean, error))
 
-    smoother = [smoothest(problem, start, given.error, relative) for start in starts]
-    shaking = any(shakes(problem, each) for each in smoother)
+    answers = [smoothest(problem, start, given.error, relative) for start in starts]
+    shaking = any(shakes(problem, each) for each in answers)
     allowance = absolute(best.unseen if shaking else alike)
-    smoother += [smoothest(problem, start, given.error, allowance) for start in starts]
-    answer = min(smoother, key=problem.roughness)
+    answers += [smoothest(problem, start, given.error, allowance) for start in starts]
+    answer = min(answers, key=problem.roughness)
     return resting_at_rests(problem, answer, given.error, (relative, absolute(best.unseen)))
 
 

@@ -133,11 +133,7 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
     has no limit of the acceleration. Or the errors to expect may differ, as those of robust plans,
     and of smooth ones for a path that no joint could follow. An error of the model above that of
     the shift is no reason, since the lead is that model's, too: of nine such motions of simulated
-    servos the plan was closer in seven.
-
-    Args:
-        plan: A plan by another method.
-        shift: The best time shift for the same task.
+    servos the plan was closer in seven. The plan is one by another method for the same task.
     """
     if has_refused(plan):
         return ""
@@ -173,10 +169,6 @@ def refining_recommended(plan: Plan, shift: Plan) -> str:
     shift's, plans by this model gain little, and no log tells which of the two is closer. What the
     model lacks repeats, and is learnt: in 14 such motions of five simulated servos plans had 0.44
     to 1.37 of the best shift's error, after one measured cycle 0.04 to 0.55.
-
-    Args:
-        plan: A plan by another method.
-        shift: The best time shift for the same task.
     """
     names = []
     for j, name in enumerate(() if has_refused(plan) else plan.names):
