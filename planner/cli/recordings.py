@@ -41,10 +41,9 @@ from planner.recording.recorded_path import (
 )
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
-from planner.report.episodes_page import resent_words
+from planner.report.episodes_page import episode_results, resent_words
 from planner.report.plan_results import off_by
 from planner.report.replay_page import LOG_UNITS
-from planner.report.replay_results import episode_results
 from planner.robot.schedule import Schedule
 from planner.trajectory import Array, error_norm
 

@@ -97,8 +97,12 @@ def refine(
     from planner.files.measured import read_executed, read_measured
     from planner.model.response import load_columns
     from planner.planning.plan import joined
-    from planner.report.learning_page import learning_page
-    from planner.report.learning_results import joint_results, trials_results, trials_text
+    from planner.report.learning_page import (
+        joint_results,
+        learning_page,
+        trials_results,
+        trials_text,
+    )
 
     desired = prepare(run)
     if history is None or not Path(history).is_file():  # else the first trial has said it

@@ -131,8 +131,7 @@ def replay(
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
     from planner.cli.recordings import missed, write
-    from planner.report.replay_page import replay_page, replay_text
-    from planner.report.replay_results import fastest_results, replay_results
+    from planner.report.replay_page import fastest_results, replay_page, replay_results, replay_text
 
     fastest, page = None, ""
     with Progress() as progress:

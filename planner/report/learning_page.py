@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Page
-from planner.report.table import NOTHING, Column, Row, Table
+from planner.report.table import NOTHING, Column, Row, Table, number, text_table
 from planner.report.wording import words_of
 from planner.trajectory import Array
 
@@ -122,14 +122,14 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
 def trials_table(progress: Sequence[Trials]) -> Table:
     """The errors of all trials."""
     rows, best = [], "\nbest"
-    for number in range(max(len(each.errors) for each in progress)):
+    for trial in range(max(len(each.errors) for each in progress)):
         cells = (
-            f"{_short(each.errors[number], 4)}{best if number == each.best else ''}"
-            if number < len(each.errors)
+            f"{_short(each.errors[trial], 4)}{best if trial == each.best else ''}"
+            if trial < len(each.errors)
             else NOTHING
             for each in progress
         )
-        rows.append(Row(str(number + 1), tuple(cells)))
+        rows.append(Row(str(trial + 1), tuple(cells)))
     for about, name, kind in (
         ("predicted next", "predicted", ""),
         ("lower bound", "bound", "bound"),
@@ -144,3 +144,46 @@ def trials_table(progress: Sequence[Trials]) -> Table:
 
 def _short(value: float, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if value >= 5e-4 else "0"  # rounding
+
+
+# For machines, and as text.
+
+
+def joint_results(plan: Plan, joint: int, unit: str) -> dict[str, Any]:
+    """The next requests to a joint of a plan for machines, in "deg" or "percent"."""
+    learnt = plan.task.disturbance
+    return {
+        f"requests_{unit}": np.degrees(plan.requests[:, joint]).tolist(),
+        f"predicted_{unit}": np.degrees(plan.predicted[:, joint]).tolist(),
+        f"learnt_{unit}": None if learnt is None else np.degrees(learnt[:, joint]).tolist(),
+    }
+
+
+def trials_results(trials: Trials) -> dict[str, Any]:
+    """The trials of a joint, or of a foot, for machines."""
+    return {
+        "trials": len(trials.errors),
+        f"errors_{trials.unit}": trials.errors.tolist(),
+        f"predicted_{trials.unit}": trials.predicted,
+        f"lower_bound_{trials.unit}": trials.bound,
+        f"noise_{trials.unit}": trials.noise,
+        "gain": trials.gain,
+        "best_trial": trials.best + 1,
+        "stopped": trials.stopped or None,
+        "remarks": list(trials.remarks),
+        "sensor_delay_ms": [1e3 * delay for delay in trials.delays],
+    }
+
+
+def trials_text(progress: Sequence[Trials]) -> str:
+    """The trials of every joint, or of the foot, and remarks on them."""
+    cells, lines = [], list[str]()
+    for each in progress:
+        errors = (each.errors[0], each.errors[-1], np.min(each.errors), each.predicted)
+        bound, noise = number(each.bound, 3), f"{each.noise:.3f}"
+        cells.append([f"{each.name} [{each.unit}]", *map("{:.3f}".format, errors), bound, noise])
+        lines += [f"{each.name}: {text}" for text in each.remarks]
+        if each.stopped:
+            lines.append(f"{each.name}: learning has ended: {each.stopped}")
+    titles = ["rms error", "first", "last", "best", "predicted next", "lower bound", "noise"]
+    return "\n".join([text_table(titles, cells), *lines])

@@ -23,6 +23,7 @@ from planner.report.figure import (
 )
 from planner.report.page import Page, models_table
 from planner.report.plan_page import motions_table
+from planner.report.plan_results import errors_results
 from planner.report.table import NOTHING, Column, Row, Table, number
 from planner.report.wording import phrase, rendered_text, words_of
 from planner.trajectory import Array, Distance, error_norm
@@ -317,3 +318,85 @@ def _pair(joint: JointReplay, errors: Array) -> tuple[str, ...]:
 
 def _timeline_of(replay: Replay) -> Timeline:
     return Timeline(replay.period, len(replay.moments), cyclic=False)
+
+
+# For machines.
+
+
+def replay_results(replay: Replay, models: str, remarks: Sequence[str]) -> dict[str, Any]:
+    """A replay with ``models`` for machines, in degrees or percent; missing values are null."""
+    joints = {}
+    for joint in replay.joints:
+        unit, factor = LOG_UNITS[joint.path.unit]
+        plan = joint.inversion
+        entry: dict[str, Any] = {
+            "planned": plan is not None,
+            "reason": joint.path.reason or None,
+            "unit": unit,
+            "recorded": errors_results(joint.recorded_errors, unit, factor),
+            f"requests_{unit}": (factor * joint.requests).tolist(),
+        }
+        if plan is not None:
+            assert joint.predicted is not None, "a planned joint is simulated"
+            entry |= {
+                **{kind: errors_results(each, unit, factor) for kind, each in joint.errors.items()},
+                "best_shift_s": joint.lead,
+                f"expected_on_robot_rms_{unit}": factor * joint.expected,
+                "norm": plan.norm,
+                f"lower_bound_{unit}": factor * joint.lower_bound,
+                f"largest_step_{unit}": factor * plan.largest_step,
+                "recorded_requests_may_serve": joint in replay.resent_may_serve,
+                "untested": list(joint.untested),
+                "top_speed_known": joint.name not in replay.path.open_top_speeds,
+                "faster_than_the_joint_s": [list(span) for span in joint.too_fast],
+                f"desired_{unit}": (factor * joint.desired).tolist(),
+                f"predicted_{unit}": (factor * joint.predicted).tolist(),
+            }
+        joints[joint.name] = entry
+    return {
+        "recording": replay.path.name,
+        "track": replay.path.track,
+        "why": WHY[replay.path.track],
+        "models": models,
+        "speed": replay.speed,
+        "period_s": replay.period,
+        "requests": len(replay.moments),
+        "recorded_s": replay.path.duration,
+        "joints": joints,
+        "remarks": [*replay.path.remarks, *remarks],
+    }
+
+
+def fastest_results(fastest: Fastest) -> dict[str, Any]:
+    """The fastest replay for machines; errors over speed are the largest, times the tolerance."""
+    factor = 100.0 if fastest.foot else math.degrees(1.0)
+    unit = "cm" if fastest.foot else "deg"
+    allowed = factor * fastest.tolerance
+    impossible = fastest.impossible and {
+        "speed": fastest.impossible.speed,
+        "joint": fastest.impossible.joint,
+        f"lower_bound_{unit}": allowed * fastest.impossible.bound,
+        "of_model_only": fastest.impossible.of_model_only,
+    }
+    curve = [
+        {
+            "speed": each.speed,
+            **{
+                f"{kind}_max_{unit}": allowed * ratio
+                for kind, ratio in zip(each._fields[1:], each[1:], strict=True)
+            },
+        }
+        for each in fastest.curve
+    ]
+    return {
+        f"tolerance_{unit}": allowed,
+        "retime": fastest.retime,
+        "speed": fastest.speed,
+        "constant_speed": fastest.constant,
+        "least_factor": float(np.min(fastest.factors)),
+        "largest_factor": float(np.max(fastest.factors)),
+        f"largest_error_{unit}": allowed * fastest.largest,
+        "impossible": impossible,
+        "contradicted": list(fastest.contradicted),
+        "errors_by_speed": curve,
+    }
