@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -232,6 +232,44 @@ class Leg:
             coordinates = self.robot.configuration(pose)
             torques[sample] = -pinocchio.rnea(model, data, coordinates, *moving)[places]
         return read_only(torques + 0.0)  # no negative zero
+
+    def load_of_pose(
+        self,
+        names: Sequence[str],
+        poses: Array,
+        *,
+        dynamics: bool,
+        period: float,
+        cyclic: bool,
+    ) -> Callable[[Array], Array]:
+        """A load of the pose, as :func:`planner.plan` takes it: torques on joints by their angles.
+
+        Gravity acts in the pose of the angles. Inertia acts along ``poses``: differences of
+        predicted angles would not settle. Joints of the leg without a name here follow ``poses``.
+
+        Args:
+            names: The joints, in the order of the angles and torques.
+            poses: Angles of the leg's joints along the path [rad], shape (n, k).
+            dynamics: Whether speeds and accelerations count, or gravity alone.
+            period: Time between samples [s].
+            cyclic: Whether the path repeats for ever.
+        """
+        inside = [j for j, name in enumerate(names) if name in self.joint_names]
+        places = [self.joint_names.index(names[j]) for j in inside]
+        gravity = self.load_torques(poses)
+        inertia = np.zeros_like(gravity)
+        if dynamics:
+            inertia = (
+                self.load_torques(poses, dynamics=True, period=period, cyclic=cyclic) - gravity
+            )
+
+        def torques(angles: Array) -> Array:
+            pose, loads = poses.copy(), np.zeros(angles.shape)
+            pose[:, places] = angles[:, inside]
+            loads[:, inside] = (self.load_torques(pose) + inertia)[:, places]
+            return loads
+
+        return torques
 
     def joint_angles(self, foot: npt.ArrayLike, *, unreachable: Unreachable = "raise") -> Array:
         """Joint angles that put the foot at each point of a path: inverse kinematics.

@@ -318,6 +318,7 @@ def check(
     from tempfile import TemporaryDirectory
 
     from planner.files.joint_model import read_model_file, read_servos
+    from planner.report.calibration import recheck_answer
     from planner.robot import measure
 
     servos = read_servos(model)
@@ -349,41 +350,10 @@ def check(
                 log = measure.move(arm, name, requests, period=period, log=Path(folder, "log.csv"))
                 progress(f"{name}: comparing")
                 result = measure.recheck(models[name].requested_every(period), log)
-                changes = [
-                    *_settings_changed(servos[name].settings, settings[name]),
-                    *result.changes,
-                ]
+                registers = servos[name].settings, settings[name]
+                document[name], line = recheck_answer(name, result, *registers)
+                lines.append(line)
                 if result.holds is False:
                     outdated.append(name)
-                if result.beyond:
-                    partly = " and was not compared", ": use a longer --duration-s"
-                    changes.append(
-                        f"{100.0 * result.beyond:.0f} % of the motion is beyond the logs of the "
-                        f"calibration{partly[result.beyond == 1.0]}"
-                    )
-                error, expected = math.degrees(result.error), math.degrees(result.expected)
-                document[name] = {
-                    "holds": result.holds,
-                    "rms_deg": error,
-                    "rms_before_deg": expected,
-                    "changes": changes,
-                }
-                verdict = {True: "holds", False: "no longer holds", None: "is not judged"}
-                lines.append(
-                    f"{name}: the model {verdict[result.holds]}: misses {error:.2f} deg rms, "
-                    f"{expected:.2f} expected by its test"
-                    + "".join(f"; {change}" for change in changes)
-                )
     failure = f"calibrate {', '.join(outdated)} again" if outdated else ""
     return Answer({"joints": document}, "\n".join(lines), failure=failure)
-
-
-def _settings_changed(before: Any, now: Any) -> list[str]:
-    """Registers that have changed since the calibration."""
-    from planner.robot.arm import SETTINGS
-
-    return [
-        f"{words} is {now[key]}, and was {before[key]}"
-        for key, words in SETTINGS.items()
-        if key in before and key in now and before[key] != now[key]
-    ]

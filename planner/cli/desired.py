@@ -392,7 +392,9 @@ def _load_of(plan: settings.Plan, desired: Desired) -> Load | None:
         )
     poses = desired.angles[:, [desired.names.index(name) for name in leg.joint_names]]
     period, cyclic = desired.period, desired.cyclic
-    return load_of_masses(plan.load, leg, desired.names, poses, period=period, cyclic=cyclic)
+    return leg.load_of_pose(
+        desired.names, poses, dynamics=plan.load == "urdf-dynamics", period=period, cyclic=cyclic
+    )
 
 
 def check_felt(key: Key, models: Iterable[JointModel]) -> None:
@@ -403,29 +405,3 @@ def check_felt(key: Key, models: Iterable[JointModel]) -> None:
             " has no effect: compliance and speed_per_torque of the models are 0; identify them "
             "from logs with a load, or leave the load out",
         )
-
-
-def load_of_masses(
-    form: Literal["urdf", "urdf-dynamics"],
-    leg: Leg,
-    names: Sequence[str],
-    poses: Array,
-    *,
-    period: float,
-    cyclic: bool,
-) -> Callable[[Array], Array]:
-    """Torques on joints by their angles; the leg's other joints follow the desired poses."""
-    inside = [j for j, name in enumerate(names) if name in leg.joint_names]
-    places = [leg.joint_names.index(names[j]) for j in inside]
-    gravity = leg.load_torques(poses)
-    inertia = np.zeros_like(gravity)
-    if form == "urdf-dynamics":
-        inertia = leg.load_torques(poses, dynamics=True, period=period, cyclic=cyclic) - gravity
-
-    def torques(angles: Array) -> Array:
-        pose, loads = poses.copy(), np.zeros(angles.shape)
-        pose[:, places] = angles[:, inside]
-        loads[:, inside] = (leg.load_torques(pose) + inertia)[:, places]
-        return loads
-
-    return torques

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, Key
-from planner.cli.desired import check_felt, load_of_masses
+from planner.cli.desired import check_felt
 from planner.cli.export import FOLDERS, check_rows, write_rows
 from planner.cli.models import find_leg, load_leg, model_words
 from planner.cli.planning import search_options
@@ -218,15 +218,19 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
                 f": {name} is in shares of its range, and a pose needs angles; choose its "
                 "unit with --unit",
             )
-    form, names = plan.load, [each.name for each in planned]
+    names = [each.name for each in planned]
 
     def load_at(moments: Array) -> LoadOfPose:
         poses = [
             each.at(moments, each.angles if each.model is None else each.followed)
             for each in (by_name[name] for name in leg.joint_names)
         ]
-        return load_of_masses(
-            form, leg, names, np.column_stack(poses), period=path.period, cyclic=False
+        return leg.load_of_pose(
+            names,
+            np.column_stack(poses),
+            dynamics=plan.load == "urdf-dynamics",
+            period=path.period,
+            cyclic=False,
         )
 
     load_at(path.moments(1.0))  # refuses a URDF without masses before anything is planned

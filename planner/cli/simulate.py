@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 
 from planner.cli import options
@@ -48,10 +46,8 @@ def simulate(
     from planner.cli.desired import load_joints, repeats, starts_of
     from planner.cli.models import model_words, refused_models
     from planner.files.paths import read_joint_path
-    from planner.model.evidence import Expectation, expectation, untested_words
     from planner.model.response import simulate as simulate_joint
-    from planner.report.plan_results import verdict_results
-    from planner.trajectory import angle_distance
+    from planner.report.simulation_results import simulation_answer
 
     inputs = load_joints(requests, run)
     path = None if desired is None else read_joint_path(desired, joints=inputs.names)
@@ -72,38 +68,24 @@ def simulate(
         raise InvalidFile(requests, "no columns <joint>_load_Nm, which --load column takes", line=1)
     if load is None and inputs.loads is not None:
         warn("the load in the columns is not used: ask for it with --load column")
-    joints: dict[str, dict[str, Any]] = {}
-    columns, expected = [], list[Expectation]()
-    summary = f"{len(inputs.angles)} requests of {', '.join(inputs.names)}; "
-    summary += model_words(run.model)
+    columns = []
     for j, (name, model) in enumerate(zip(inputs.names, inputs.models, strict=True)):
-        unit, start = inputs.unit(j), rest.get(name)
-        column, joints[name] = None if loads is None else loads[:, j], {}
+        column = None if loads is None else loads[:, j]
         with about(name):
-            predicted = simulate_joint(
-                model, inputs.angles[:, j], cyclic=cyclic, start=start, load=column
+            angles = simulate_joint(
+                model, inputs.angles[:, j], cyclic=cyclic, start=rest.get(name), load=column
             )
-        columns.append(predicted)
-        if path is not None:
-            target = path.values[:, j]
-            each = expectation(
-                model.evidence, target, predicted, period=inputs.period, cyclic=cyclic, load=column
-            )
-            expected.append(each)
-            rms, largest, robot = np.degrees([*angle_distance(predicted, target), each.error])
-            joints[name] = {
-                f"rms_{unit}": float(rms),
-                f"max_{unit}": float(largest),
-                f"expected_rms_{unit}": float(robot),
-                "untested": list(each.untested),
-            }
-            summary += f"\n{name}: {rms:.3f} {unit} rms from the desired angles"
-            summary += f", {largest:.3f} {unit} at most"
-            if np.isfinite(robot):
-                summary += f"; on the robot expect about {robot:.3f} {unit} rms"
-        joints[name] |= verdict_results(model)
-        joints[name][f"angles_{unit}"] = np.degrees(predicted).tolist()
-    if expected and (words := untested_words(inputs.names, expected)):
-        summary += f"\n{words}"
+        columns.append(angles)
+    predicted = np.column_stack(columns)
+    joints, words = simulation_answer(
+        inputs.names,
+        inputs.models,
+        predicted,
+        units=inputs.planned_units,
+        desired=None if path is None else path.values,
+        cyclic=cyclic,
+        loads=loads,
+    )
+    summary = f"{len(predicted)} requests of {', '.join(inputs.names)}; {model_words(run.model)}"
     document = {"cyclic": cyclic, "period_s": inputs.period, "joints": joints}
-    return Answer(document, summary, lambda file: inputs.write(file, np.column_stack(columns)))
+    return Answer(document, summary + words, lambda file: inputs.write(file, predicted))

@@ -20,7 +20,7 @@ from planner.report.table import Column, Row, Table, number
 from planner.report.wording import words_of
 from planner.robot.arm import SETTINGS, Servo
 from planner.robot.candidates import WORDS, Compared, Way
-from planner.robot.measure import Check
+from planner.robot.measure import Check, Recheck
 
 ROLES: Mapping[Way, style.Role] = {
     "direct": style.DIRECT,
@@ -74,6 +74,34 @@ def calibration_results(
             for name, result in results.items()
         },
     }
+
+
+def recheck_answer(
+    joint: str, result: Recheck, before: Mapping[str, int], now: Mapping[str, int]
+) -> tuple[dict[str, Any], str]:
+    """Whether a model still holds, for machines and people, with the registers that changed."""
+    changes = [
+        f"{words} is {now[key]}, and was {before[key]}"
+        for key, words in SETTINGS.items()
+        if key in before and key in now and before[key] != now[key]
+    ]
+    changes += result.changes
+    if result.beyond:
+        partly = " and was not compared", ": use a longer --duration-s"
+        changes.append(
+            f"{100.0 * result.beyond:.0f} % of the motion is beyond the logs of the "
+            f"calibration{partly[result.beyond == 1.0]}"
+        )
+    error, expected = math.degrees(result.error), math.degrees(result.expected)
+    verdict = {True: "holds", False: "no longer holds", None: "is not judged"}[result.holds]
+    document = {
+        "holds": result.holds,
+        "rms_deg": error,
+        "rms_before_deg": expected,
+        "changes": changes,
+    }
+    words = f"{joint}: the model {verdict}: misses {error:.2f} deg rms, {expected:.2f} expected by"
+    return document, "; ".join([f"{words} its test", *changes])
 
 
 def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
