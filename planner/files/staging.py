@@ -23,7 +23,7 @@ from contextlib import contextmanager, suppress
 from glob import escape
 from itertools import islice
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from planner.exceptions import InvalidFile
 
@@ -63,7 +63,7 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
         target.write_bytes(content)  # output_folder names the folder where there is no room
         yield
         return
-    with _lock(target, shared=True):
+    with _lock(target, path, shared=True):
         new = _beside(target, "new")
         try:
             try:
@@ -164,14 +164,7 @@ def claimed(path: Path | str) -> Iterator[bool]:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise cannot_write(path, error) from error
-    with _lock(target, shared=False) as lock:
-        if lock == "taken":
-            raise InvalidFile(
-                path,
-                "another command is at work on it; wait until that has ended, or choose another "
-                "folder",
-            )
-        _CLAIMED[target] = lock == "held"
+    with _lock(target, path, shared=False) as _CLAIMED[target]:
         try:
             yield _CLAIMED[target]
         finally:
@@ -241,23 +234,25 @@ def _beside(target: Path, age: str) -> Path:
 
 
 @contextmanager
-def _lock(target: Path, *, shared: bool) -> Iterator[Literal["held", "taken", "none"]]:
+def _lock(target: Path, path: Path | str, *, shared: bool) -> Iterator[bool]:
     """Lock an output, exclusively or shared; the last owner removes remnants beside it.
 
     Yields:
-        Whether the lock is held, taken by another process, or not available on this file system.
+        Whether it is locked, and not on a file system without locks.
     """
     place = target.with_name(f".{target.name}.lock")
     try:
         descriptor = _locked(place, shared=shared)
-    except BlockingIOError:
-        yield "taken"
-        return
+    except BlockingIOError as error:
+        raise InvalidFile(
+            path,
+            "another command is at work on it; wait until that has ended, or choose another folder",
+        ) from error
     except OSError:  # no locks, or a folder that refuses the output as well
-        yield "none"
+        yield False
         return
     try:
-        yield "held"
+        yield True
     finally:
         with suppress(OSError):
             if shared:
