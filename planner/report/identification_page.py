@@ -67,6 +67,7 @@ def identification_page(identifications: Mapping[str, Identification]) -> Page:
 def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, Any]:
     """What the page shows of a joint: figures, tables, and numbers in the units of the page."""
     units, (error, where) = units_of(found), telling_error(found)
+    points, *_ = cloud_of(found)
 
     def angle(radians: float) -> str:
         return f"{units.factor * radians:.3g} {units.angle}"
@@ -85,7 +86,7 @@ def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, An
         "short": {row.name: row.bounds if row.rough else row.value for row in parameters(found)},
         # whether the joint may be faster than anything in the logs
         "open": math.isinf(found.intervals["v_max"].upper),
-        "saturated": saturated(found),
+        "saturated": float(np.sum(points.saturated)) / max(1, len(points.errors)),
         "speeds": cloud_figure(found, prefix),
         "parameters": parameters_table(found, page=True),
         "intervals": intervals_figure(found, prefix),
@@ -97,12 +98,6 @@ def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, An
         "rows": logs_table(found),
         "names": parameters_of([found.model.parameters()]),
     }
-
-
-def saturated(identification: Identification) -> float:
-    """Share of the measured intervals that were wholly at the top speed."""
-    points, *_ = cloud_of(identification)
-    return int(np.sum(points.saturated)) / max(1, len(points.errors))
 
 
 def units_above(table: Table) -> Table:
@@ -313,7 +308,8 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     units, noise, log = units_of(identification), identification.noise, fit.log
     times, held_out, close = log.times - log.times[0], fit.held_out, close_up(fit)
     requests, angles = units.factor * log.requests, units.factor * log.angles
-    predicted, outliers = units.factor * prediction(fit), outliers_of(fit)
+    predicted = units.factor * np.where(held_out, fit.held_out_predicted, fit.predicted)
+    outliers = np.flatnonzero(fit.used & (fit.weights < 0.5))  # which count by less than half
     residuals = angles - predicted
     above = [
         _log_curve(MEASURED, times, angles),
@@ -362,11 +358,6 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     )  # fmt: skip
 
 
-def outliers_of(fit: LogFit) -> npt.NDArray[np.intp]:
-    """The rows that the robust fit counts by less than half."""
-    return np.flatnonzero(fit.used & (fit.weights < 0.5))
-
-
 def close_up(fit: LogFit) -> npt.NDArray[np.intp]:
     """The rows of the seconds to look at closely, within the rows held out if there are any."""
     log = fit.log
@@ -378,11 +369,6 @@ def close_up(fit: LogFit) -> npt.NDArray[np.intp]:
     sums = cumulative[ends] - cumulative[:-1]
     start = index_of_largest(np.where(whole, sums, -1.0)) if whole.any() else 0
     return np.arange(start, ends[start])
-
-
-def prediction(fit: LogFit) -> Array:
-    """The prediction of each row [rad], by a model that had not seen it where there is one."""
-    return np.where(fit.held_out, fit.held_out_predicted, fit.predicted)
 
 
 def thinned(times: Array, values: Array, *, bins: int = 10_000) -> tuple[Array, Array]:

@@ -373,51 +373,39 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
 def _virtual_joints(outcome: VirtualOutcome) -> list[Figure]:
     """Figures 2 and 7, the joints under requests for the foot, and under all methods."""
     planned, plain = outcome.planned, "closed_form_plain"
-    desired = Drawn(planned.walk.desired, style.DESIRED)
     walked = {method: run.angles for method, run in outcome.runs.items()}
-    count = len(walked["direct"])
+
+    def joints(name: str, *drawn: Drawn, label: str = "", **more: Any) -> Figure:
+        desired = Drawn(planned.walk.desired, style.DESIRED, label)
+        return joints_figure(planned, name, [desired, *drawn], **more)
+
     return [
-        joints_figure(
-            planned,
+        joints(
             "joints_direct",
-            [
-                desired._replace(label="requested = desired"),
-                Drawn(walked["direct"], style.DIRECT, f"actual, {count} cycles"),
-                Drawn(planned.direct, PREDICTED),
-            ],
+            Drawn(walked["direct"], style.DIRECT, f"actual, {len(walked['direct'])} cycles"),
+            Drawn(planned.direct, PREDICTED),
+            label="requested = desired",
         ),
-        joints_figure(
-            planned,
+        joints(
             "trajectories",
-            [
-                desired,
-                Drawn(planned.requests[plain], style.REQUESTED),
-                Drawn(planned.approximations[plain], style.APPROXIMATION),
-                Drawn(walked[plain], style.PLAIN, "actual"),
-            ],
+            Drawn(planned.requests[plain], style.REQUESTED),
+            Drawn(planned.approximations[plain], style.APPROXIMATION),
+            Drawn(walked[plain], style.PLAIN, "actual"),
         ),
-        joints_figure(
-            planned,
+        joints(
             "foot_optimised_trajectories",
-            [
-                desired,
-                Drawn(outcome.runs["foot_optimal"].requests, style.REQUESTED),
-                Drawn(walked["foot_optimal"], style.FOOT_OPTIMAL, "actual"),
-                Drawn(planned.angles["foot_optimal"], PREDICTED),
-            ],
+            Drawn(outcome.runs["foot_optimal"].requests, style.REQUESTED),
+            Drawn(walked["foot_optimal"], style.FOOT_OPTIMAL, "actual"),
+            Drawn(planned.angles["foot_optimal"], PREDICTED),
             words="virtual_foot_optimised_trajectories",
         ),
-        joints_figure(
-            planned,
+        joints(
             "joints_by_method",
-            [
-                desired,
-                *(
-                    Drawn(walked[method], role, hidden=method == "optimal")
-                    for method, role in ROLES.items()
-                    if method != "shift"
-                ),
-            ],
+            *(
+                Drawn(walked[method], role, hidden=method == "optimal")
+                for method, role in ROLES.items()
+                if method != "shift"
+            ),
             words="virtual_joints_by_method",
             below=[distance_panel(planned, outcome.foot_paths)],
         ),
