@@ -284,7 +284,6 @@ def lerobot_dataset(
         from pyarrow import parquet
     tasks: dict[str, int] = {}
     episodes: list[dict[str, Any]] = []
-    figures: dict[str, list[dict[str, Any]]] = {}
     with output_folder(path, export=f"LeRobot dataset {LEROBOT_VERSION}") as folder:
         for kind in ("data", "meta/episodes"):
             (folder / kind / FILE).parent.mkdir(parents=True)
@@ -300,24 +299,22 @@ def lerobot_dataset(
                 columns = _columns(layout, values, (len(episodes), first, number))
                 table = pa.table({name: _cells(column) for name, column in columns.items()})
                 writer.write_table(table)
-                own = {name: _figures_of(column) for name, column in columns.items()}
-                for name, each in own.items():
-                    figures.setdefault(name, []).append(each)
-                place = {"chunk_index": 0, "file_index": 0}
                 episodes.append(
                     {
                         "episode_index": len(episodes),
                         "tasks": [task],
                         "length": len(table),
-                        **{f"data/{key}": value for key, value in place.items()},
+                        "data/chunk_index": 0,
+                        "data/file_index": 0,
                         "dataset_from_index": first,
                         "dataset_to_index": first + len(table),
                         **{
                             f"stats/{name}/{figure}": numbers.tolist()
-                            for name, each in own.items()
-                            for figure, numbers in each.items()
+                            for name, column in columns.items()
+                            for figure, numbers in _figures_of(column).items()
                         },
-                        **{f"meta/episodes/{key}": value for key, value in place.items()},
+                        "meta/episodes/chunk_index": 0,
+                        "meta/episodes/file_index": 0,
                     }
                 )
 
@@ -329,12 +326,11 @@ def lerobot_dataset(
         }.items():
             with (folder / "meta" / name).open("wb") as stream:
                 parquet.write_table(table, stream)
-        all_figures = {name: _of_all(each) for name, each in figures.items()}
         statistics = {
-            name: {figure: numbers.tolist() for figure, numbers in each.items()}
-            for name, each in all_figures.items()
+            name: {figure: numbers.tolist() for figure, numbers in _of_all(episodes, name).items()}
+            for name in (*layout.features, *COUNTED)
         }
-        info = _info(layout, len(episodes), int(all_figures["index"]["count"][0]), len(tasks))
+        info = _info(layout, len(episodes), episodes[-1]["dataset_to_index"], len(tasks))
         for name, content in {"info": info, "stats": statistics}.items():
             write_text(folder / f"meta/{name}.json", json.dumps(content, indent=4) + "\n")
         for name, text in (beside or {}).items():
@@ -419,13 +415,16 @@ def _figures_of(column: Any) -> dict[str, Any]:
     }
 
 
-def _of_all(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The figures of a column in several parts.
+def _of_all(episodes: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
+    """The figures of a column in all episodes.
 
     Variances add up by the parallel-axis theorem. A quantile is the mean of theirs, weighted by
     rows, as in LeRobot.
     """
-    each = {name: np.array([part[name] for part in parts]) for name in parts[0]}
+    each = {
+        figure: np.array([episode[f"stats/{name}/{figure}"] for episode in episodes])
+        for figure in ("min", "max", "mean", "std", *QUANTILES, "count")
+    }
     weights = each["count"] / each["count"].sum()
     mean = np.sum(weights * each["mean"], axis=0)
     variance = np.sum(weights * (each["std"] ** 2 + (each["mean"] - mean) ** 2), axis=0)
