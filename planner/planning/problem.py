@@ -85,35 +85,26 @@ class Problem:
 
     A scenario is one model for each joint. The same requests drive the joints of every scenario,
     and the cost is the weighted sum of their squared errors. Requests have shape (n, J) for J
-    joints, angles (n, A) with the joints of one scenario after the other.
-
-    Attributes:
-        models: The joints of the nominal scenario, then of the further scenarios, (A,).
-        desired: Desired angles, for a foot the angles that bring it nearest [rad], (n, J).
-        foot: The goal of a foot; None where the one joint should follow ``desired``.
-        cyclic, norm, max_step, smoothness, start, robust: Of the task.
-        lower, upper: Limits on the requests [rad], shape (J,) or (n, J).
-        first: From rest: the requests that hold the joints at the start [rad], shape (J,); by
-            default in the middle of the dead bands of the nominal models.
-        loads: Torque on each model's joint at each sample [N m], (A, n).
-        near: Requests near which those of a search stay [rad], (n, J); by default R* of (10).
-        weights: Weight of each scenario, together 1.
+    joints, angles (n, A) with the joints of one scenario after the other. Fields without a comment
+    are those of the task.
     """
 
-    models: tuple[JointModel, ...]
-    desired: Array
-    lower: Array
+    models: tuple[JointModel, ...]  # those of the nominal scenario, then of further ones, (A,)
+    desired: Array  # desired angles, for a foot those that bring it nearest [rad], (n, J)
+    lower: Array  # limits on the requests [rad], (J,) or (n, J)
     upper: Array
     max_step: Array
-    loads: Array
+    loads: Array  # torque on each model's joint at each sample [N m], (A, n)
     smoothness: float = 0.0
-    foot: FootGoal | None = None
+    foot: FootGoal | None = None  # None where the one joint should follow the desired angles
     cyclic: bool = True
     norm: Norm = "rms"
     start: Array | None = None
+    # from rest: the requests that hold the joints at the start [rad], (J,); by default in the
+    # middle of the dead bands of the nominal models
     first: Array | None = None
-    near: Array | None = None
-    weights: tuple[float, ...] = (1.0,)
+    near: Array | None = None  # near which requests stay [rad], (n, J); by default R* of (10)
+    weights: tuple[float, ...] = (1.0,)  # of the scenarios, together 1
     robust: Robust | None = None
 
     @property

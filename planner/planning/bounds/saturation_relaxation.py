@@ -133,21 +133,6 @@ class ScaledProblem:
     """A bound's problem in units of v_max a tick, with the common data of its relaxations.
 
     The joint has neither a dead band nor inertia.
-
-    Attributes:
-        gain: gamma = v_max / theta_0 [1/tick].
-        excess: Excess of the top speed upwards, which is missing downwards [v_max].
-        desired: D [v_max ticks], shape (n,).
-        incumbent: Error of a known plan, above that of any better response [v_max ticks].
-        norm: Which error.
-        ticks: Number of ticks.
-        sampled: Ticks at which the desired angles are compared, shape (n,).
-        fixed: Known requests, such as the first one from rest with a given start.
-        windows: Where each request acts.
-        size: Number of unknowns: angles and contributions.
-        first: First tick whose speed is known: 1 from rest.
-        work: Work so far, in nonzeros of the cone programmes of tightening.
-        most_work: Work at which the search stops.
     """
 
     def __init__(
@@ -157,21 +142,21 @@ class ScaledProblem:
         model, desired, cyclic, norm, start, _ = without_load(problem)
         unit, middle = model.v_max_per_tick, float(np.mean(desired))
         self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
-        self.gain = unit / model.theta_0
-        self.excess = model.v_offset / model.v_max
-        self.desired = (desired - middle) / unit
-        self.incumbent = incumbent / unit
-        self.work, self.most_work = 0, most_work
-        self.ticks = ticks_of(problem)
-        self.sampled = np.arange(0, self.ticks, model.hold)
+        self.gain = unit / model.theta_0  # gamma [1/tick]
+        self.excess = model.v_offset / model.v_max  # of the top speed upwards, missing downwards
+        self.desired = (desired - middle) / unit  # D, (n,)
+        self.incumbent = incumbent / unit  # error of a plan, above that of any better response
+        self.work, self.most_work = 0, most_work  # in nonzeros; the search stops at the most
+        self.ticks = ticks_of(problem)  # their number
+        self.sampled = np.arange(0, self.ticks, model.hold)  # where D is compared, (n,)
         self.start = None if start is None else (start - middle) / unit
         # From a start the first request holds the joint there.
         self.fixed: Intervals = {} if self.start is None else {0: (self.start, self.start)}
         self.pairs = acting_pairs(model, self.ticks, cyclic=cyclic)
-        self.size = self.ticks + len(self.pairs.tick)
+        self.size = self.ticks + len(self.pairs.tick)  # unknowns: angles and contributions
         self.before = (np.arange(self.ticks) - 1) % self.ticks
-        self.first = 0 if cyclic else 1
-        self.windows = {}
+        self.first = 0 if cyclic else 1  # first tick whose speed is known
+        self.windows = {}  # where each request acts
         for request in range(len(desired)):
             acts = (self.pairs.request == request) & (self.pairs.tick >= self.first)
             group = np.flatnonzero(acts)
