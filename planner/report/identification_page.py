@@ -15,7 +15,6 @@ from planner.identification.result import Identification, LogFit, SpeedPoints
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identified_joint import (
-    determined_words,
     errors_table,
     explained,
     figure,
@@ -77,7 +76,7 @@ def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, An
         "of": found,
         "anchor": re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"),
         "verdict": verdict(found),
-        "determined": determined_words(found),
+        "estimates": parameters(found),
         "profile": profile(found),
         "error": angle(error).split(" ", 1),
         "where": where,

@@ -290,28 +290,6 @@ def profile(identification: Identification) -> str:
     return ""
 
 
-def determined_words(identification: Identification) -> str:
-    """Which parameters the logs determine, in a sentence; nothing of a model that does not fit."""
-    if identification.verdict == "refused":
-        return "Its parameters say little about the joint."
-    rows = parameters(identification)
-    missing = {row.name: row.brief for row in rows if not row.determined}
-    roughly = {row.name: row.brief for row in rows if row.determined and row.rough}
-    if set(missing) == {"v_max", "theta_0"}:
-        only = " only roughly" if roughly.pop("gain", "") else ""
-        sentence = (
-            f"The logs do not reach the top speed: they determine v_max / theta_0{only}, but "
-            "neither of the two alone"
-        )
-    elif missing:
-        sentence = f"The logs do not determine: {', '.join(missing.values())}"
-    else:
-        some = f", but some only roughly: {', '.join(roughly.values())}" if roughly else ""
-        return f"The logs determine every parameter{some}."
-    rough = f"; only roughly known: {', '.join(roughly.values())}" if roughly else ""
-    return f"{sentence}{rough}."
-
-
 def telling_error(identification: Identification) -> tuple[float, str]:
     """The error on rows held out, where there are any [rad], and on which rows it was measured."""
     held_out = identification.held_out_rms is not None
