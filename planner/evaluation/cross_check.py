@@ -207,7 +207,15 @@ def cross_check(
     check_choice("level", level, LEVELS)
     levels = LEVELS[: LEVELS.index(level) + 1]
     if leg is not None:
-        _check_columns(desired, checked_leg(leg))
+        names_of_leg, count = (
+            checked_leg(leg).joint_names,
+            as_rows(desired, name="desired").shape[1],
+        )
+        if len(names_of_leg) != count:
+            raise InvalidInput(
+                f"desired: got {count} columns, expected {len(names_of_leg)}, one for each joint "
+                f"of the leg ({', '.join(names_of_leg)})"
+            )
     task = Task.of(
         model,
         desired,
@@ -242,25 +250,14 @@ def cross_check(
     return CrossCheck(joints=tuple(joints), foot=foot)
 
 
-def _check_columns(desired: npt.ArrayLike, leg: Leg) -> None:
-    """Raise InvalidInput where there is no column for each joint of the leg."""
-    count = as_rows(desired, name="desired").shape[1]
-    if len(leg.joint_names) != count:
-        raise InvalidInput(
-            f"desired: got {count} columns, expected {len(leg.joint_names)}, one for each joint of "
-            f"the leg ({', '.join(leg.joint_names)})"
-        )
-
-
 def _plans(task: Task, segments: int | None) -> dict[str, Inversion]:
-    """The plans for a joint by all methods."""
+    """The plans for a joint by all methods; one that a solver does not find is missing."""
     for rule in RULES:
         check_rule(rule, task.nominal[0])
     by_rule = closed_forms(task, RULES, segments=segments)
     plans = {f"closed_form_{rule}": plan for rule, plan in zip(RULES, by_rule, strict=True)}
     plans["optimal"] = planned(task)
-    # A solver that fails costs its plan and a check, not the comparison of the others.
-    with suppress(SolverFailed):
+    with suppress(SolverFailed):  # costs its plan and a check, not the comparison of the others
         plans[SECOND] = planned(task, solver="ipopt")
     return {method: Inversion(plan) for method, plan in plans.items()}
 
