@@ -162,7 +162,7 @@ def identify(
     free, touched = _without_contact(free, refitted(free, joints[0].fit))
     if touched:
         joints = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
-    search, stopped = _without_stops(_with_motor(free, timing, joints))
+    search, stopped = _without_stops(_searched(free, timing, joints))
     search = _weighed(search)
     if search.motor and hold_out:
         search = _with_proven_motor(search)
@@ -304,19 +304,13 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
     return tuple(free), notes
 
 
-def _with_motor(
-    logs: Sequence[Log],
-    timing: Timing,
-    plain: Sequence[_Fitted],
-    begin: Parameters | None = None,
-) -> _Search:
+def _searched(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -> _Search:
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
-    full = [_Fitted(*with_motor(*each, begin)) for each in plain]
-    k = 1 if len(full) > 1 and better(full[0].fit, full[1].fit) else 0
-    full[k] = _Fitted(*with_integral(*full[k]))
-    motor = full[k].fit is not plain[k].fit
-    bare = plain[k]._replace(fit=refitted(logs, plain[k].fit))
-    joint = full[k]._replace(fit=refitted(logs, full[k].fit)) if motor else bare
+    best = plain[1] if len(plain) > 1 and better(plain[0].fit, plain[1].fit) else plain[0]
+    full = _Fitted(*with_integral(*with_motor(*best)))
+    motor = full.fit is not best.fit
+    bare = best._replace(fit=refitted(logs, best.fit))
+    joint = full._replace(fit=refitted(logs, full.fit)) if motor else bare
     return _Search(logs, timing.ticking(joint.fit.grid.tick), bare, joint, motor)
 
 
@@ -327,11 +321,11 @@ def _without_stops(search: _Search) -> tuple[_Search, list[Finding]]:
     """
     logs, stopped = _left_out_at_stops(search.logs, search.joint.fit)
     if stopped:
-        return _searched(logs, search.timing), stopped
+        return _searched_anew(logs, search.timing), stopped
     if has_large_sag(search.joint.fit):
         logs, stopped = _left_out_at_stops(search.logs, search.plain.fit)
         if stopped:
-            rival = _searched(logs, search.timing)
+            rival = _searched_anew(logs, search.timing)
             missed = [each.joint.fit.rms / each.joint.fit.grid.signal for each in (search, rival)]
             if missed[1] < missed[0]:
                 return rival, stopped
@@ -353,30 +347,20 @@ def _left_out_at_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], li
     return tuple(free_logs), notes
 
 
-def _searched(logs: Sequence[Log], timing: Timing, begin: Parameters | None = None) -> _Search:
+def _searched_anew(logs: Sequence[Log], timing: Timing) -> _Search:
     """The joint of these logs, with known ticks."""
-    return _with_motor(logs, timing, [*map(_with_terms, fit_joint(logs, timing))], begin)
+    return _searched(logs, timing, [*map(_with_terms, fit_joint(logs, timing))])
 
 
 def _weighed(search: _Search) -> _Search:
-    """The joint fitted to rows that are weighed by the error to expect of them, where it matters.
-
-    It is sought again, and the better of the joint found so and the same one refitted is kept.
-    """
+    """The joint fitted to rows that are weighed by the error to expect of them, where it matters."""
     fit = search.joint.fit
     logs = with_weights(_log_fits(search.logs, fit, None), noise_of(fit))
     if logs is None:
         return search
-    anew = _searched(logs, search.timing, _motor_of(search))
     plain = search.plain._replace(fit=refitted(logs, search.plain.fit))
     joint = search.joint._replace(fit=refitted(logs, fit)) if search.motor else plain
-    again = search._replace(logs=logs, plain=plain, joint=joint)
-    return again if better(anew.joint.fit, again.joint.fit) else anew
-
-
-def _motor_of(search: _Search) -> Parameters | None:
-    """The motor of a search, where there is one."""
-    return search.joint.fit.parameters if search.motor else None
+    return search._replace(logs=logs, plain=plain, joint=joint)
 
 
 def _with_proven_motor(search: _Search) -> _Search:
@@ -496,7 +480,7 @@ def _held_out(
     try:
         fit, terms = _with_terms(fit_joint(known, timing)[0])
         if search.motor:
-            fit, _ = with_motor(fit, terms, _motor_of(search))
+            fit, _ = with_motor(fit, terms, search.joint.fit.parameters)
         fit = refitted(known, fit, tick=grid.tick)
         likewise = refitted(known, whole, tick=grid.tick)
         if fit.cost > (1.0 + LOST) * likewise.cost:

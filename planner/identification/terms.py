@@ -210,15 +210,14 @@ def with_motor(
     Args:
         fit: A fit with terms.
         terms: What was tried for it.
-        begin: The motor found on other rows of the joint, where the search begins, too; then no
-            wide box is searched.
+        begin: The motor found on other rows of the joint, where the search begins instead.
     """
     excerpt, loaded = _excerpt_to_search(fit), None
     if excerpt is None:
         return fit, terms
     free = fit.free | only(*MOTOR)
     known_motor = [begin] if begin else []
-    motor = _motor(fit, [*known_motor, *_beginnings(fit, excerpt, free)], free, fit.starts)
+    motor = _motor(fit, known_motor or _beginnings(fit, excerpt, free), free, fit.starts)
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
         bare, loaded = _motor_anywhere(fit, known_motor or _anywhere(fit), free)
         if _saving(fit, bare) >= SAVING:
