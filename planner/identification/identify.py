@@ -40,11 +40,9 @@ from planner.identification.intervals import (
     covariance_of,
     intervals_of,
     noise_of,
-    over_ticks,
     over_top_speeds,
     speed_bounded,
     uncertainty_of,
-    with_open_speed,
 )
 from planner.identification.judgement import (
     notes_on,
@@ -53,9 +51,9 @@ from planner.identification.judgement import (
 )
 from planner.identification.least_squares import Fit, better, least_squares, respond, sound_rms
 from planner.identification.log import Log, as_logs, check_alike, check_periods, unwrapped
-from planner.identification.parameters import Parameters, only
+from planner.identification.parameters import only
 from planner.identification.residual_patterns import (
-    Contact,
+    Held,
     contacts,
     joined,
     patterns,
@@ -84,7 +82,7 @@ from planner.identification.terms import (
     with_motor,
     with_terms,
 )
-from planner.trajectory import Array, Indices, Mask, rms
+from planner.trajectory import Array, Mask, rms
 from planner.validation import as_flag
 
 SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
@@ -112,7 +110,7 @@ MAYBE_UNLIMITED = 10.0
 them. (With slow ramps it is 2 or 3 times, with steps 60 and more.)"""
 
 LEFT_OUT = "these rows are left out"
-"""What becomes of rows in which something holds the joint."""
+"""What becomes of rows in which something holds the joint, unless these are too many."""
 
 CONTACT_ROUNDS = 3
 """How often contact is sought, each time without the rows that are known to have it."""
@@ -156,8 +154,13 @@ def identify(
     check_alike(logs)
     check_periods(logs)
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
-    free, stuck_rows = _without_stuck(logs)
-    free, timing, fits, evenly_timed = _fitted(free, tick=tick, hold=hold, choose_tick=choose_tick)
+    free, stuck_rows = _without(logs, [*map(stuck, logs)])
+    timing = timing_of(free, tick=tick, hold=hold)
+    fits = fit_joint(free, timing, choose_tick=choose_tick)
+    even = with_even_rows(free, timing, fits[-1])
+    if even is not None:
+        free, timing = even, timing_of(even, tick=tick, hold=hold)
+        fits = fit_joint(free, timing, choose_tick=choose_tick)
     joints = [*map(_with_terms, fits)]
     free, touched = _without_contact(free, refitted(free, joints[0].fit))
     if touched:
@@ -172,7 +175,7 @@ def identify(
     found = _bounded(every, fine, others)
     held = _held_out(search, found.fit, faster=found.refuted) if hold_out else None
     notes = [*notes_on(every, timing, jumps), *stuck_rows, *touched, *stopped, *found.notes]
-    if evenly_timed:
+    if even is not None:
         words = "the times of the rows jitter: rows every "
         words += f"{1e3 * timing.period:.3g} ms fit better, and are taken"
         notes.append(Finding("log", words))
@@ -197,14 +200,24 @@ class _Search(NamedTuple):
         timing: Ticks of the joint.
         plain: The joint without the terms of a motor, with the ticks on which these are sought.
         joint: The joint with them where they reduce the loss, else the same.
-        motor: Whether it has them.
     """
 
     logs: Sequence[Log]
     timing: Timing
     plain: _Fitted
     joint: _Fitted
-    motor: bool
+
+    @property
+    def motor(self) -> bool:
+        """Whether the joint has the terms of a motor."""
+        return self.joint is not self.plain
+
+    def refitted(self, logs: Sequence[Log]) -> _Search:
+        """The same joints, fitted to other rows."""
+        plain, joint = (
+            each._replace(fit=refitted(logs, each.fit)) for each in (self.plain, self.joint)
+        )
+        return self._replace(logs=logs, plain=plain, joint=joint if self.motor else plain)
 
 
 class _Bounded(NamedTuple):
@@ -220,55 +233,25 @@ class _Bounded(NamedTuple):
     notes: list[Finding]
 
 
-def _without_stuck(logs: Sequence[Log]) -> tuple[Sequence[Log], list[Finding]]:
-    """The logs, rows in which the joint is stuck as if without torque; and notes on these.
+def _without(
+    logs: Sequence[Log], held: Sequence[Sequence[Held]], whole: Sequence[Log] = ()
+) -> tuple[Sequence[Log], list[Finding]]:
+    """The logs, rows in which something holds the joint as if without torque; and notes on these.
 
-    Where most rows of a log would go they stay: then the angles are those of another joint.
+    Where most rows of a log, as it was at first, would go they stay: then something else holds the
+    joint, or the angles are those of another one.
     """
-    free_logs, notes = [], []
-    for log in logs:
-        found = stuck(log)
-        rest = _left_without(log, found, of=log)
-        free_logs.append(log if rest is None else rest)
+    kept, notes = [], []
+    for log, parts, of in zip(logs, held, whole or logs, strict=True):
+        free = log.torque_on.copy()
+        for part in parts:
+            free[part.rows] = False
+        few = np.sum(free) < MOSTLY_FREE * np.sum(of.torque_on)
+        kept.append(log if few or not parts else replace(log, torque_on=free))
         notes += [
-            Finding(
-                "log",
-                f"{log.name}: the joint does not move in {len(rows)} rows between {rows[0]} and "
-                f"{rows[-1]}, with requests up to {_farthest(log, rows)} away: something holds it, "
-                f"or its sensor stands still; {LEFT_OUT}",
-            )
-            for rows in (() if rest is None else found)
+            part.finding(log, "too many rows to leave out" if few else LEFT_OUT) for part in parts
         ]
-    return tuple(free_logs), notes
-
-
-def _farthest(log: Log, rows: Indices) -> str:
-    """The largest distance of the request from the angle in these rows, in the log's unit."""
-    return angle_in(
-        log.unit, float(np.max(np.abs(log.requests[rows] - log.angles[rows]))), digits=2
-    )
-
-
-def _left_without(log: Log, parts: Sequence[Indices], *, of: Log) -> Log | None:
-    """The log with these rows as if without torque; None where few rows of a log would be left."""
-    free = log.torque_on.copy()
-    for rows in parts:
-        free[rows] = False
-    few = np.sum(free) < MOSTLY_FREE * np.sum(of.torque_on)
-    return None if few else replace(log, torque_on=free)
-
-
-def _fitted(
-    logs: Sequence[Log], *, tick: float | None, hold: int | None, choose_tick: bool
-) -> tuple[Sequence[Log], Timing, tuple[Fit, ...], bool]:
-    """The logs, on even times where these fit better, their ticks, and the fits to them."""
-    timing = timing_of(logs, tick=tick, hold=hold)
-    fits = fit_joint(logs, timing, choose_tick=choose_tick)
-    even = with_even_rows(logs, timing, fits[-1])
-    if even is not None:
-        logs, timing = even, timing_of(even, tick=tick, hold=hold)
-        fits = fit_joint(logs, timing, choose_tick=choose_tick)
-    return logs, timing, fits, even is not None
+    return tuple(kept), notes
 
 
 def _with_terms(fit: Fit) -> _Fitted:
@@ -288,30 +271,28 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
     With these rows the fit is between what touches the joint and what does not, so that without
     them more may be found.
     """
-    grid, free = fit.grid, list(logs)
-    touched: dict[int, list[Contact]] = {}
+    free, touched = logs, [list[Held]() for _ in logs]
     for _ in range(CONTACT_ROUNDS):
         found = contacts(_log_fits(free, fit, None), noise_of(fit))
-        for k, contact in found.items():
-            rest = _left_without(free[k], [contact.rows], of=logs[k])
-            if rest is not None:
-                free[k] = rest
-                touched.setdefault(k, []).append(contact)
-        if not found:
+        if not any(found):
             break
-        fit = least_squares(resampled_like(grid, free, grid.tick), fit.parameters, free=fit.free)
-    notes = [joined(touched[k], logs[k].unit).finding(logs[k], LEFT_OUT) for k in sorted(touched)]
-    return tuple(free), notes
+        rest, _ = _without(free, found, logs)
+        for known, parts, old, new in zip(touched, found, free, rest, strict=True):
+            known += parts if new is not old else []
+        free = rest
+        fit = least_squares(
+            resampled_like(fit.grid, free, fit.grid.tick), fit.parameters, free=fit.free
+        )
+    named = zip(logs, touched, strict=True)
+    return free, [joined(parts, log.unit).finding(log, LEFT_OUT) for log, parts in named if parts]
 
 
 def _searched(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -> _Search:
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
     best = plain[1] if len(plain) > 1 and better(plain[0].fit, plain[1].fit) else plain[0]
     full = _Fitted(*with_integral(*with_motor(*best)))
-    motor = full.fit is not best.fit
-    bare = best._replace(fit=refitted(logs, best.fit))
-    joint = full._replace(fit=refitted(logs, full.fit)) if motor else bare
-    return _Search(logs, timing.ticking(joint.fit.grid.tick), bare, joint, motor)
+    found = _Search(logs, timing, best, best if full.fit is best.fit else full).refitted(logs)
+    return found._replace(timing=timing.ticking(best.fit.grid.tick))
 
 
 def _without_stops(search: _Search) -> tuple[_Search, list[Finding]]:
@@ -319,53 +300,32 @@ def _without_stops(search: _Search) -> tuple[_Search, list[Finding]]:
 
     A large sag may imitate a stop: there the joint that misses less is kept.
     """
-    logs, stopped = _left_out_at_stops(search.logs, search.joint.fit)
-    if stopped:
-        return _searched_anew(logs, search.timing), stopped
-    if has_large_sag(search.joint.fit):
-        logs, stopped = _left_out_at_stops(search.logs, search.plain.fit)
+
+    def missed(by: _Search) -> float:
+        return by.joint.fit.rms / by.joint.fit.grid.signal
+
+    plain = [search.plain] if search.motor and has_large_sag(search.joint.fit) else []
+    for each in (search.joint, *plain):
+        fits = _log_fits(search.logs, each.fit, None)
+        logs, stopped = _without(search.logs, [stops(of, noise_of(each.fit)) for of in fits])
         if stopped:
-            rival = _searched_anew(logs, search.timing)
-            missed = [each.joint.fit.rms / each.joint.fit.grid.signal for each in (search, rival)]
-            if missed[1] < missed[0]:
+            joints = [*map(_with_terms, fit_joint(logs, search.timing))]
+            rival = _searched(logs, search.timing, joints)
+            if each is search.joint or missed(rival) < missed(search):
                 return rival, stopped
     return search, []
 
 
-def _left_out_at_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
-    """The logs, rows at a mechanical stop as if without torque; and notes on these.
-
-    Where most rows of a log would go they stay: then something else holds the joint.
-    """
-    free_logs, notes = [], []
-    for each in _log_fits(logs, fit, None):
-        log, found = each.log, stops(each, noise_of(fit))
-        rest = _left_without(log, [stop.rows for stop in found], of=log)
-        free_logs.append(log if rest is None else rest)
-        fate = "too many rows to leave out" if rest is None else LEFT_OUT
-        notes += [stop.finding(log, fate) for stop in found]
-    return tuple(free_logs), notes
-
-
-def _searched_anew(logs: Sequence[Log], timing: Timing) -> _Search:
-    """The joint of these logs, with known ticks."""
-    return _searched(logs, timing, [*map(_with_terms, fit_joint(logs, timing))])
-
-
 def _weighed(search: _Search) -> _Search:
-    """The joint fitted to rows that are weighed by the error to expect of them, where it matters."""
+    """The joint fitted to rows weighed by the error to expect of them, where it matters."""
     fit = search.joint.fit
     logs = with_weights(_log_fits(search.logs, fit, None), noise_of(fit))
-    if logs is None:
-        return search
-    plain = search.plain._replace(fit=refitted(logs, search.plain.fit))
-    joint = search.joint._replace(fit=refitted(logs, fit)) if search.motor else plain
-    return search._replace(logs=logs, plain=plain, joint=joint)
+    return search if logs is None else search.refitted(logs)
 
 
 def _with_proven_motor(search: _Search) -> _Search:
     """The joint without the terms of a motor where these predict parts of the logs worse."""
-    plain, errors = search._replace(joint=search.plain, motor=False), []
+    plain, errors = search._replace(joint=search.plain), []
     for each in (plain, search):
         fit = each.joint.fit
         held = _held_out(each, fit, parts=ALIKE_PARTS)
@@ -550,13 +510,11 @@ def _answer(
     alike = resampled_like(fit.grid, some, fit.grid.tick)
     model = fit.parameters.model(tick=fine.timing.tick, hold=fine.timing.hold)
     fits = _log_fits(every, fit, held)
-    if fine.timing is search.timing:
-        intervals = all_intervals(fit, bounds, uncertainty)
-    else:
+    ticks = None
+    if fine.timing is not search.timing:
         longer = refitted(fine.logs, fine.joint.fit, tick=2.0 * fine.timing.tick)
-        bounds = with_open_speed(bounds, fit, longer, fine.joint.fit)
-        intervals = all_intervals(fit, bounds, uncertainty)
-        intervals = over_ticks(intervals, fit, longer, fine.joint.fit)
+        ticks = fine.joint.fit, longer
+    intervals = all_intervals(fit, bounds, uncertainty, ticks)
     against, exchanged = wrong_columns(alike)
     verdict, reason, findings = verdict_on(
         fit,
@@ -587,7 +545,7 @@ def _answer(
         signal=signal,
         intervals=intervals,
         gain_interval=gain,
-        covariance=covariance_of(fit, bounds, uncertainty),
+        covariance=covariance_of(fit, intervals | {"gain": gain}, uncertainty),
         correlations=correlations_of(fit, uncertainty),
         alternatives=tuple(
             Alternative(

@@ -19,12 +19,11 @@ from planner.identification.least_squares import (
     respond,
 )
 from planner.identification.parameters import (
-    COORDINATES,
     COUNT,
     PARAMETERS,
     TERMS,
     Parameters,
-    bounds_of,
+    box_of,
     model_derivatives,
     only,
 )
@@ -41,8 +40,9 @@ does not have, and that other motions have otherwise. On 29 recordings of an arm
 saturate, an unlimited top speed raises the loss by 0 to 0.18 of it, in those of the gripper that do
 by 1.3 and more (at half two top speeds count as bounded that are not)."""
 
-CERTAIN = 0.05
-"""A logarithm with a standard deviation below this is determined; no profile is asked."""
+CERTAIN = 0.1
+"""A logarithm whose 95 % interval is at most so far to either side is determined; no profile is
+asked."""
 
 WIDENING = 2.5
 """By how much each of four steps of a profile is longer than the one before; what is not refuted
@@ -60,9 +60,7 @@ FASTER = 1.4
 sought. (Of five simulated motors that few rows show at their top speed all intervals hold it, at
 1.2 and at 2 four of them.)"""
 
-GAIN = Parameters._fields.index("gain")
 V_MAX = Parameters._fields.index("v_max")
-ROWS = tuple(COORDINATES.values())
 
 
 def over_top_speeds(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
@@ -91,7 +89,7 @@ def _at_other_speeds(fit: Fit) -> list[Fit]:
     From the highest speed that the log calls for on they are all alike: the last is without limit.
     """
     free, peak, found = fit.free & ~only("v_max"), peak_command(fit), list[Fit]()
-    least = bounds_of(fit.grid)[0][V_MAX]
+    least = box_of(fit.grid).lower[V_MAX]
     for factor in (FASTER, 1.0 / FASTER):
         last, v_max = fit, fit.parameters.v_max
         while last.cost <= 2.0 * fit.cost and least < v_max < peak:
@@ -124,22 +122,8 @@ def intervals_of(
 
     They hold the parameters of ``others``, which the data does not refute.
     """
-    half = (uncertainty.quantile * uncertainty.deviations).tolist()
-    ends: dict[str, Interval] = {}
     possible = [other.parameters for other in others]
-    for name in fit.free_names:
-        index = Parameters._fields.index(name)
-        value, row, (unit, scale) = fit.parameters[index], ROWS[index], _sizes(fit, index)
-        if _certain(uncertainty, index) and not _beside_a_plain(fit, uncertainty, index):
-            end = Interval(value * math.exp(-half[index]), value * math.exp(half[index]))
-        elif row.unit is not None and half[index] * unit <= max(unit, 0.3 * scale):
-            # so narrow that the slopes at its middle hold at its ends
-            width = half[index] * unit
-            end = Interval(max(value - width, row.open_end), value + width)
-        else:
-            low, high = (_end(fit, uncertainty, index, way, possible) for way in (-1, 1))
-            end = Interval(low, high)
-        ends[name] = _open_at_the_edge(fit, index, end)
+    ends = {name: _Profile.of(fit, uncertainty, name).interval(possible) for name in fit.free_names}
     for name, end in ends.items():  # it holds what the profiles of other parameters did not refute
         values = [float(getattr(each, name)) for each in possible]
         ends[name] = Interval(min([end.lower, *values]), max([end.upper, *values]))
@@ -149,7 +133,7 @@ def intervals_of(
 def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
     """95 % interval of a term, by the covariance, in the unit of :class:`planner.JointModel`."""
     index = Parameters._fields.index(name)
-    open_end = COORDINATES[name].open_end
+    open_end = float(box_of(fit.grid).open_ends[index])
     value = float(getattr(fit.parameters.model(tick=fit.grid.tick, hold=1), TERMS[name]))
     known = np.isfinite(np.diag(uncertainty.covariance))
     way = model_derivatives(fit.grid, fit.parameters)[index, known]
@@ -158,84 +142,144 @@ def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
     return Interval(max(value - half, open_end), value + half)
 
 
-def _certain(uncertainty: Uncertainty, index: int) -> bool:
-    """Whether the covariance determines a logarithm."""
-    return ROWS[index].unit is None and bool(uncertainty.deviations[index] <= CERTAIN)
+class _Profile(NamedTuple):
+    """The loss by one parameter of a fit, the others being fitted again.
 
-
-def _beside_a_plain(fit: Fit, uncertainty: Uncertainty, index: int) -> bool:
-    """Whether the largest gain does as well, though the covariance determines it.
-
-    A joint that is at top speed nearly all the time may show a threshold in a few rows of noise,
-    beside which the loss is flat.
+    Attributes:
+        fit: The fit.
+        name: The parameter.
+        value: Its value there.
+        half: Half the width of its interval by the covariance; of the logarithm where it is one.
+        size: What is small beside it, in the same unit.
+        least: Shortest first step.
+        logarithmic: Whether it is counted by its logarithm.
+        allowed: Largest loss that does not refute a value [rad^2].
+        limits: How far it can go to either side.
+        open_ends: What to report where the data lets it go there.
     """
-    if index != GAIN or fit.parameters.v_max > peak_command(fit):
-        return False
-    at = fit.parameters._replace(gain=_limit(fit, index, 1)[0])
-    residuals = respond(fit.grid, at, fit.starts).predicted - fit.grid.angles
-    return huber(fit.grid.weights * residuals, fit.scale) <= fit.cost + rise_allowed(
-        fit, uncertainty, "gain"
-    )
 
+    fit: Fit
+    name: str
+    value: float
+    half: float
+    size: float
+    least: float
+    logarithmic: bool
+    allowed: float
+    limits: tuple[float, float]
+    open_ends: tuple[float, float]
 
-def _sizes(fit: Fit, index: int) -> tuple[float, float]:
-    """Unit of a coordinate and scale of its parameter, both in the unit of the parameter."""
-    row = ROWS[index]
-    unit = 1.0 if row.unit is None else row.unit(fit.grid)
-    return unit, row.scale(fit.grid, fit.parameters)
-
-
-def _end(
-    fit: Fit, uncertainty: Uncertainty, index: int, way: int, possible: list[Parameters]
-) -> float:
-    """Where the profile of a parameter has risen as far as its interval reaches, to one side.
-
-    The end is sought from where the covariance puts it outwards, so an interval may come out wider
-    than its profile but not narrower. What is not refuted on the way is added to ``possible``.
-    """
-    name = Parameters._fields[index]
-    allowed = fit.cost + rise_allowed(fit, uncertainty, name)
-    free, last = fit.free & ~only(name), fit
-
-    def refutes(value: float) -> bool:
-        """Whether nothing with the parameter at this value fits well enough."""
-        nonlocal last
-        held = least_squares(
-            last.grid,
-            last.parameters._replace(**{name: value}),
-            free=free,
-            starts=last.starts,
-            scale=last.scale,
-            effort=PROFILE,
-            enough=allowed,
+    @classmethod
+    def of(cls, fit: Fit, uncertainty: Uncertainty, name: str) -> _Profile:
+        """The profile of a parameter."""
+        box, index = box_of(fit.grid), Parameters._fields.index(name)
+        unit, lower, upper = (float(each[index]) for each in box)
+        logarithmic, delay = unit == 0.0, fit.parameters.whole_delay
+        size = unit or 1.0
+        if name in ("lag", "acceleration_time", "time_constant"):
+            size = delay
+        elif name in ("integral_rate", "position_integral_rate"):
+            size = 1.0 / delay
+        deviation = uncertainty.quantile * float(uncertainty.deviations[index])
+        return cls(
+            fit,
+            name,
+            fit.parameters[index],
+            deviation * (unit or 1.0),
+            size,
+            0.25 * unit or 0.02,
+            logarithmic,
+            fit.cost + rise_allowed(fit, uncertainty, name),
+            (0.0 if logarithmic else lower, math.inf if name == "v_max" else upper),
+            (float(box.open_ends[index]), math.inf),
         )
-        if math.isfinite(value):
-            last = held
-        if held.cost <= allowed:
-            possible.append(held.parameters)
-        return held.cost > allowed
 
-    value = fit.parameters[index]
-    limit, reported = _limit(fit, index, way)
-    if limit == value or (math.isinf(limit) and not refutes(limit)):
-        return reported
-    logarithmic = ROWS[index].unit is None
-    inner, step = value, _first_step(fit, uncertainty, index)
-    for _ in range(4):
-        outer = value * math.exp(way * step) if logarithmic else value + way * step
-        beyond = (outer - limit) * way >= 0.0
-        if beyond and not refutes(limit):
+    def interval(self, possible: list[Parameters]) -> Interval:
+        """The interval, open where the search ended: the covariance does not hold there.
+
+        What is not refuted on the way is added to ``possible``.
+        """
+        value, width = self.value, self.half
+        if self.logarithmic and self.certain and not self._beside_a_plain():
+            low, high = value * math.exp(-width), value * math.exp(width)
+        elif not self.logarithmic and width <= max(4.0 * self.least, 0.3 * self.size):
+            # so narrow that the slopes at its middle hold at its ends
+            low, high = max(value - width, self.open_ends[0]), value + width
+        else:
+            low, high = (self.end(side, possible) for side in (0, 1))
+        if at_edge(self.fit, self.name):
+            index = Parameters._fields.index(self.name)
+            if value >= box_of(self.fit.grid).upper[index] * (1.0 - EDGE):
+                return Interval(low, math.inf)
+            return Interval(self.open_ends[0], high)
+        return Interval(low, high)
+
+    @property
+    def certain(self) -> bool:
+        """Whether the covariance determines a logarithm."""
+        return self.logarithmic and self.half <= CERTAIN
+
+    def _beside_a_plain(self) -> bool:
+        """Whether the largest gain does as well, though the covariance determines it.
+
+        A joint that is at top speed nearly all the time may show a threshold in a few rows of
+        noise, beside which the loss is flat.
+        """
+        fit = self.fit
+        if self.name != "gain" or fit.parameters.v_max > peak_command(fit):
+            return False
+        at = fit.parameters._replace(gain=self.limits[1])
+        residuals = respond(fit.grid, at, fit.starts).predicted - fit.grid.angles
+        return huber(fit.grid.weights * residuals, fit.scale) <= self.allowed
+
+    def end(self, side: int, possible: list[Parameters]) -> float:
+        """Where the profile has risen as far as the interval reaches, below (0) or above (1).
+
+        The end is sought from where the covariance puts it outwards, so an interval may come out
+        wider than its profile but not narrower.
+        """
+        free, last = self.fit.free & ~only(self.name), self.fit
+
+        def refutes(value: float) -> bool:
+            """Whether nothing with the parameter at this value fits well enough."""
+            nonlocal last
+            held = least_squares(
+                last.grid,
+                last.parameters._replace(**{self.name: value}),
+                free=free,
+                starts=last.starts,
+                scale=last.scale,
+                effort=PROFILE,
+                enough=self.allowed,
+            )
+            if math.isfinite(value):
+                last = held
+            if held.cost <= self.allowed:
+                possible.append(held.parameters)
+            return held.cost > self.allowed
+
+        value, way = self.value, 2 * side - 1
+        limit, reported = self.limits[side], self.open_ends[side]
+        if limit == value or (math.isinf(limit) and not refutes(limit)):
             return reported
-        outer = limit if beyond else outer
-        if beyond or refutes(outer):
-            break
-        inner, step = outer, WIDENING * step
-    else:
-        return reported
-    for _ in range(BISECTIONS if inner != value or step > _wald(uncertainty, fit, index) else 0):
-        middle = math.sqrt(inner * outer) if logarithmic else (inner + outer) / 2.0
-        inner, outer = (inner, middle) if refutes(middle) else (middle, outer)
-    return outer
+        inner, step = value, 0.3 * self.size
+        if not self.certain:
+            step = min(max(self.half, self.least), step)
+        for _ in range(4):
+            outer = value * math.exp(way * step) if self.logarithmic else value + way * step
+            beyond = (outer - limit) * way >= 0.0
+            if beyond and not refutes(limit):
+                return reported
+            outer = limit if beyond else outer
+            if beyond or refutes(outer):
+                break
+            inner, step = outer, WIDENING * step
+        else:
+            return reported
+        for _ in range(BISECTIONS if inner != value or step > self.half else 0):
+            middle = math.sqrt(inner * outer) if self.logarithmic else (inner + outer) / 2.0
+            inner, outer = (inner, middle) if refutes(middle) else (middle, outer)
+        return outer
 
 
 ROUGH, ROUGH_FRICTION = 2.0, 1.2
@@ -252,24 +296,13 @@ EDGE = 1e-6
 """A parameter this close to a bound of the search, relative to it, is at the edge."""
 
 
-def at_edge(fit: Fit, index: int) -> bool:
+def at_edge(fit: Fit, name: str) -> bool:
     """Whether a parameter ended at a bound that is the search's, not the joint's."""
-    lower, upper = bounds_of(fit.grid)
-    value = fit.parameters[index]
-    low = -math.inf
-    if ROWS[index].unit is None or ROWS[index].open_end < 0.0:
-        low = lower[index]
+    index = Parameters._fields.index(name)
+    value, (unit, lower, upper) = fit.parameters[index], (each[index] for each in box_of(fit.grid))
     near = EDGE * max(abs(value), 1e-300)
-    return math.isfinite(value) and (value <= low + near or value >= upper[index] - near)
-
-
-def _open_at_the_edge(fit: Fit, index: int, interval: Interval) -> Interval:
-    """The interval; open where the search ended: the covariance does not hold there."""
-    if not at_edge(fit, index):
-        return interval
-    if fit.parameters[index] >= bounds_of(fit.grid)[1][index] * (1.0 - EDGE):
-        return Interval(interval.lower, math.inf)
-    return Interval(ROWS[index].open_end, interval.upper)
+    low = lower if unit == 0.0 or lower < 0.0 else -math.inf
+    return math.isfinite(value) and bool(value <= low + near or value >= upper - near)
 
 
 def rise_allowed(fit: Fit, uncertainty: Uncertainty, name: str) -> float:
@@ -278,36 +311,13 @@ def rise_allowed(fit: Fit, uncertainty: Uncertainty, name: str) -> float:
     return max(threshold, MISFIT * fit.cost)
 
 
-def _limit(fit: Fit, index: int, way: int) -> tuple[float, float]:
-    """How far a parameter can go to one side, and what to report where the data lets it."""
-    lower, upper = bounds_of(fit.grid)
-    if way > 0:
-        return (math.inf if index == V_MAX else upper[index]), math.inf
-    row = ROWS[index]
-    return (0.0 if row.unit is None else lower[index]), row.open_end
-
-
-def _wald(uncertainty: Uncertainty, fit: Fit, index: int) -> float:
-    """Half the width of an interval by the covariance, of the logarithm or of the parameter."""
-    unit, _ = _sizes(fit, index)
-    return uncertainty.quantile * float(uncertainty.deviations[index]) * unit
-
-
-def _first_step(fit: Fit, uncertainty: Uncertainty, index: int) -> float:
-    unit, scale = _sizes(fit, index)
-    if _certain(uncertainty, index):
-        return 0.3 * scale
-    least = 0.02 if ROWS[index].unit is None else 0.25 * unit
-    return min(max(_wald(uncertainty, fit, index), least), 0.3 * scale)
-
-
 def speed_bounded(fit: Fit) -> bool:
     """Whether the data bounds the top speed from above."""
-    return math.isfinite(_end(fit, uncertainty_of(fit), V_MAX, 1, []))
+    return math.isfinite(_Profile.of(fit, uncertainty_of(fit), "v_max").end(1, []))
 
 
 class Uncertainty(NamedTuple):
-    """Second moments of the estimate, by the coordinates of ``parameters.COORDINATES``.
+    """Second moments of the estimate, by ``parameters.coordinates_of``.
 
     Attributes:
         covariance: Shape (p, p), infinite on the diagonal where a parameter has no effect at all.
@@ -413,15 +423,29 @@ def _beside_starts(fit: Fit) -> Array:
 
 
 def all_intervals(
-    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
+    fit: Fit,
+    bounds: Mapping[str, Interval],
+    uncertainty: Uncertainty,
+    ticks: tuple[Fit, Fit] | None = None,
 ) -> dict[str, Interval]:
-    """Intervals of :data:`PARAMETERS`, and the "gain", in SI units, from those of a fit."""
+    """Intervals of :data:`PARAMETERS`, and the "gain", in SI units, from those of a fit.
+
+    The top speed is open above where its end by :func:`over_ticks` is beyond the highest speed that
+    the log calls for.
+
+    Args:
+        fit: The fit.
+        bounds: Its intervals by :func:`intervals_of`.
+        uncertainty: Its covariance.
+        ticks: The fit before its friction was taken from calm rows, and a fit to the same rows with
+            ticks twice as long; None where the ticks of the fit are those of the rows.
+    """
     known = dict(bounds)
-    for name, term in TERMS.items():
-        if name in ("asymmetry", "slowing") and name in bounds:
-            known[term] = model_interval(fit, uncertainty, name)
+    for name in ("asymmetry", "slowing"):
+        if name in bounds:
+            known[TERMS[name]] = model_interval(fit, uncertainty, name)
             if not (bounds[name].bounded and bounds["v_max"].bounded):
-                known[term] = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
+                known[TERMS[name]] = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
     limit = known.pop("acceleration", None)
     if limit is not None:
         known["max_acceleration"] = limit
@@ -429,7 +453,45 @@ def all_intervals(
             ends = model_interval(fit, uncertainty, "acceleration")
             known["max_acceleration"] = ends if limit.bounded else Interval(ends.lower, math.inf)
     known["theta_0"] = _theta_0(fit, bounds, uncertainty)
-    return {name: known[name] for name in (*PARAMETERS, "gain") if name in known}
+    known = {name: known[name] for name in (*PARAMETERS, "gain") if name in known}
+    if ticks is None:
+        return known
+    known = over_ticks(known, fit, *ticks)
+    speed = bounds["v_max"]
+    if speed.bounded and known["v_max"].upper >= peak_command(fit):
+        opened = {**bounds, "v_max": Interval(speed.lower, math.inf)}
+        return all_intervals(fit, opened, uncertainty, ticks)
+    return known
+
+
+def over_ticks(
+    intervals: Mapping[str, Interval], fit: Fit, fine: Fit, longer: Fit
+) -> dict[str, Interval]:
+    """Intervals that hold for the joint with shorter ticks, too, down to none.
+
+    What a fit with ticks twice as long differs by is what ticks make of the parameters, and by how
+    much a search in a rough loss ends beside its optimum, so that it counts to both sides.
+    """
+    at, same, coarse = (
+        vars(each.parameters.model(tick=each.grid.tick, hold=1)) | {"gain": each.parameters.gain}
+        for each in (fit, fine, longer)
+    )
+    inertia = fit.parameters.time_constant > 0.0 or math.isfinite(fit.parameters.acceleration)
+    found = dict(intervals)
+    for name, ends in intervals.items():
+        if ends.bounded:
+            factor = (ROUGH_FRICTION if name == "dead_band" else ROUGH) if inertia else 1.0
+            sizes = [at[name], same[name], coarse[name], *ends]
+            if logarithmic := name in SCALES and ends.lower > 0.0:
+                sizes = [math.log(size) for size in sizes]
+            value, by = sizes[0], abs(sizes[1] - sizes[2])
+            low, high = (value + factor * (end - value) for end in sizes[3:])
+            if logarithmic:
+                found[name] = Interval(math.exp(low - by), math.exp(high + by))
+            else:
+                least = 0.0 if ends.lower >= 0.0 else -math.inf
+                found[name] = Interval(max(low - by, least), high + by)
+    return found
 
 
 def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Interval:
@@ -440,80 +502,21 @@ def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty)
         half = uncertainty.quantile * float(np.sqrt(way @ uncertainty.covariance[:2, :2] @ way))
         value = fit.parameters.v_max / fit.parameters.gain
         if half < 1.0:
-            return Interval(value * float(np.exp(-half)), value * float(np.exp(half)))
-    upper = v_max.upper / gain.lower if gain.lower > 0.0 else np.inf
+            return Interval(value * math.exp(-half), value * math.exp(half))
+    upper = v_max.upper / gain.lower if gain.lower > 0.0 else math.inf
     return Interval(v_max.lower / gain.upper, upper)
 
 
-def over_ticks(
-    intervals: Mapping[str, Interval], fit: Fit, longer: Fit, fine: Fit
-) -> dict[str, Interval]:
-    """Intervals that hold for the joint with shorter ticks, too, down to none.
-
-    What a fit with ticks twice as long differs by is what ticks make of the parameters, and by how
-    much a search in a rough loss ends beside its optimum, so that it counts to both sides.
-
-    Args:
-        intervals: Those of :func:`all_intervals`.
-        fit: The fit that they belong to.
-        longer: A fit to the same rows with ticks twice as long as those of ``fine``.
-        fine: The fit before its friction was taken from calm rows.
-    """
-    fits = fit, longer, fine
-    models = [each.parameters.model(tick=each.grid.tick, hold=1) for each in fits]
-    at, coarse, same = (
-        vars(model) | {"gain": each.parameters.gain}
-        for model, each in zip(models, fits, strict=True)
-    )
-    found = {}
-    for name, ends in intervals.items():
-        if ends.bounded:
-            rough = ROUGH_FRICTION if name == "dead_band" else ROUGH
-            rough = rough if models[0].has_inertia else 1.0
-            if name in SCALES and ends.lower > 0.0:
-                by = abs(math.log(coarse[name] / same[name]))
-                logarithms = _wider(Interval(*map(math.log, ends)), math.log(at[name]), rough, by)
-                ends = Interval(*map(math.exp, logarithms))
-            else:
-                least = 0.0 if ends.lower >= 0.0 else -math.inf
-                ends = _wider(ends, at[name], rough, abs(coarse[name] - same[name]))
-                ends = Interval(max(ends.lower, least), ends.upper)
-        found[name] = ends
-    return found
-
-
-def with_open_speed(
-    bounds: Mapping[str, Interval], fit: Fit, longer: Fit, fine: Fit
-) -> dict[str, Interval]:
-    """Intervals of a fit, that of the top speed open above where no row tells it from a larger one.
-
-    That is where its end by :func:`over_ticks` is beyond the highest speed that the log calls for.
-    """
-    ends = bounds["v_max"]
-    if ends.bounded:
-        wide = over_ticks({"v_max": ends}, fit, longer, fine)["v_max"]
-        if wide.upper >= peak_command(fit):
-            return {**bounds, "v_max": Interval(ends.lower, math.inf)}
-    return dict(bounds)
-
-
-def _wider(ends: Interval, value: float, factor: float, by: float) -> Interval:
-    """Ends further from a value by a factor, and by a distance."""
-    lower, upper = (value + factor * (end - value) for end in ends)
-    return Interval(lower - by, upper + by)
-
-
 def covariance_of(
-    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
+    fit: Fit, intervals: Mapping[str, Interval], uncertainty: Uncertainty
 ) -> Array | None:
     """Covariance of what was fitted of :data:`PARAMETERS`, in SI units, shape (p, p)."""
-    if not all(interval.bounded for interval in bounds.values()):
-        return None
     fitted = np.ix_(fit.free, fit.free)
-    if not np.isfinite(uncertainty.covariance[fitted]).all():  # a parameter without effect
+    known = uncertainty.covariance[fitted]
+    if not (all(each.bounded for each in intervals.values()) and np.isfinite(known).all()):
         return None
     change = model_derivatives(fit.grid, fit.parameters)[fitted]
-    covariance = change @ uncertainty.covariance[fitted] @ change.T
+    covariance = change @ known @ change.T
     covariance.setflags(write=False)
     return np.asarray(covariance)
 

@@ -18,7 +18,6 @@ from planner.identification.grid import Grid, Timing, sound_rows, unequal
 from planner.identification.intervals import at_edge
 from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import GAP, Log
-from planner.identification.parameters import Parameters
 from planner.identification.result import Finding, HeldOut, Interval, angle_in
 from planner.model.evidence import PROVEN, Verdict
 from planner.trajectory import Array, rms
@@ -243,7 +242,7 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[F
             "would go, and the model probably does not fit this joint",
         )
         for name in fit.free_names
-        if at_edge(fit, Parameters._fields.index(name))
+        if at_edge(fit, name)
     ]
     return found + _undetermined_delays(fit, bounds)
 

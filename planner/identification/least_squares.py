@@ -15,7 +15,7 @@ from planner.identification.parameters import (
     BASE,
     Free,
     Parameters,
-    bounds_of,
+    box_of,
     by_friction,
     coordinates_of,
     only,
@@ -152,7 +152,7 @@ class Slopes(NamedTuple):
         of_law: By columns of :func:`planner.model.kernel.along`; the last is by the first angle of
             the row's own run, (rows, c + 1).
         change: Derivatives of these c columns' parameters by the free coordinates of
-            ``parameters.COORDINATES``, (c, p).
+            ``parameters.coordinates_of``, (c, p).
     """
 
     of_law: Array
@@ -319,8 +319,8 @@ def least_squares(
     floor = 1e-12 * max(float(np.std(grid.angles)), 1e-300)  # less are rounding errors
     if starts is None:
         starts = grid.measured_starts
-    lower, upper = bounds_of(grid)
-    begin = Parameters(*np.where(free, np.clip(begin, lower, upper), begin).tolist())
+    box = box_of(grid)
+    begin = Parameters(*np.where(free, np.clip(begin, box.lower, box.upper), begin).tolist())
     fit = _evaluated(grid, begin, starts, scale or math.inf, free)
     if scale is not None:
         return _minimised(fit, effort, enough, effort.averaging[-1])
@@ -338,7 +338,8 @@ def least_squares(
 def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> Fit:
     """The best fit at a fixed scale."""
     grid, free = begin.grid, begin.free
-    lower, upper = (coordinates_of(grid, ends)[free] for ends in bounds_of(grid))
+    ends = (Parameters(*each.tolist()) for each in box_of(grid)[1:])
+    lower, upper = (coordinates_of(grid, end)[free] for end in ends)
     radius = effort.first_step * float(np.linalg.norm(begin.weighted))
     sizes = np.zeros(len(lower))
     fit, near = begin, None

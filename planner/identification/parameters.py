@@ -7,7 +7,6 @@ A further parameter is a field of :class:`Parameters`, a row of :data:`COORDINAT
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -149,124 +148,52 @@ class Parameters(NamedTuple):
         )
 
 
-class Coordinate(NamedTuple):
-    """How the search counts a parameter, and between which bounds it looks.
+class Box(NamedTuple):
+    """How the search counts each of :class:`Parameters`, and where it looks for it, (p,) each.
 
     Attributes:
-        unit: What the coordinate counts the parameter in; None for its logarithm.
+        unit: What its coordinate counts it in; 0 where that is its logarithm.
         lower: Least value.
         upper: Largest value.
-        scale: Size beside which an interval is narrow, in the unit of the parameter; 1 for
-            logarithms.
-        open_end: Lower end of an interval that the data does not bound; the upper one is infinite.
     """
 
-    unit: Callable[[Grid], float] | None
-    lower: Callable[[Grid], float]
-    upper: Callable[[Grid], float]
-    scale: Callable[[Grid, Parameters], float] = lambda *_: 1.0
-    open_end: float = 0.0
+    unit: Array
+    lower: Array
+    upper: Array
+
+    @property
+    def open_ends(self) -> Array:
+        """Lower ends of intervals that the data does not bound; the upper ones are infinite."""
+        return np.where(self.lower < 0.0, -math.inf, 0.0)
 
 
-COORDINATES: dict[str, Coordinate] = {
-    "gain": Coordinate(
-        unit=None,
-        lower=lambda grid: 1e-3 / grid.reach,
-        upper=lambda grid: 1.9 / grid.tick,  # from 2 on the joint would not come to rest
-    ),
-    "v_max": Coordinate(  # a joint is not slower than it was seen to be, but for noise
-        unit=None,
-        lower=lambda grid: max(SEEN * grid.fastest, 1e-6 * grid.span / grid.reach),
-        upper=lambda grid: 1e3 * grid.span / grid.tick,
-    ),
-    "lag": Coordinate(
-        unit=lambda grid: grid.tick,
-        lower=lambda _: 0.0,
-        upper=lambda grid: grid.reach - grid.tick,
-        scale=lambda _, at: at.whole_delay,
-    ),
-    # Any weights on two neighbouring requests are those of some lag with a window of one tick.
-    "acceleration_time": Coordinate(
-        unit=lambda grid: grid.tick,
-        lower=lambda grid: grid.tick,
-        upper=lambda grid: grid.reach,
-        scale=lambda _, at: at.whole_delay,
-    ),
-    "offset": Coordinate(
-        unit=lambda grid: grid.span,
-        lower=lambda grid: -10.0 * grid.span,
-        upper=lambda grid: 10.0 * grid.span,
-        scale=lambda grid, _: grid.span,
-        open_end=-math.inf,
-    ),
-    "dead_band": Coordinate(
-        unit=lambda grid: grid.span,
-        lower=lambda _: 0.0,
-        upper=lambda grid: 0.5 * grid.span,
-        scale=lambda grid, _: grid.span,
-    ),
-    "asymmetry": Coordinate(
-        unit=lambda _: 1.0,
-        lower=lambda _: -MOST_ASYMMETRY,
-        upper=lambda _: MOST_ASYMMETRY,
-        open_end=-math.inf,
-    ),
-    "compliance": Coordinate(
-        unit=lambda grid: grid.span / grid.heaviest,
-        lower=lambda _: 0.0,
-        upper=lambda grid: 10.0 * grid.span / grid.heaviest,
-        scale=lambda grid, _: grid.span / grid.heaviest,
-    ),
-    "slowing": Coordinate(
-        unit=lambda grid: 1.0 / grid.heaviest,
-        lower=lambda _: 0.0,
-        upper=lambda grid: MOST_SLOWING / grid.heaviest,
-        scale=lambda grid, _: 1.0 / grid.heaviest,
-    ),
-    "sag_sin": Coordinate(
-        unit=lambda grid: grid.span,
-        lower=lambda _: -MOST_SAG,
-        upper=lambda _: MOST_SAG,
-        scale=lambda grid, _: grid.span,
-        open_end=-math.inf,
-    ),
-    "sag_cos": Coordinate(
-        unit=lambda grid: grid.span,
-        lower=lambda _: -MOST_SAG,
-        upper=lambda _: MOST_SAG,
-        scale=lambda grid, _: grid.span,
-        open_end=-math.inf,
-    ),
-    "time_constant": Coordinate(
-        unit=lambda grid: grid.tick,
-        lower=lambda _: 0.0,
-        upper=lambda grid: grid.reach,
-        scale=lambda _, at: at.whole_delay,
-    ),
-    "integral_rate": Coordinate(
-        unit=lambda grid: 1.0 / grid.reach,
-        lower=lambda _: 0.0,
-        upper=lambda grid: 0.5 / grid.tick,
-        scale=lambda _, at: 1.0 / at.whole_delay,
-    ),
-    "position_integral_rate": Coordinate(
-        unit=lambda grid: 1.0 / grid.reach,
-        lower=lambda _: 0.0,
-        upper=lambda grid: 0.5 / grid.tick,
-        scale=lambda _, at: 1.0 / at.whole_delay,
-    ),
-    "acceleration": Coordinate(
-        unit=None,
-        lower=lambda grid: 1e-3 * grid.span / grid.reach**2,
-        upper=lambda grid: 1e3 * grid.span / grid.tick**2,
-    ),
-    "play": Coordinate(
-        unit=None, lower=lambda grid: 1e-6 * grid.span, upper=lambda grid: grid.span
-    ),
-}
-"""One row for each field of :class:`Parameters`, in the same order."""
+def box_of(grid: Grid) -> Box:
+    """The box of a search on a grid."""
+    tick, reach, span, per_load = grid.tick, grid.reach, grid.span, 1.0 / grid.heaviest
+    # A joint is not slower than it was seen to be, but for noise, and from 2 / tick on it would not
+    # come to rest. Any weights on two neighbouring requests are those of a window of one tick.
+    rows: dict[str, tuple[float, float, float]] = {
+        "gain": (0.0, 1e-3 / reach, 1.9 / tick),
+        "v_max": (0.0, max(SEEN * grid.fastest, 1e-6 * span / reach), 1e3 * span / tick),
+        "lag": (tick, 0.0, reach - tick),
+        "acceleration_time": (tick, tick, reach),
+        "offset": (span, -10.0 * span, 10.0 * span),
+        "dead_band": (span, 0.0, 0.5 * span),
+        "asymmetry": (1.0, -MOST_ASYMMETRY, MOST_ASYMMETRY),
+        "compliance": (span * per_load, 0.0, 10.0 * span * per_load),
+        "slowing": (per_load, 0.0, MOST_SLOWING * per_load),
+        "sag_sin": (span, -MOST_SAG, MOST_SAG),
+        "sag_cos": (span, -MOST_SAG, MOST_SAG),
+        "time_constant": (tick, 0.0, reach),
+        "integral_rate": (1.0 / reach, 0.0, 0.5 / tick),
+        "position_integral_rate": (1.0 / reach, 0.0, 0.5 / tick),
+        "acceleration": (0.0, 1e-3 * span / reach**2, 1e3 * span / tick**2),
+        "play": (0.0, 1e-6 * span, span),
+    }
+    return Box(*np.array([rows[name] for name in Parameters._fields]).T)
 
-COUNT = len(COORDINATES)
+
+COUNT = len(Parameters._fields)
 
 TERMS = {
     "dead_band": "dead_band",
@@ -296,20 +223,22 @@ def only(*names: str) -> Free:
 
 def coordinates_of(grid: Grid, parameters: Parameters) -> Array:
     """Parameters as the search counts them, shape (p,)."""
-    pairs = zip(COORDINATES.values(), parameters, strict=True)
-    return np.array([_log(value) if c.unit is None else value / c.unit(grid) for c, value in pairs])
+    unit, values = box_of(grid).unit, np.array(parameters)
+    logarithms = np.log(values, out=np.full(COUNT, -math.inf), where=(unit == 0.0) & (values > 0.0))
+    return np.asarray(np.divide(values, unit, out=logarithms, where=unit > 0.0))
 
 
 def parameters_at(grid: Grid, coordinates: Array) -> Parameters:
     """The inverse of :func:`coordinates_of`."""
-    pairs = zip(COORDINATES.values(), coordinates.tolist(), strict=True)
-    return Parameters(*(math.exp(at) if c.unit is None else at * c.unit(grid) for c, at in pairs))
+    unit = box_of(grid).unit
+    found = np.exp(coordinates, out=np.zeros(COUNT), where=unit == 0.0)
+    return Parameters(*np.multiply(coordinates, unit, out=found, where=unit > 0.0).tolist())
 
 
 def units(grid: Grid, parameters: Parameters) -> Array:
     """Derivative of each parameter by its coordinate, shape (p,); 0 where it is infinite."""
-    pairs = zip(COORDINATES.values(), parameters, strict=True)
-    values = [value if c.unit is None else c.unit(grid) for c, value in pairs]
+    unit = box_of(grid).unit
+    values = np.where(unit > 0.0, unit, parameters)
     return np.where(np.isfinite(values), values, 0.0)
 
 
@@ -339,13 +268,3 @@ def by_friction(at: Parameters, tick: float) -> dict[str, float]:
         "dead_band": share * at.gain / tick,
         "time_constant": at.motor_by_time_constant(tick) * at.gain * at.dead_band / tick,
     }
-
-
-def bounds_of(grid: Grid) -> tuple[Parameters, Parameters]:
-    """Least and largest parameters of the search."""
-    table = COORDINATES.values()
-    return Parameters(*(c.lower(grid) for c in table)), Parameters(*(c.upper(grid) for c in table))
-
-
-def _log(value: float) -> float:
-    return math.log(value) if value > 0.0 else -math.inf

@@ -53,10 +53,19 @@ joints that touched nothing, within their friction, up to 3.)"""
 
 
 class Held(NamedTuple):
-    """Rows of a log, increasing, in which something other than its servo holds a joint."""
+    """Rows of a log in which something other than its servo holds a joint.
+
+    Attributes:
+        rows: The rows, increasing.
+        words: What holds it; "" for contact, which :func:`joined` describes.
+        places: Of contact, in how many places of rest.
+        most: Of contact, how far the joint rests beside its model there at most [rad].
+    """
 
     rows: Indices
-    words: str
+    words: str = ""
+    places: int = 0
+    most: float = 0.0
 
     def finding(self, log: Log, fate: str) -> Finding:
         """What holds it in this log, and what becomes of its rows."""
@@ -98,8 +107,8 @@ def stops(fit: LogFit, noise: float) -> list[Held]:
     return found
 
 
-def stuck(log: Log) -> list[Indices]:
-    """Rows in which a joint stays where it is while it is requested far to one side and the other.
+def stuck(log: Log) -> list[Held]:
+    """Where a joint stays where it is while it is requested far to one side and the other.
 
     Far to one side is enough if it goes there elsewhere, from the same angle.
 
@@ -118,7 +127,14 @@ def stuck(log: Log) -> list[Indices]:
         if still[part[0]] and len(part) > late and np.ptp(asked) > 0.0:
             sides = np.sort([np.max(asked), -np.min(asked)])
             if np.all(sides > np.multiply(REFUSED, travel)) or _passed(log, rows, part, length):
-                found.append(rows[part])
+                held = rows[part]
+                away = float(np.max(np.abs(log.requests[held] - log.angles[held])))
+                words = (
+                    f"the joint does not move in {len(held)} rows between {held[0]} and "
+                    f"{held[-1]}, with requests up to {angle_in(log.unit, away, digits=2)} away: "
+                    "something holds it, or its sensor stands still"
+                )
+                found.append(Held(held, words))
     return found
 
 
@@ -145,21 +161,7 @@ def _passed(log: Log, rows: Indices, part: Indices, late: int) -> bool:
     return bool(np.any(passes & (moved > near) & (error <= 0.5 * far) & outside[:-late]))
 
 
-class Contact(NamedTuple):
-    """Rows of a log in which a joint rests against something, or is pushed by it.
-
-    Attributes:
-        rows: The rows, increasing.
-        places: In how many places of rest.
-        most: How far the joint rests beside its model there at most [rad].
-    """
-
-    rows: Indices
-    places: int
-    most: float
-
-
-def joined(contacts: Sequence[Contact], unit: str) -> Held:
+def joined(contacts: Sequence[Held], unit: str) -> Held:
     """Contact of the same log, of angles in this unit, in different rows."""
     rows = np.unique(np.concatenate([contact.rows for contact in contacts]))
     count, most = sum(each.places for each in contacts), max(each.most for each in contacts)
@@ -171,8 +173,8 @@ def joined(contacts: Sequence[Contact], unit: str) -> Held:
     )
 
 
-def contacts(fits: Sequence[LogFit], noise: float) -> dict[int, Contact]:
-    """Where a joint rests much farther beside its model than in other places, by number of the log.
+def contacts(fits: Sequence[LogFit], noise: float) -> list[list[Held]]:
+    """Where a joint rests much farther beside its model than in other places, at most one each log.
 
     An arm that stands on a table, or on itself, stays there however far the request is beyond, and
     its other joints are pushed back. Friction holds a joint to both sides of the model, by the same
@@ -184,8 +186,9 @@ def contacts(fits: Sequence[LogFit], noise: float) -> dict[int, Contact]:
         noise: Standard deviation of the noise [rad].
     """
     places = [(k, rows) for k, fit in enumerate(fits) for rows in _rests(fit, noise)]
+    contacts: list[list[Held]] = [[] for _ in fits]
     if len(places) < 10:
-        return {}
+        return contacts
     beside = np.array([np.median(fits[k].residuals[rows]) for k, rows in places])
     middle = float(np.median(beside))
     usual = float(np.median(np.abs(beside - middle))) / 0.6745
@@ -193,8 +196,7 @@ def contacts(fits: Sequence[LogFit], noise: float) -> dict[int, Contact]:
     clear = max(TOUCHING * usual, CLEAR * noise, 0.01 * motion)
     touching = np.flatnonzero(np.abs(beside - middle) > clear)
     if len(touching) > 0.25 * len(places):
-        return {}
-    contacts = {}
+        return contacts
     for k in sorted({places[place][0] for place in touching.tolist()}):
         held = [place for place in touching.tolist() if places[place][0] == k]
         rows = np.zeros(len(fits[k].used), dtype=bool)
@@ -203,7 +205,7 @@ def contacts(fits: Sequence[LogFit], noise: float) -> dict[int, Contact]:
             off = way * (fits[k].residuals - middle) > 0.5 * clear
             rows[_around(off, places[place][1])] = True
         most = float(np.max(np.abs(beside[held] - middle)))
-        contacts[k] = Contact(np.flatnonzero(rows), len(held), most)
+        contacts[k].append(Held(np.flatnonzero(rows), "", len(held), most))
     return contacts
 
 

@@ -167,8 +167,7 @@ def with_terms(fit: Fit, known: tuple[Term, ...] = ()) -> tuple[Fit, tuple[Term,
     terms = {term.name: term for term in known if term.kept}
     for name in ORDER:
         if not fit.free[only(name)].any() and _shows(name, fit):
-            fit, tried = _with_term(name, fit)
-            terms |= tried
+            fit = _with_term(name, fit, terms)
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
     if fit.free[only(*SAG)].any() and has_large_sag(fit):  # it grew after it was kept
         fit = left_out(fit, SAG)
@@ -176,13 +175,10 @@ def with_terms(fit: Fit, known: tuple[Term, ...] = ()) -> tuple[Fit, tuple[Term,
     return fit, tuple(terms.values())
 
 
-def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict[str, Term]]:
-    """The fit with a term that is kept, or the same fit; and the term, and its partners.
+def _with_term(name: str, fit: Fit, terms: dict[str, Term], known: Fit | None = None) -> Fit:
+    """The fit with a term that is kept, or the same fit; it is noted, with its partners.
 
-    Args:
-        name: The term.
-        fit: The fit without it.
-        known: The fit with it, where it is known: that of an overloaded joint.
+    The fit with it is ``known`` of an overloaded joint.
     """
     trial = known or _fitted_with(name, fit)
     kept, uncertainty = pays(fit, trial), uncertainty_of(trial)
@@ -190,13 +186,25 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
         kept = kept and _sag_is_determined(trial, uncertainty)
         if known is None:
             kept = kept and not has_large_sag(trial) and _pays_beside_asymmetry(fit, trial)
-    terms = {}
     for each in (name, *PARTNERS.get(name, ())):
         interval = model_interval(trial, uncertainty, each)
         if name == "dead_band" and not kept and _any_dead_band_does(fit, trial, uncertainty):
             interval = Interval(0.0, math.inf)
-        terms[TERMS[each]] = _term(each, kept, fit, trial, interval)
-    return trial if kept else fit, terms
+        _note(terms, each, kept, fit, trial, interval)
+    return trial if kept else fit
+
+
+def _note(
+    terms: dict[str, Term], name: str, kept: bool, without: Fit, with_it: Fit, interval: Interval
+) -> None:
+    """Note what a term would bring."""
+    terms[TERMS[name]] = Term(
+        name=TERMS[name],
+        kept=kept,
+        rms_without=without.rms,
+        rms_with=with_it.rms,
+        interval=interval,
+    )
 
 
 def with_motor(
@@ -205,7 +213,8 @@ def with_motor(
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
 
     A load and a sag by the angle that were not kept are tried again beside them: they may show only
-    there. Where the fit is poor a wide box is searched, too, and with the sag.
+    there. Where the fit is poor a wide box is searched, too, and with the sag: first without a
+    sag, then, where that is new, with it.
 
     Args:
         fit: A fit with terms.
@@ -215,33 +224,34 @@ def with_motor(
     excerpt, loaded = _excerpt_to_search(fit), None
     if excerpt is None:
         return fit, terms
-    free = fit.free | only(*MOTOR)
-    known_motor = [begin] if begin else []
-    motor = _motor(fit, known_motor or _beginnings(fit, excerpt, free), free, fit.starts)
+    free, known = fit.free | only(*MOTOR), {term.name: term for term in terms}
+    motor = _motor(fit, [begin] if begin else _beginnings(fit, excerpt, free), free, fit.starts)
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
-        bare, loaded = _motor_anywhere(fit, known_motor or _anywhere(fit), free)
+        sag = only(*SAG) & ~free & fit.grid.unloaded
+        begins = [begin] if begin else _anywhere(fit)
+        bare = found = _motor(fit, begins, free | sag, fit.grid.measured_starts)
+        if (found.free & sag).any():
+            bare, loaded = left_out(found, SAG, scale=fit.scale, effort=ENOUGH), found
         if _saving(fit, bare) >= SAVING:
             motor = min(motor, bare, key=lambda each: huber(each.weighted, fit.scale))
-    known = {term.name: term for term in terms}
-    for name, found in (("compliance", None), ("slowing", None), ("sag_sin", loaded)):
+    for name, by in (("compliance", None), ("slowing", None), ("sag_sin", loaded)):
         untried = TERMS[name] in known and not known[TERMS[name]].kept
-        if untried and (found is not None or motor is not fit):
-            motor, tried = _with_term(name, motor, found)
-            known |= tried
+        if untried and (by is not None or motor is not fit):
+            motor = _with_term(name, motor, known, by)
     if motor is fit:
         return fit, terms
-    open_ends = dict.fromkeys(MOTOR, Interval(0.0, math.inf))
-    open_ends["asymmetry"] = Interval(-math.inf, math.inf)
+    ends = dict.fromkeys(MOTOR, Interval(0.0, math.inf))
+    ends["asymmetry"] = Interval(-math.inf, math.inf)
     for name in MOTOR[1:]:  # another one may pay now
         if not motor.free[only(name)].any() and _shows(name, motor):
-            motor, tried = _with_term(name, motor)
-            open_ends[name] = tried[TERMS[name]].interval
+            motor = _with_term(name, motor, known)
+            ends[name] = known[TERMS[name]].interval
     motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
     uncertainty = uncertainty_of(motor)
-    for name, interval in open_ends.items():
+    for name in MOTOR:
         kept = bool(motor.free[only(name)].any())
-        ends = model_interval(motor, uncertainty, name) if kept else interval
-        known[TERMS[name]] = _term(name, kept, fit, motor, ends)
+        interval = model_interval(motor, uncertainty, name) if kept else ends[name]
+        _note(known, name, kept, fit, motor, interval)
     return motor, tuple(known.values())
 
 
@@ -275,7 +285,7 @@ def with_integral(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, .
     for name, interval in ends.items():
         had_it, has_it = (bool(each.free[only(name)].any()) for each in (fit, found))
         if had_it != has_it or name in INTEGRALS:
-            known[TERMS[name]] = _term(name, has_it, fit, trial, interval)
+            _note(known, name, has_it, fit, trial, interval)
     return found, tuple(known.values())
 
 
@@ -289,20 +299,21 @@ def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
 
     The first is the fit itself where the second saves little.
     """
-    at, trials, sag = fit.parameters, [], SAG if fit.grid.unloaded else ()
+    at, sag = fit.parameters, SAG if fit.grid.unloaded else ()
     sag = (*sag, *(["compliance"] if _shows("compliance", fit) else []))
+    search, rate = partial(least_squares, scale=fit.scale), INTEGRAL_START / at.whole_delay
     motors = [each for each in (at, *_divisions(fit)) if each.time_constant > 0.0]
-    begins = [each._replace(dead_band=_some_dead_band(each, fit)) for each in motors]
-    search = partial(least_squares, scale=fit.scale)
-    for name in INTEGRALS:
-        starts = [each._replace(**{name: INTEGRAL_START / at.whole_delay}) for each in begins]
-        if name == "position_integral_rate":  # that of a speed loop is found without
-            starts += _integrals(fit, excerpt)
-        free = fit.free | only(name, *MOTOR, *sag)
-        trials += [
-            search(excerpt.grid, each, free=free, starts=excerpt.starts, effort=TRIAL)
-            for each in starts
-        ]
+    trials = [
+        search(
+            excerpt.grid,
+            each._replace(dead_band=_some_dead_band(each, fit), **{name: rate}),
+            free=fit.free | only(name, *MOTOR, *sag),
+            starts=excerpt.starts,
+            effort=TRIAL,
+        )
+        for name in INTEGRALS
+        for each in motors
+    ]
     best = min(trials, key=lambda each: (_imitates_drift(each.parameters), each.cost))
     best = search(fit.grid, best.parameters, free=best.free, starts=fit.starts, effort=TERM)
     if _saving(fit, best) < 0.5 * LEAST_SAVING:  # it will not save enough
@@ -346,8 +357,7 @@ def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
         if len(part.angles) < FEWEST_ROWS:
             continue
         alone = least_squares(part, at, free=only(*FRICTION), effort=TERM)
-        index = Parameters._fields.index("dead_band")
-        if alone.rms > EXPLAINED * float(np.std(part.angles)) or at_edge(alone, index):
+        if alone.rms > EXPLAINED * float(np.std(part.angles)) or at_edge(alone, "dead_band"):
             continue
         lower = model_interval(alone, uncertainty_of(alone), "dead_band").lower
         if lower > least:
@@ -362,16 +372,6 @@ def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
         scale=fit.scale,
     )
     return replace(calm, free=fit.free)
-
-
-def _term(name: str, kept: bool, without: Fit, with_it: Fit, interval: Interval) -> Term:
-    return Term(
-        name=TERMS[name],
-        kept=kept,
-        rms_without=without.rms,
-        rms_with=with_it.rms,
-        interval=interval,
-    )
 
 
 def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) -> Fit:
@@ -421,19 +421,6 @@ def _divisions(fit: Fit) -> list[Parameters]:
         )
         for constant, window, lag, gain, band in SHARES
     ]
-
-
-def _motor_anywhere(fit: Fit, begins: Sequence[Parameters], free: Free) -> tuple[Fit, Fit | None]:
-    """The best motor from these beginnings and the measured starts of the runs.
-
-    First without a sag by the angle, then, where that is new, with it.
-    """
-    grid, sag = fit.grid, only(*SAG) & ~free
-    ways = free | sag if grid.unloaded else free
-    found = _motor(fit, begins, ways, grid.measured_starts)
-    if not (found.free & sag).any():
-        return found, None
-    return left_out(found, SAG, scale=fit.scale, effort=ENOUGH), found
 
 
 def _shows(name: str, fit: Fit) -> bool:
@@ -548,7 +535,7 @@ def _sag_is_determined(fit: Fit, uncertainty: Uncertainty) -> bool:
     pair = np.flatnonzero(only(*SAG))
     sag = coordinates_of(fit.grid, fit.parameters)[pair]
     covariance = uncertainty.covariance[np.ix_(pair, pair)]
-    if any(at_edge(fit, index) for index in pair.tolist()) or not np.isfinite(covariance).all():
+    if any(at_edge(fit, name) for name in SAG) or not np.isfinite(covariance).all():
         return False
     if np.linalg.matrix_rank(covariance) < len(pair):  # no noise, or no information
         return False
@@ -753,25 +740,6 @@ def _near(fit: Fit, place: Array) -> Parameters:
         dead_band=0.01 * 200.0**band * _some_dead_band(at, fit),
         v_max=max(at.v_max, grid.fastest) * 0.8 * 4.0**top,
     )
-
-
-def _integrals(fit: Fit, excerpt: Excerpt) -> list[Parameters]:
-    """Motors with the integral of a position controller that are good on an excerpt."""
-    delay, tick = fit.parameters.whole_delay, fit.grid.tick
-
-    def joint(place: Array) -> Parameters:
-        found, (rate, by_sine, by_cosine) = _near(fit, place[:7]), place[7:].tolist()
-        found = found._replace(
-            time_constant=max(found.time_constant, tick),
-            position_integral_rate=0.01 * 200.0**rate / delay,
-        )
-        if not fit.grid.unloaded:
-            return found
-        sags = [0.5 * LARGE_SAG * (2.0 * each - 1.0) for each in (by_sine, by_cosine)]
-        return found._replace(offset=0.0, asymmetry=0.0, sag_sin=sags[0], sag_cos=sags[1])
-
-    loss, points = _screened(joint, 10, excerpt.grid, excerpt.starts, fit.scale)
-    return [joint(each) for each in _evolved(loss, points[:POPULATION], GENERATIONS)]
 
 
 class Excerpt(NamedTuple):

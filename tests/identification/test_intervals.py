@@ -182,7 +182,7 @@ def test_intervals_reach_as_far_as_longer_ticks_move_a_parameter_and_a_rough_los
             )
             for each, tick in ((coarse, 0.002), (fine, 0.001))
         )
-        found = over_ticks(ends, fit, longer, fit)
+        found = over_ticks(ends, fit, fit, longer)
         assert found.pop("v_max") == ends["v_max"]
         np.testing.assert_allclose(found.pop("gain"), expected[-1], rtol=3e-4)  # by factors
         np.testing.assert_allclose(list(found.values()), expected[:-1], atol=1e-12)
