@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -97,17 +98,8 @@ def check_angles(
     """Refuse angles in another unit, joints that do not move, and other angles than measured ones.
 
     Desired angles are refused where they are not to be expected, as in a rounded file, else only if
-    they are equal to the last digits.
-
-    Args:
-        cycles: Measured angles [rad], (cycles, n, k).
-        requests: Executed requests [rad], (n, k).
-        desired: Desired angles [rad], (n, k).
-        modelled: Angles of the models under the requests [rad], (n, k).
-        expected: The same plus the disturbance of the trial before [rad], (n, k).
-
-    Raises:
-        InvalidTrajectory: The angles cannot be those of the joints.
+    they are equal to the last digits. Cycles are (cycles, n, k), the others (n, k), all in rad;
+    those expected are the modelled ones plus the disturbance of the trial before.
     """
     moved = modelled - modelled.mean(axis=0)
     power = float(np.vdot(moved, moved))
@@ -154,17 +146,8 @@ def check_trial(
 
     A motion is another one where it is farther from the modelled angles than that of a joint that
     does not move. Learning from it could not converge: a correction by the model would be off by
-    more than the whole of it.
-
-    Args:
-        cycles: Measured angles [rad], (cycles, n, k), the sensors' delays taken off.
-        modelled: Angles of the models under the executed requests [rad], (n, k).
-        trials: The trials before.
-        before: Angles of the models in each of them [rad], (n, k).
-
-    Raises:
-        InvalidTrajectory: They are of another motion, or of an earlier trial whose requests
-            differ by the model.
+    more than the whole of it. ``modelled`` and ``before`` are the angles of the models in this and
+    in earlier trials [rad], (n, k).
     """
     away = np.std(cycles.mean(axis=0) - modelled, axis=0)
     resting = np.std(modelled, axis=0)
@@ -202,20 +185,18 @@ is taken for a sensor's, and not learnt."""
 
 def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float]:
     """The delay to take off the measured angles (cycles, n, k) of each joint [s]: a sensor's."""
+    removed = []
     delays = delays_of(joints, cycles, modelled, [0.0] * len(joints.models))
     for j, (delay, model) in enumerate(zip(delays, joints.models, strict=True)):
-        if delay.share >= OF_SENSOR and -delay.seconds > model.latency:
+        seconds = delay.seconds if delay.share >= OF_SENSOR else 0.0
+        if -seconds > model.latency:
             raise InvalidTrajectory(
-                f"measured: the angles of {_joint(j, modelled)} come {-1e3 * delay.seconds:.3g} ms "
+                f"measured: the angles of {_joint(j, modelled)} come {-1e3 * seconds:.3g} ms "
                 f"earlier than the model's, and its latency is {1e3 * model.latency:.3g} ms: no "
                 "joint answers before its request; are requests and measured angles exchanged?"
             )
-    return [
-        delay.seconds
-        if delay.share >= OF_SENSOR and delay.seconds > OF_JOINT * model.latency
-        else 0.0
-        for delay, model in zip(delays, joints.models, strict=True)
-    ]
+        removed.append(seconds if seconds > OF_JOINT * model.latency else 0.0)
+    return removed
 
 
 def delays_of(
@@ -280,12 +261,9 @@ def later(angles: Array, seconds: float, period: float, *, cyclic: bool) -> Arra
 def pure_delay(
     measured: Array, modelled: Array, period: float, *, cyclic: bool
 ) -> tuple[float, float]:
-    """The delay of the measured angles behind the modelled ones that explains most.
+    """The delay of the measured angles (n,) behind the modelled ones that explains most [s].
 
-    Both (n,) [rad]; a constant difference is left out of it.
-
-    Returns:
-        The delay [s], and the share of the squared disturbance about its mean that it explains.
+    And the share of the squared disturbance about its mean that it explains.
     """
 
     def unexplained(seconds: float) -> float:
@@ -320,17 +298,13 @@ correction by the model could make the error larger."""
 
 
 def _transforms(*, cyclic: bool) -> tuple[Any, Any]:
-    """To the orthonormal spectrum and back: of Fourier in a cycle, else of cosines."""
-    return (fft.rfft, fft.irfft) if cyclic else (fft.dct, fft.idct)
+    """To the orthonormal spectrum of axis -2 and back: of Fourier in a cycle, else of cosines.
 
-
-def _power(rows: Array, *, cyclic: bool) -> Array:
-    """Squares of the spectrum along axis -2.
-
-    White noise of variance s^2 has the mean power s^2 at every frequency.
+    The squares of that of white noise of variance s^2 have the mean s^2 at every frequency.
     """
-    forward, _ = _transforms(cyclic=cyclic)
-    return np.asarray(np.abs(forward(rows, norm="ortho", axis=-2)) ** 2)
+    pair: tuple[Any, Any] = (fft.rfft, fft.irfft) if cyclic else (fft.dct, fft.idct)
+    forward, backward = (partial(each, norm="ortho", axis=-2) for each in pair)
+    return forward, backward
 
 
 def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
@@ -345,14 +319,15 @@ def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
         error: Disturbance of one cycle, or of the mean of several [rad], (n, k).
         cyclic: Whether these are cycles, or motions from rest.
     """
-    powers = _power(error, cyclic=cyclic)
+    forward, _ = _transforms(cyclic=cyclic)
+    powers = np.abs(forward(error)) ** 2
     upper = powers[len(powers) // 2 :]
     median = math.log(2.0) if cyclic else 0.4549  # of a power of mean 1, chi-square distributed
     floor = np.broadcast_to(np.median(upper, axis=0) / median, powers.shape)
     spread, freedom = np.zeros_like(powers), 0
     for measured in trials:
         away = measured - measured.mean(axis=0)
-        spread += _power(away, cyclic=cyclic).sum(axis=0)
+        spread += np.sum(np.abs(forward(away)) ** 2, axis=0)
         freedom += len(measured) - 1
     if not freedom:
         return np.array(floor)
@@ -387,12 +362,11 @@ def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyc
         cyclic: Whether it repeats.
     """
     forward, backward = _transforms(cyclic=cyclic)
-    spectrum = forward(innovation, norm="ortho", axis=0)
+    spectrum = forward(innovation)
     power = averaged(np.abs(spectrum) ** 2, 2)
     shrinkage = 1.0 - NOISE_REMOVED * noise / np.maximum(power, np.finfo(np.float64).tiny)
     count = len(innovation)
     hertz = np.arange(len(spectrum)) / ((1 if cyclic else 2) * count * models[0].period)
     late = LATENCY_ERROR * np.array([model.latency for model in models])
     trust = np.cos(np.minimum(2.0 * np.pi * np.outer(hertz, late), np.pi / 2.0))
-    found = backward(trust * np.maximum(shrinkage, 0.0) * spectrum, n=count, norm="ortho", axis=0)
-    return np.asarray(found)
+    return np.asarray(backward(trust * np.maximum(shrinkage, 0.0) * spectrum, n=count))

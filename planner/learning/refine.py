@@ -313,14 +313,8 @@ def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
     """The plan with a shorter change from a trial's requests, where that lowers the expected error.
 
     Limits are convex: requests on the straight line between two that keep them do so too. From
-    requests that break them the change is whole.
-
-    Args:
-        plan: The plan.
-        base: The trial.
-        saving: By how much the change lowers the error, by the models, in the plan's norm: a
-            shorter one in proportion.
-        missed: What the joint is not expected to follow of the change, likewise.
+    requests that break them the change is whole. By the models it saves so much of the error, a
+    shorter one in proportion; the joint is not expected to follow what it misses.
     """
     breaks = not plan.task.keeps(base.requests, rounding=SAME_REQUESTS)
     if breaks or saving <= 0.0 or missed == 0.0:
@@ -446,18 +440,10 @@ def reidentified(
 ) -> tuple[Plan, tuple[int, ...], list[str]]:
     """The plan with the models that the trials identify anew, where these predict better.
 
-    Where the requests for such a model make the error larger, they are given up as all requests
-    that do. (The model before was taken up again once: on none of 18 joints and servos of the
-    benchmark did that happen in ten trials.)
-
-    Args:
-        joints: The plan that was executed.
-        trials: All trials, the last one of its requests.
-        since: The trial after which the model of each joint was changed last, (k,).
-        noise: Standard deviation of one cycle's noise [rad], (k,).
-
-    Returns:
-        The plan, the trials after which its models were changed last, and remarks.
+    With the trial after which the model of each joint was changed last, (k,), and remarks. Where
+    the requests for such a model make the error larger, they are given up as all requests that do.
+    (The model before was taken up again once: on none of 18 joints and servos of the benchmark did
+    that happen in ten trials.) ``noise`` is the standard deviation of one cycle's [rad], (k,).
     """
     models, last, remarks = list(joints.models), list(since), list[str]()
     for j, model in enumerate(joints.models):
@@ -500,8 +486,16 @@ def better_model(
         return rms(last - first + angles - target)
 
     def identified(data: Sequence[tuple[Array, Array]]) -> JointModel | None:
+        """The model of these trials; a top speed that they do not show remains as it was."""
         logs = [_log(model, *each, cyclic=cyclic, load=load) for each in data[-FITTED_TRIALS:]]
-        return _identified(model, logs)
+        result = identify(logs, tick=model.tick, hold=model.hold, hold_out=False)
+        if not result.accepted:
+            return None
+        found = replace(result.model, tick=model.tick)
+        if not result.saturates and found.v_max < model.v_max:
+            stretch = model.v_max / found.v_max
+            found = replace(found, v_max=model.v_max, theta_0=found.theta_0 * stretch)
+        return found
 
     try:
         now, random = missed(model), noise / math.sqrt(trials[-1].cycles)
@@ -530,15 +524,3 @@ def _log(
         load=None if load is None else load[rows],
         name="executed cycles",
     )
-
-
-def _identified(model: JointModel, logs: Sequence[Log]) -> JointModel | None:
-    """The model of the logs; a top speed that they do not show remains as it was."""
-    result = identify(logs, tick=model.tick, hold=model.hold, hold_out=False)
-    if not result.accepted:
-        return None
-    candidate = replace(result.model, tick=model.tick)
-    if not result.saturates and candidate.v_max < model.v_max:
-        stretch = model.v_max / candidate.v_max
-        candidate = replace(candidate, v_max=model.v_max, theta_0=candidate.theta_0 * stretch)
-    return candidate
