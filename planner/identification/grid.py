@@ -203,6 +203,7 @@ class Grid:
             the angle.
         burn_in: How much of a piece is left out at its start [s].
         settled: Pieces of which nothing is left out.
+        logs: The logs.
     """
 
     tick: float
@@ -223,6 +224,7 @@ class Grid:
     unloaded: bool
     burn_in: float
     settled: frozenset[Place]
+    logs: tuple[Log, ...]
 
     @cached_property
     def track(self) -> Track:
@@ -496,6 +498,7 @@ def resampled(
         unloaded=all(log.load is None and log.unit == "rad" for log in logs),
         burn_in=burn_in,
         settled=frozenset(settled),
+        logs=tuple(logs),
     )
 
 

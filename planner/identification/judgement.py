@@ -104,7 +104,10 @@ def verdict_on(
     useless = missed > POOR and fit.rms > NO_BETTER * mere
     fits = missed <= REFUSED and not useless
     # Findings from which all others follow
-    if not fits and _at_random(fit, signal):
+    angles, run, at = fit.grid.angles, fit.grid.run, fit.parameters
+    steps = np.diff(angles)[run[1:] == run[:-1]]  # of noise as large as the motion
+    chance = 1.0 - 2.0 / math.sqrt(len(angles))
+    if not fits and rms(steps) ** 2 / 2.0 >= chance * signal**2:
         words = (
             "this log holds no motion of the joint: its angles change from row to row at random, "
             f"by {angle(signal)} (rms); is the torque on, and is this the right column?"
@@ -117,7 +120,7 @@ def verdict_on(
     scale = _other_scale(fit.grid, unit)
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
-    beaten, span = ours > SIMPLER_WINS * others[name], float(np.ptp(fit.grid.angles))
+    beaten, span = ours > SIMPLER_WINS * others[name], float(np.ptp(angles))
     notes = [*shaken]
     if held is not None and held.beyond:
         words = (
@@ -182,31 +185,19 @@ def verdict_on(
         why = f"{of_test}a pure delay has {100.0 * delay / ours:.0f} % of the model's error"
     elif any(doubts.values()):
         verdict, why = "usable", "; ".join(words for words, doubted in doubts.items() if doubted)
-    else:
-        why += _not_found(fit)
+    else:  # many joints have these: motion that calls for them is untested
+        gravity = fit.grid.unloaded and at.sag_sin == at.sag_cos == 0.0
+        if at.dead_band == 0.0:
+            none = "neither dry friction nor gravity" if gravity else "no dry friction"
+            why += f"; the log shows {none}"
+        elif gravity:
+            why += "; the log shows no gravity"
     return verdict, Finding("fit", why), notes
 
 
 def _refused(why: str, note: Finding) -> tuple[Verdict, Finding, list[Finding]]:
     """The answer of :func:`verdict_on` where a finding makes the fit meaningless."""
     return "refused", Finding(note.topic, why), [note]
-
-
-def _not_found(fit: Fit) -> str:
-    """What many joints have and this one does not show: motion that calls for it is untested."""
-    at = fit.parameters
-    gravity = fit.grid.unloaded and at.sag_sin == at.sag_cos == 0.0
-    if at.dead_band == 0.0:
-        none = "neither dry friction nor gravity" if gravity else "no dry friction"
-        return f"; the log shows {none}"
-    return "; the log shows no gravity" if gravity else ""
-
-
-def _at_random(fit: Fit, signal: float) -> bool:
-    """Whether the angles change from row to row at random, as the noise at a resting joint does."""
-    angles, run = fit.grid.angles, fit.grid.run
-    steps = np.diff(angles)[run[1:] == run[:-1]]
-    return bool(rms(steps) ** 2 / 2.0 >= (1.0 - 2.0 / math.sqrt(len(angles))) * signal**2)
 
 
 def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[Finding]:
@@ -234,28 +225,20 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[F
             "small steps, or slow motion, in which the joint does not saturate"
         )
         found.append(Finding("threshold", words))
-    found += [
-        Finding(
-            "search",
-            f"{name} ended at the edge of the search, at "
-            f"{_in_unit(name, getattr(at, name), unit)}: the logs do not say how much further it "
-            "would go, and the model probably does not fit this joint",
-        )
-        for name in fit.free_names
-        if at_edge(fit, name)
-    ]
-    return found + _undetermined_delays(fit, bounds)
-
-
-def _in_unit(name: str, value: float, unit: str) -> str:
-    """A parameter of a fit in words: angles in the unit of the log, times in ms."""
-    if name in ("lag", "acceleration_time", "time_constant"):
-        return f"{1e3 * value:.3g} ms"
-    others = {"gain": "per second", "asymmetry": "times v_max", "slowing": "times v_max per N m"}
-    if name in others:
-        return f"{value:.3g} {others[name]}"
+    times = ("lag", "acceleration_time", "time_constant")
+    shares = {"gain": "per second", "asymmetry": "times v_max", "slowing": "times v_max per N m"}
     per = {"v_max": "/s", "acceleration": "/s^2", "compliance": "/(N m)"}
-    return angle_in(unit, value, per.get(name, ""))
+    for name in fit.free_names:
+        if at_edge(fit, name):
+            value = getattr(at, name)
+            size = f"{1e3 * value:.3g} ms" if name in times else angle(value, per.get(name, ""))
+            words = (
+                f"{name} ended at the edge of the search, at "
+                f"{f'{value:.3g} {shares[name]}' if name in shares else size}: the logs do not say "
+                "how much further it would go, and the model probably does not fit this joint"
+            )
+            found.append(Finding("search", words))
+    return found + _undetermined_delays(fit, bounds)
 
 
 def is_loose(tick: float, width: float, value: float) -> bool:
@@ -283,7 +266,13 @@ def _undetermined_delays(fit: Fit, bounds: Mapping[str, Interval]) -> list[Findi
                 else f"{name} lies anywhere between {ends[name]}: record sudden steps to tell it "
                 "from other delays"
             )
-    if words and _sudden(fit.grid) and all(bounds[name].bounded for name in ends):
+    # Sudden are requests most of whose way is in steps, or that have six steps between rests: more
+    # would show no more. The signal that ``excite`` proposes has 12.
+    steps = np.abs(np.diff(fit.grid.requests))
+    jumps, rests = steps >= 0.1 * fit.grid.span, np.diff(fit.grid.edges) >= 0.2  # [s]
+    sudden = np.sum(steps[jumps]) > 0.5 * np.sum(steps)
+    sudden |= np.sum(jumps[:-1] & rests[:-1] & rests[1:]) >= 6
+    if words and sudden and all(bounds[name].bounded for name in ends):
         late = at.lag + at.acceleration_time / 2.0 + at.time_constant
         if float(np.median(np.diff(fit.grid.times))) <= late:
             return []
@@ -296,25 +285,10 @@ def _undetermined_delays(fit: Fit, bounds: Mapping[str, Interval]) -> list[Findi
     return [Finding("delays", each) for each in words]
 
 
-def _sudden(grid: Grid) -> bool:
-    """Whether most of the way that requests go is in sudden steps, or six lie between rests.
-
-    More of them would show no more of the delays. The signal that ``excite`` proposes has 12.
-    """
-    steps = np.abs(np.diff(grid.requests))
-    sudden = steps >= 0.1 * grid.span
-    rests = np.diff(grid.edges) >= 0.2  # [s]
-    alone = sudden[:-1] & rests[:-1] & rests[1:]
-    return bool(np.sum(steps[sudden]) > 0.5 * np.sum(steps) or np.sum(alone) >= 6)
-
-
 def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[Finding]:
     """What is odd about the logs themselves.
 
-    Args:
-        logs: The logs.
-        timing: Their ticks.
-        jumps: For each log, how often its angles, or else its requests, started again after a turn.
+    ``jumps`` is for each log how often its angles, or else its requests, started after a turn anew.
     """
     words = []
     periods = [1e3 * log.period for log in logs]

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.identification.fit import ROUNDED, peak_command
-from planner.identification.grid import Grid, resampled
+from planner.identification.grid import Grid, resampled, resampled_like
 from planner.identification.intervals import (
     Uncertainty,
     at_edge,
@@ -50,7 +50,7 @@ from planner.identification.parameters import (
     only,
 )
 from planner.identification.result import Interval, Term
-from planner.trajectory import Array, Indices, Mask, rms
+from planner.trajectory import Array, rms
 
 ORDER = ("time_constant", "dead_band", "compliance", "slowing", "sag_sin", "asymmetry")
 """In which order the terms are tried, each beside those that were kept before it."""
@@ -228,7 +228,7 @@ def with_motor(
     motor = _motor(fit, [begin] if begin else _beginnings(fit, excerpt, free), free, fit.starts)
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
         sag = only(*SAG) & ~free & fit.grid.unloaded
-        begins = [begin] if begin else _anywhere(fit)
+        begins = [begin] if begin else _anywhere(fit, excerpt)
         bare = found = _motor(fit, begins, free | sag, fit.grid.measured_starts)
         if (found.free & sag).any():
             bare, loaded = left_out(found, SAG, scale=fit.scale, effort=ENOUGH), found
@@ -294,7 +294,7 @@ def _imitates_drift(at: Parameters) -> bool:
     return 0.0 < at.integral_rate < LEAST_RATE / at.whole_delay
 
 
-def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
+def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit]:
     """The best fits of a motor, with the terms of (16a): without and with an integral.
 
     The first is the fit itself where the second saves little.
@@ -305,10 +305,9 @@ def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
     motors = [each for each in (at, *_divisions(fit)) if each.time_constant > 0.0]
     trials = [
         search(
-            excerpt.grid,
+            excerpt,
             each._replace(dead_band=_some_dead_band(each, fit), **{name: rate}),
             free=fit.free | only(name, *MOTOR, *sag),
-            starts=excerpt.starts,
             effort=TRIAL,
         )
         for name in INTEGRALS
@@ -575,14 +574,8 @@ def backlash_of(fit: Fit) -> Backlash | None:
     free, at = fit.free | only("dead_band", "time_constant"), fit.parameters
 
     def fitted(begin: Parameters, effort: Effort) -> Fit:  # what begins without stays without
-        return least_squares(
-            excerpt.grid,
-            begin,
-            free=free | only("play") if begin.play > 0.0 else free,
-            starts=excerpt.starts,
-            scale=fit.scale,
-            effort=effort,
-        )
+        ways = free | only("play") if begin.play > 0.0 else free
+        return least_squares(excerpt, begin, free=ways, scale=fit.scale, effort=effort)
 
     def best(begins: Iterable[Parameters]) -> Fit:
         trials = (fitted(begin, TRIAL) for begin in begins)
@@ -594,13 +587,15 @@ def backlash_of(fit: Fit) -> Backlash | None:
     found = best(each._replace(play=size) for each in (bare.parameters, divided) for size in sizes)
     if _saving(bare, found) >= SAVING:  # or is there a better optimum without it
         bare = min(bare, fitted(found.parameters._replace(play=0.0), ENOUGH), key=lambda f: f.cost)
-    motion, play = float(np.std(excerpt.grid.angles)), found.parameters.play
+    motion, play = float(np.std(excerpt.angles)), found.parameters.play
     named = _saving(bare, found) >= SAVING
     if not (named and found.rms <= EXPLAINED * motion and play <= MOST_PLAY * motion):
         return None
-    difference, gained = np.zeros((2, len(excerpt.compared)))
-    difference[excerpt.compared] = np.abs(found.residuals - bare.residuals)
-    gained[excerpt.compared] = bare.residuals**2 - found.residuals**2
+    places = zip(excerpt.places, fit.grid.places, strict=True)
+    compared = np.concatenate([used[rows] for used, rows in places])
+    difference, gained = np.zeros((2, len(compared)))
+    difference[compared] = np.abs(found.residuals - bare.residuals)
+    gained[compared] = bare.residuals**2 - found.residuals**2
     return Backlash(play, bare.rms, found.rms, difference, gained)
 
 
@@ -620,7 +615,7 @@ def _divided(at: Parameters, grid: Grid) -> Parameters:
     )
 
 
-def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
+def _beginnings(fit: Fit, excerpt: Grid, free: Free) -> list[Parameters]:
     """Motors that are good on an excerpt, where the search by derivatives on all rows begins.
 
     The loss has many local optima. Of points that fill a box evenly the best are followed in two
@@ -628,35 +623,23 @@ def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
     evolution, where a motor is rougher.
     """
     joint = partial(_near, fit)
-    loss, points = _screened(joint, 7, excerpt.grid, excerpt.starts, fit.scale)
-    trials = [
-        least_squares(
-            excerpt.grid,
-            joint(point),
-            free=free,
-            starts=excerpt.starts,
-            scale=fit.scale,
-            effort=TRIAL,
-        )
-        for point in points[:TRIALS]
-    ]
+    loss, points = _screened(joint, 7, excerpt, fit.scale)
+    search = partial(least_squares, excerpt, free=free, scale=fit.scale, effort=TRIAL)
+    trials = [search(joint(point)) for point in points[:TRIALS]]
     trials.sort(key=lambda trial: trial.cost)
     best = _evolved(loss, points[:POPULATION], GENERATIONS)
     return [t.parameters for t in trials[:FOLLOWED]] + [joint(each) for each in best]
 
 
-def _anywhere(fit: Fit) -> list[Parameters]:
+def _anywhere(fit: Fit, excerpt: Grid) -> list[Parameters]:
     """Motors that are good in a wide box, which does not depend on the fit.
 
     The fitted delay of a model without inertia, friction and sag may be seconds where a load
     overcomes the servo, so that it cannot scale the box. They are compared on all rows, or in long
     logs on an excerpt.
     """
-    at, grid, starts = fit.parameters, fit.grid, fit.grid.measured_starts
+    at, grid = fit.parameters, fit.grid
     longest, tick, fastest = min(0.1, 0.4 * grid.reach), grid.tick, max(grid.fastest, 1e-3)
-    if len(grid.ticks) > 4 * MOST_TICKS:
-        excerpt = excerpt_of(fit)
-        grid, starts = excerpt.grid, excerpt.measured_starts
 
     def joint(place: Array) -> Parameters:
         lag, window, constant, gain, limit, band, top, by_sine, by_cosine = place.tolist()
@@ -675,17 +658,18 @@ def _anywhere(fit: Fit) -> list[Parameters]:
         return found._replace(offset=0.0, sag_sin=sags[0], sag_cos=sags[1])
 
     # two dimensions more than near the fit: twice the effort
-    loss, points = _screened(joint, 9, grid, starts, fit.scale)
+    compared = excerpt if len(grid.ticks) > 4 * MOST_TICKS else grid
+    loss, points = _screened(joint, 9, compared, fit.scale)
     return [joint(each) for each in _evolved(loss, points[: 2 * POPULATION], 2 * GENERATIONS)]
 
 
 def _screened(
-    joint: Callable[[Array], Parameters], dimensions: int, grid: Grid, starts: Array, scale: float
+    joint: Callable[[Array], Parameters], dimensions: int, grid: Grid, scale: float
 ) -> tuple[Callable[[Array], float], Array]:
     """The loss of the joint at a point of the unit box, and points that fill it, best first."""
 
     def loss(place: Array) -> float:
-        errors = respond(grid, joint(place), starts).predicted - grid.angles
+        errors = respond(grid, joint(place), grid.measured_starts).predicted - grid.angles
         return huber(grid.weights * errors, scale)
 
     points = _even_points(SCREENED, dimensions)
@@ -742,79 +726,27 @@ def _near(fit: Fit, place: Array) -> Parameters:
     )
 
 
-class Excerpt(NamedTuple):
-    """Chunks of a fit's rows, as runs of their own.
+def _excerpt_to_search(fit: Fit) -> Grid | None:
+    """Parts of about 4 s that the model misses most, as runs of their own, in which to seek more.
 
-    Attributes:
-        grid: The chunks.
-        compared: Which of the fit's rows they hold.
-        starts: Angle of the fit where each chunk begins [rad].
-        measured_starts: Measured angle there [rad].
+    Their first half seconds are left out, in which the unknown speed at the start matters. None
+    where the residuals are noise, or the rows are few.
     """
-
-    grid: Grid
-    compared: Mask
-    starts: Array
-    measured_starts: Array
-
-
-def _excerpt_to_search(fit: Fit) -> Excerpt | None:
-    """An excerpt in which to seek more; None where the residuals are noise, or the rows are few."""
     if structure_of(fit) < LEAST_STRUCTURE:
         return None
-    excerpt = excerpt_of(fit)
-    return excerpt if np.sum(excerpt.compared) >= 2 * np.sum(fit.free) else None
-
-
-def excerpt_of(fit: Fit) -> Excerpt:
-    """The chunks that the model misses most, without their first half seconds."""
-    grid, settling = fit.grid, round(0.5 / fit.grid.tick)
-    chunks = _chunks(fit)
-    lengths = np.diff(chunks)[:, 0]
-    ticks = np.concatenate([np.arange(*chunk) for chunk in chunks.tolist()])
-    number = np.repeat(np.arange(len(chunks)), lengths)
-    starts = np.concatenate([[0], np.cumsum(lengths + 1)[:-1]])
-    states = np.arange(len(ticks)) + number + 1
-    place = np.full(len(fit.response.states), -1)  # of each state of the fit in the excerpt
-    place[grid.states[ticks]] = states
-    chunk = np.zeros(len(place), dtype=int)
-    chunk[grid.states[ticks]] = number
-    before, after = place[grid.before], place[np.minimum(grid.before + 1, len(place) - 1)]
-    since = before - starts[chunk[grid.before]]
-    compared = (before >= 0) & (since >= settling) & (after == before + 1)
-    part = replace(
-        grid,
-        ticks=grid.ticks[ticks],
-        loads=grid.loads[ticks],
-        states=states,
-        starts=starts,
-        before=before[compared],
-        share=grid.share[compared],
-        run=chunk[grid.before[compared]],
-        angles=grid.angles[compared],
-        weights=grid.weights[compared],
-        firsts=(),
-        places=(),
-    )
-    firsts = grid.states[chunks[:, 0]] - 1
-    rows = np.minimum(np.searchsorted(grid.before, firsts), len(grid.before) - 1)
-    return Excerpt(part, compared, fit.response.states[firsts], grid.angles[rows])
-
-
-def _chunks(fit: Fit) -> Indices:
-    """First tick of each chunk and the one after its last, (chunks, 2): those that fit worst."""
-    grid = fit.grid
-    length = max(1, round(4.0 / grid.tick))
-    firsts = grid.starts - np.arange(len(grid.starts))  # a start is no tick
-    found = []
-    for first, beyond in zip(firsts, np.append(firsts[1:], len(grid.ticks)), strict=True):
-        edges = np.linspace(first, beyond, max(1, round((beyond - first) / length)) + 1).astype(int)
-        found.append(np.column_stack([edges[:-1], edges[1:]]))
-    chunks = np.concatenate(found)
-    at_ticks = np.searchsorted(grid.states, grid.before + 1)  # the tick that ends at each row
-    losses = np.bincount(at_ticks, fit.weighted**2, len(grid.ticks))
-    per_chunk = np.add.reduceat(losses, chunks[:, 0])
-    worst = np.argsort(-per_chunk, kind="stable")
-    total = np.cumsum(np.diff(chunks)[worst, 0])
-    kept = worst[: max(1, int(np.searchsorted(total, MOST_TICKS, side="right")))]
-    return np.asarray(chunks[np.sort(kept)])
+    grid, length = fit.grid, 4.0
+    since = grid.times - grid.times[grid.first_rows][grid.run]
+    of_run = np.stack([grid.run, np.floor(since / length)])
+    part = np.cumsum(np.any(np.diff(of_run, prepend=of_run[:, :1]) != 0.0, axis=0))
+    worst = np.argsort(-np.bincount(part, fit.weighted**2), kind="stable")
+    ticks = np.bincount(part) * (len(grid.ticks) / len(part))
+    count = max(1, int(np.searchsorted(np.cumsum(ticks[worst]), MOST_TICKS, side="right")))
+    kept = np.isin(part, worst[:count])
+    settles = (since % length < 0.5) & (np.diff(part, prepend=-1) == 0)
+    pieces = (grid.per_log(each.astype(float), fill=0.0) for each in (kept, settles))
+    logs = [
+        replace(log, torque_on=on > 0.0, measured=log.measured & (settling == 0.0))
+        for log, on, settling in zip(grid.logs, *pieces, strict=True)
+    ]
+    excerpt = resampled_like(grid, logs, grid.tick)
+    return excerpt if len(excerpt.angles) >= 2 * np.sum(fit.free) else None
