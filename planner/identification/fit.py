@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -56,52 +57,33 @@ JUST_ABOVE = 1.0 + 1e-6
 FAR_ABOVE = 4.0
 """Times the fastest motion of a log, a top speed that is hardly reached."""
 
-FIRST_ORDER = only("gain", "lag", "offset")
-"""The parameters of a first-order lag."""
-
 
 def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False) -> tuple[Fit, ...]:
     """Fit the joint, without the terms of ``terms.py``, to logs: to some stretches of long ones.
 
-    Args:
-        logs: The logs.
-        timing: Their ticks.
-        choose_tick: Whether to try ticks of a whole period, too.
-
-    Returns:
-        The fit; with ticks of a whole period another one after it, where these fit better.
-
-    Raises:
-        InvalidInput: There is no motion to fit.
+    With ``choose_tick`` ticks of a whole period are tried, too; where they fit better that is
+    another fit after the first. Raises InvalidInput where there is no motion to fit.
     """
-    every, logs = logs, thinned(logs)
-    delay = best_delay(moving(resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=0.0)))
+    rows = partial(resampled, thinned(logs), reach=timing.reach)
+    delay = best_delay(moving(rows(tick=timing.tick, burn_in=0.0)))
     burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
     stride = timing.period * max(1, int(0.004 / timing.period * (1.0 + 1e-9)))
-    coarse = moving(resampled(logs, tick=stride, reach=timing.reach, burn_in=burn_in))
-    found = _initial_fit(coarse)
-    fine = resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in)
-    best = least_squares(fine, found.parameters, scale=found.scale, effort=SEARCH)
+    found = _initial_fit(moving(rows(tick=stride, burn_in=burn_in)))
+    search = partial(least_squares, effort=SEARCH)
+    best = search(rows(tick=timing.tick, burn_in=burn_in), found.parameters, scale=found.scale)
     window = best.parameters.lag + best.parameters.acceleration_time
-    settled = settled_pieces(every, best)
+    settled = settled_pieces(logs, best)
     if settled or window > burn_in:
         burn_in = min(max(burn_in, 1.2 * window), timing.reach)
-        final = resampled(
-            logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in, settled=settled
-        )
-        best = least_squares(moving(final), best.parameters, scale=best.scale, effort=SEARCH)
+        final = moving(rows(tick=timing.tick, burn_in=burn_in, settled=settled))
+        best = search(final, best.parameters, scale=best.scale)
     fits = [best]
     if choose_tick and timing.hold > 1:
-        rows = resampled(
-            logs, tick=timing.period, reach=timing.reach, burn_in=burn_in, settled=settled
-        )
-        simple = least_squares(rows, found.parameters, scale=best.scale, effort=SEARCH)
+        grid = rows(tick=timing.period, burn_in=burn_in, settled=settled)
+        simple = search(grid, found.parameters, scale=best.scale)
         # Where the log does not tell which ticks the joint has, they agree to a tenth of this.
         fits += [simple] if huber(simple.weighted, best.scale) < 0.995 * best.cost else []
-    again = (
-        least_squares(fit.grid, fit.parameters, starts=fit.starts, effort=SEARCH) for fit in fits
-    )
-    return tuple(map(_without_saturation, again))
+    return tuple(search(fit.grid, fit.parameters, starts=fit.starts) for fit in fits)
 
 
 def refitted(logs: Sequence[Log], fit: Fit, *, tick: float | None = None) -> Fit:
@@ -133,42 +115,15 @@ def _initial_fit(grid: Grid) -> Fit:
     delay = best_delay(grid)
     whole = max(delay, 2.0 * grid.tick)
     speed = grid.speed_exceeded_by(0.02)
-    begins = _divided_delay(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
+    speed = max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick)
+    begins = [
+        Parameters(share / whole, speed, lag * whole, window * whole, offset=0.0)
+        for lag, window, share in DIVISIONS
+    ]
     quick = [least_squares(grid, begin, effort=QUICK) for begin in begins]
     scale = min(fit.scale for fit in quick)
     best = min(quick, key=lambda fit: huber(fit.weighted, scale))
     return least_squares(grid, best.parameters, starts=best.starts, scale=scale, effort=SEARCH)
-
-
-def _divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[Parameters]:
-    """Joints of about the same delay [s], divided into lag, window and time constant."""
-    return [
-        Parameters(
-            gain=share / delay,
-            v_max=v_max,
-            lag=lag * delay,
-            acceleration_time=window * delay,
-            offset=offset,
-        )
-        for lag, window, share in DIVISIONS
-    ]
-
-
-def _without_saturation(best: Fit) -> Fit:
-    """The better of a fit and one begun where the joint never saturates.
-
-    Small steps of a joint that never saturates are fitted to 0.5 % with a top speed far too low;
-    begun without one they are fitted to rounding. (Without this one of 29 reference logs is
-    predicted 25 % worse.)
-    """
-    at, grid, shown = best.parameters, best.grid, peak_command(best)
-    if at.v_max > shown or best.scale <= ROUNDED * float(np.std(grid.angles)):
-        return best
-    begin = _divided_delay(at.whole_delay, v_max=10.0 * shown, offset=at.offset)[1]
-    found = least_squares(grid, begin, starts=best.starts, scale=best.scale, effort=SEARCH)
-    if found.cost >= (1.0 - 1e-6) * best.cost:  # by no more than rounding
-        return best
-    return least_squares(grid, found.parameters, starts=found.starts, effort=SEARCH)
 
 
 def moving(grid: Grid) -> Grid:
@@ -259,15 +214,7 @@ def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, 
 
     Times that a program notes may come late by a millisecond or so, though the servo is read
     evenly. Rows that really are uneven fit worse on an even clock. Recorded loops of 50 Hz are off
-    by 1.4 %, which is even.
-
-    Args:
-        logs: The logs.
-        timing: Their ticks.
-        fit: The joint that was fitted to them as they are.
-
-    Returns:
-        The logs, or None where they are to stay as they are.
+    by 1.4 %, which is even. None where the logs, to which the joint was fitted, are to stay.
     """
     if unequal(logs):
         return None
@@ -301,19 +248,32 @@ class Simple(NamedTuple):
 
 
 def simple_fits(grid: Grid) -> tuple[Simple, ...]:
-    """Fit no model, a delay and a first-order lag, the simplest first."""
+    """Fit no model, a delay and a first-order lag, the simplest first.
+
+    The lag never saturates, and its window is a tick. Its search starts with none, half and nine
+    tenths of the whole delay as pure delay.
+    """
     grid = replace(grid, weights=np.ones_like(grid.weights))
-    delay = best_delay(grid)
-    at = _first_order(grid, delay).parameters
+    delay, tick = best_delay(grid), grid.tick
+    whole = max(delay, 2.0 * tick)
+    search = partial(least_squares, grid, free=only("gain", "lag", "offset"))
+    begins = [
+        Parameters(
+            1.0 / max((1.0 - share) * whole, tick), math.inf, share * whole, tick, offset=0.0
+        )
+        for share in (0.0, 0.5, 0.9)
+    ]
+    best = min((search(begin, effort=QUICK) for begin in begins), key=lambda fit: fit.rms)
+    at = search(best.parameters, starts=best.starts, effort=SEARCH).parameters
     found = {
-        "delay": at.lag + at.acceleration_time / 2.0,
-        "time_constant": 1.0 / at.gain,
-        "offset": at.offset,
+        "delay": float(at.lag + at.acceleration_time / 2.0),
+        "time_constant": float(1.0 / at.gain),
+        "offset": float(at.offset),
     }
     return (
         Simple("raw", {}, None),
         Simple("delay", {"delay": delay}, None),
-        Simple("first_order", {name: float(value) for name, value in found.items()}, at),
+        Simple("first_order", found, at),
     )
 
 
@@ -322,27 +282,6 @@ def errors_of(simple: Simple, grid: Grid, starts: Array) -> Array:
     if simple.joint is None:
         return delayed_errors(grid, simple.parameters.get("delay", 0.0))
     return respond(grid, simple.joint, starts).predicted - grid.angles
-
-
-def _first_order(grid: Grid, delay: float) -> Fit:
-    """A joint that never saturates and whose window is a single tick.
-
-    The search starts with none, half and nine tenths of the whole delay as pure delay.
-    """
-    whole = max(delay, 2.0 * grid.tick)
-    begins = [
-        Parameters(
-            gain=1.0 / max((1.0 - share) * whole, grid.tick),
-            v_max=math.inf,
-            lag=share * whole,
-            acceleration_time=grid.tick,
-            offset=0.0,
-        )
-        for share in (0.0, 0.5, 0.9)
-    ]
-    fits = [least_squares(grid, begin, free=FIRST_ORDER, effort=QUICK) for begin in begins]
-    best = min(fits, key=lambda fit: fit.rms)
-    return least_squares(grid, best.parameters, free=FIRST_ORDER, starts=best.starts, effort=SEARCH)
 
 
 def best_delay(grid: Grid) -> float:

@@ -410,11 +410,8 @@ def measured_speed(log: Log, among: Mask | None = None) -> float:
     """Highest mean speed over 0.1 s, or three rows of slower logs, with torque [rad/s].
 
     Of all rows, whether their requests are known or not: no joint is as fast in the mean as it can
-    be, so that but for noise and for what pushes it this bounds its top speed from below.
-
-    Args:
-        log: The log.
-        among: Only motion with some of these rows in it, shape (n,); by default all.
+    be, so that but for noise and for what pushes it this bounds its top speed from below. Only
+    motion with some of the rows ``among`` in it counts, by default all.
     """
     rows = np.flatnonzero(sound_rows(log) & log.torque_on)
     far = max(3, round(0.1 / log.period))
@@ -437,18 +434,7 @@ def resampled(
     burn_in: float,
     settled: Collection[Place] = (),
 ) -> Grid:
-    """Put the runs of the logs on ticks.
-
-    Args:
-        logs: The logs.
-        tick: Time step [s].
-        reach: Longest lag plus acceleration time that will be asked for [s].
-        burn_in: How much of a piece is left out at its start [s].
-        settled: Pieces, by log and first row, of which nothing is left out.
-
-    Returns:
-        The grid; without runs it has no ticks.
-    """
+    """Put the runs of the logs on ticks: see :class:`Grid`; without runs it has no ticks."""
     edges, requests, shifted = _axis(logs, reach)
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
     sound = [sound_rows(log) for log in logs]

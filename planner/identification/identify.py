@@ -346,8 +346,6 @@ def _with_shorter_ticks(search: _Search) -> _Search:
     logs, timing, (fit, terms) = search.logs, search.timing, search.joint
     tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
     fine = refitted(logs, fit, tick=tick)
-    if search.motor and fine.cost > (1.0 + LOST) * fit.cost:
-        fine, terms = with_integral(*with_motor(fine, terms))
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
     if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):

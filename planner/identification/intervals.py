@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +15,7 @@ from planner.identification.least_squares import (
     PROFILE,
     Fit,
     correlation_time,
-    huber,
     least_squares,
-    respond,
 )
 from planner.identification.parameters import (
     COUNT,
@@ -67,13 +66,20 @@ def over_top_speeds(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
     """The best fit over top speeds, and fits with others that are not refuted.
 
     Where the acceleration is limited few rows are at the top speed, and the loss is rough in it: a
-    local optimum, and its covariance, say little of other speeds.
+    local optimum, and its covariance, say little of other speeds. Each fit is also begun with a
+    window of a tick and the same latency. (Of 160 simulated motors two logs of one seemed to bound
+    a top speed of a tenth without this.)
     """
     if not fit.free[V_MAX] or math.isinf(fit.parameters.acceleration):
         return fit, ()
     while True:
-        found = _at_other_speeds(fit)
-        found += [_with_short_window(each) for each in (fit, *found)]
+        search = partial(least_squares, fit.grid, scale=fit.scale, effort=PROFILE)
+        found = _at_other_speeds(fit, search)
+        for each in (fit, *found):
+            at, short = each.parameters, fit.grid.tick
+            lag = at.lag + 0.5 * (at.acceleration_time - short)
+            at = at._replace(lag=lag, acceleration_time=short)
+            found.append(search(at, free=each.free, starts=each.starts))
         best = min([fit, *found], key=lambda each: each.cost)
         if best.cost >= 0.999 * fit.cost:
             break
@@ -83,7 +89,7 @@ def over_top_speeds(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
     return fit, tuple(each for each in found if each.cost <= allowed)
 
 
-def _at_other_speeds(fit: Fit) -> list[Fit]:
+def _at_other_speeds(fit: Fit, search: Callable[..., Fit]) -> list[Fit]:
     """Fits with higher and lower top speeds, each from the one before, until they fit far worse.
 
     From the highest speed that the log calls for on they are all alike: the last is without limit.
@@ -95,24 +101,9 @@ def _at_other_speeds(fit: Fit) -> list[Fit]:
         while last.cost <= 2.0 * fit.cost and least < v_max < peak:
             v_max *= factor
             at = last.parameters._replace(v_max=v_max if v_max < peak else math.inf)
-            last = least_squares(
-                fit.grid, at, free=free, starts=last.starts, scale=fit.scale, effort=PROFILE
-            )
+            last = search(at, free=free, starts=last.starts)
             found.append(last)
     return found
-
-
-def _with_short_window(fit: Fit) -> Fit:
-    """The fit that begins with a window of a tick and the same latency.
-
-    (Of 160 simulated motors two logs of one seemed to bound a top speed of a tenth without this.)
-    """
-    at, short = fit.parameters, fit.grid.tick
-    lag = at.lag + 0.5 * (at.acceleration_time - short)
-    begin = at._replace(lag=lag, acceleration_time=short)
-    return least_squares(
-        fit.grid, begin, free=fit.free, starts=fit.starts, scale=fit.scale, effort=PROFILE
-    )
 
 
 def intervals_of(
@@ -200,7 +191,7 @@ class _Profile(NamedTuple):
         What is not refuted on the way is added to ``possible``.
         """
         value, width = self.value, self.half
-        if self.logarithmic and self.certain and not self._beside_a_plain():
+        if self.certain:
             low, high = value * math.exp(-width), value * math.exp(width)
         elif not self.logarithmic and width <= max(4.0 * self.least, 0.3 * self.size):
             # so narrow that the slopes at its middle hold at its ends
@@ -218,19 +209,6 @@ class _Profile(NamedTuple):
     def certain(self) -> bool:
         """Whether the covariance determines a logarithm."""
         return self.logarithmic and self.half <= CERTAIN
-
-    def _beside_a_plain(self) -> bool:
-        """Whether the largest gain does as well, though the covariance determines it.
-
-        A joint that is at top speed nearly all the time may show a threshold in a few rows of
-        noise, beside which the loss is flat.
-        """
-        fit = self.fit
-        if self.name != "gain" or fit.parameters.v_max > peak_command(fit):
-            return False
-        at = fit.parameters._replace(gain=self.limits[1])
-        residuals = respond(fit.grid, at, fit.starts).predicted - fit.grid.angles
-        return huber(fit.grid.weights * residuals, fit.scale) <= self.allowed
 
     def end(self, side: int, possible: list[Parameters]) -> float:
         """Where the profile has risen as far as the interval reaches, below (0) or above (1).

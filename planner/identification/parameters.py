@@ -7,6 +7,7 @@ A further parameter is a field of :class:`Parameters`, a row of :data:`COORDINAT
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -167,6 +168,7 @@ class Box(NamedTuple):
         return np.where(self.lower < 0.0, -math.inf, 0.0)
 
 
+@lru_cache(maxsize=4)
 def box_of(grid: Grid) -> Box:
     """The box of a search on a grid."""
     tick, reach, span, per_load = grid.tick, grid.reach, grid.span, 1.0 / grid.heaviest

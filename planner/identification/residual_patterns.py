@@ -1,4 +1,8 @@
-"""What the residuals show that the model does not have: a note for each, with its rows."""
+"""What the residuals show that the model does not have: a note for each, with its rows.
+
+Everywhere ``fit`` is what a model makes of a log, and ``noise`` the standard deviation of the
+sensor's noise [rad].
+"""
 
 from __future__ import annotations
 
@@ -77,10 +81,6 @@ def stops(fit: LogFit, noise: float) -> list[Held]:
 
     A joint with friction waits at one angle, too, but at another one each time: a stop is met
     twice or more, and the model goes beyond it by different amounts.
-
-    Args:
-        fit: What a model makes of the log.
-        noise: Standard deviation of the noise [rad].
     """
     log, used = fit.log, np.flatnonzero(fit.used)
     found: list[Held] = []
@@ -180,10 +180,6 @@ def contacts(fits: Sequence[LogFit], noise: float) -> list[list[Held]]:
     its other joints are pushed back. Friction holds a joint to both sides of the model, by the same
     amount everywhere: what is far from the median of all places of rest is none. Where many places
     are, it is the model that errs, and fewer than ten places do not tell.
-
-    Args:
-        fits: What a model makes of each log.
-        noise: Standard deviation of the noise [rad].
     """
     places = [(k, rows) for k, fit in enumerate(fits) for rows in _rests(fit, noise)]
     contacts: list[list[Held]] = [[] for _ in fits]
@@ -249,10 +245,6 @@ def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None
     is taken to rise with the acceleration on a straight line, from that of the calmest parts of
     :func:`errors_of_motion`, at rest, to the largest. (By what that function tells itself rows at
     rest count so much that the lift of an SO-101 misses unseen motions by 10.3 mrad, not 8.3.)
-
-    Args:
-        fits: The logs with a fit to them.
-        noise: Standard deviation of the noise of the sensor [rad].
     """
     from scipy.ndimage import uniform_filter1d
 
@@ -286,15 +278,7 @@ def patterns(
     asymmetry: Interval | None = None,
     backlash: Backlash | None = None,
 ) -> list[Finding]:
-    """A note for each pattern that shows.
-
-    Args:
-        model: The identified joint.
-        fits: What it makes of each log.
-        noise: Standard deviation of the noise [rad].
-        asymmetry: 95 % interval of its v_offset, where it was identified [rad/s].
-        backlash: What :func:`planner.identification.terms.backlash_of` found.
-    """
+    """A note for each pattern that shows; ``asymmetry`` is the interval of the model's v_offset."""
     words = [] if backlash is None else [_backlash(backlash, fits)]
     determined = asymmetry is not None and asymmetry.lower * asymmetry.upper > 0.0
     if determined and abs(model.v_offset) > 0.05 * model.v_max:

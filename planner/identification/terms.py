@@ -169,9 +169,6 @@ def with_terms(fit: Fit, known: tuple[Term, ...] = ()) -> tuple[Fit, tuple[Term,
         if not fit.free[only(name)].any() and _shows(name, fit):
             fit = _with_term(name, fit, terms)
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
-    if fit.free[only(*SAG)].any() and has_large_sag(fit):  # it grew after it was kept
-        fit = left_out(fit, SAG)
-        terms |= {name: replace(terms[name], kept=False) for name in SAG}
     return fit, tuple(terms.values())
 
 
@@ -185,7 +182,7 @@ def _with_term(name: str, fit: Fit, terms: dict[str, Term], known: Fit | None = 
     if name == "sag_sin":
         kept = kept and _sag_is_determined(trial, uncertainty)
         if known is None:
-            kept = kept and not has_large_sag(trial) and _pays_beside_asymmetry(fit, trial)
+            kept = kept and not has_large_sag(trial)
     for each in (name, *PARTNERS.get(name, ())):
         interval = model_interval(trial, uncertainty, each)
         if name == "dead_band" and not kept and _any_dead_band_does(fit, trial, uncertainty):
@@ -214,12 +211,8 @@ def with_motor(
 
     A load and a sag by the angle that were not kept are tried again beside them: they may show only
     there. Where the fit is poor a wide box is searched, too, and with the sag: first without a
-    sag, then, where that is new, with it.
-
-    Args:
-        fit: A fit with terms.
-        terms: What was tried for it.
-        begin: The motor found on other rows of the joint, where the search begins instead.
+    sag, then, where that is new, with it. The motor found on other rows of the joint may be given
+    to begin with instead.
     """
     excerpt, loaded = _excerpt_to_search(fit), None
     if excerpt is None:
@@ -240,32 +233,23 @@ def with_motor(
             motor = _with_term(name, motor, known, by)
     if motor is fit:
         return fit, terms
-    ends = dict.fromkeys(MOTOR, Interval(0.0, math.inf))
-    ends["asymmetry"] = Interval(-math.inf, math.inf)
-    for name in MOTOR[1:]:  # another one may pay now
-        if not motor.free[only(name)].any() and _shows(name, motor):
-            motor = _with_term(name, motor, known)
-            ends[name] = known[TERMS[name]].interval
     motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
     uncertainty = uncertainty_of(motor)
     for name in MOTOR:
         kept = bool(motor.free[only(name)].any())
-        interval = model_interval(motor, uncertainty, name) if kept else ends[name]
+        unknown = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
+        interval = model_interval(motor, uncertainty, name) if kept else unknown
         _note(known, name, kept, fit, motor, interval)
     return motor, tuple(known.values())
 
 
 def with_integral(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
-    """The fit with the integral of one of the servo's loops, if it reduces the loss.
+    """The fit, with the terms of a motor, with the integral of a loop of the servo if that pays.
 
     It is sought together with the terms of a motor and with the sag, which it hides at rest.
     A slow integral imitates a drift: a speed loop's has to act in a time not far above the joint's
     delay, and the log has to determine it, and the time constant beside it. Without inertia it
     imitates play, with a dead band as wide.
-
-    Args:
-        fit: A fit with the terms of a motor that are kept.
-        terms: What was tried for it.
     """
     excerpt = _excerpt_to_search(fit)
     if excerpt is None or fit.free[only(*INTEGRALS)].any():
@@ -478,31 +462,6 @@ def has_large_sag(fit: Fit) -> bool:
     """
     at = fit.parameters
     return math.hypot(at.sag_sin, at.sag_cos) >= min(LARGE_SAG, at.v_max / at.gain)
-
-
-def _pays_beside_asymmetry(fit: Fit, trial: Fit) -> bool:
-    """Whether a sag by the angle also pays if the top speeds differ by direction anyway.
-
-    Near one pose a sag by the angle, with an offset against it, is nearly as good as an asymmetry,
-    and where an integral term hides the sag at rest gravity shows in the top speeds alone.
-    """
-    if not _shows("asymmetry", fit):
-        return True
-    rival = _fitted_with("asymmetry", fit)
-    at = trial.parameters._replace(asymmetry=rival.parameters.asymmetry)
-    both = [
-        least_squares(
-            fit.grid,
-            begin,
-            free=trial.free | rival.free,
-            starts=each.starts,
-            scale=fit.scale,
-            effort=TERM,
-        )
-        for begin, each in ((rival.parameters, rival), (at, trial), (trial.parameters, trial))
-    ]
-    best = min(both, key=lambda each: each.cost)
-    return pays(rival, best) and _saving(rival, best) >= SAVING
 
 
 def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
