@@ -24,6 +24,7 @@ from planner.identification.grid import (
 )
 from planner.identification.least_squares import (
     QUICK,
+    ROUNDED,
     SEARCH,
     Fit,
     Response,
@@ -47,9 +48,6 @@ half one servo counts as even, and is 4.8 % worse held out; twice: none.)"""
 DIVISIONS = ((0.0, 1.0, 3.0), (0.5, 0.7, 3.0), (0.2, 0.5, 1.5), (0.8, 0.4, 6.0))
 """How the search divides the whole delay: lag and acceleration time as shares of it, and gain times
 it. The window begins wide, since a narrow one sees only the nearest change of a request."""
-
-ROUNDED = 1e-9
-"""Errors below this, relative to the spread of the angles, are rounding."""
 
 JUST_ABOVE = 1.0 + 1e-6
 """By how much a top speed that was never reached lies above the fastest call."""

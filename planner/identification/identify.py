@@ -94,13 +94,6 @@ PAPER_TICK = 0.008
 MOSTLY_FREE = 0.5
 """Share of the rows of a log that have to remain where something holds the joint in others."""
 
-ALIKE_PARTS = 15
-"""Into how many parts each log is divided, every second of which tests whether a joint is a motor;
-odd and large, since test signals are made of a few parts, some of them twice.
-
-The halves of a log that begins with slow motion are too unlike: the first may hold nothing that
-tells an acceleration limit, which in the second matters most."""
-
 LOST = 0.2
 """Share of the loss by which a joint is worse where it is sought again: one that requests nearly
 shake out of step goes another way after a small change."""
@@ -167,8 +160,6 @@ def identify(
         joints = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
     search, stopped = _without_stops(_searched(free, timing, joints))
     search = _weighed(search)
-    if search.motor and hold_out:
-        search = _with_proven_motor(search)
     fine, others = _with_best_speed(_with_shorter_ticks(search) if choose_tick else search)
     pairs = zip(search.logs, logs, strict=True)
     every = [replace(log, torque_on=whole.torque_on) for log, whole in pairs]
@@ -323,20 +314,6 @@ def _weighed(search: _Search) -> _Search:
     return search if logs is None else search.refitted(logs)
 
 
-def _with_proven_motor(search: _Search) -> _Search:
-    """The joint without the terms of a motor where these predict parts of the logs worse."""
-    plain, errors = search._replace(joint=search.plain), []
-    for each in (plain, search):
-        fit = each.joint.fit
-        held = _held_out(each, fit, parts=ALIKE_PARTS)
-        if held is None:
-            return search
-        weighted = fit.grid.weights[held.rows] * (held.predicted - fit.grid.angles[held.rows])
-        # What is fitted and what is not count alike, as in the error.
-        errors.append(rms(fit.weighted) * rms(weighted))
-    return search if errors[1] <= errors[0] else plain
-
-
 def _with_shorter_ticks(search: _Search) -> _Search:
     """The joint with ticks of about 1 ms; the same one where it moves by ticks of a row.
 
@@ -414,25 +391,26 @@ def _largest_speed(fit: Fit, v_max: float) -> float:
     return most * (v_max / fit.parameters.v_max)
 
 
-def _held_out(
-    search: _Search, whole: Fit, *, faster: bool = False, parts: int = 2
-) -> HeldOut | None:
-    """Fit every second part of each log, predict the others; None where they hold nothing to fit.
+def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
+    """Fit the first half of each log, predict the second; None where these hold nothing to fit.
 
-    Of long parts some stretches are fitted; all rows of the others are predicted.
+    Of long halves some stretches are fitted; all rows of the others are predicted.
 
-    A top speed that the parts do not bound, and the others may exceed, cannot be predicted from
-    them: there that of the fit to all rows is taken, or, where these do not bound it either, what
-    the parts call for if that is more; the other parameters are fitted beside it, and tested.
+    A top speed that the first halves do not bound, and the others may exceed, cannot be predicted
+    from them: there that of the fit to all rows is taken, or, where these do not bound it either,
+    what the first halves call for if that is more; the other parameters are fitted beside it, and
+    tested.
 
     Args:
         search: The joint with the ticks on which its terms were sought, and whether it is a motor.
         whole: The fit to all rows that are used in the end.
         faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
-        parts: Into how many parts each log is divided; the first is fitted.
     """
     logs, timing, grid = search.logs, search.timing, whole.grid
-    out = [_every_second(log, parts) for log in logs]
+    out: list[Mask] = []
+    for log in logs:
+        before: Array = np.cumsum(log.torque_on) - log.torque_on
+        out.append(before >= 0.5 * np.sum(log.torque_on))
     pairs = zip(logs, out, strict=True)
     known = thinned([replace(log, torque_on=log.torque_on & ~held) for log, held in pairs])
     try:
@@ -473,13 +451,6 @@ def _held_out(
         alternatives=others,
         beyond=beyond,
     )
-
-
-def _every_second(log: Log, parts: int) -> Mask:
-    """Rows in the second of so many parts, the fourth ..., each with as many rows with torque."""
-    before: Array = np.cumsum(log.torque_on) - log.torque_on
-    part = before * parts // max(1, int(np.sum(log.torque_on)))
-    return np.asarray(part % 2 == 1)
 
 
 def _answer(

@@ -44,6 +44,9 @@ EDGE_DISTANCE = 1e-9
 """Distance from an edge of the window at which requests are read [ticks]: where the edge meets a
 change of the request the derivative jumps, and the mean of both sides is taken."""
 
+ROUNDED = 1e-9
+"""Errors below this, relative to the spread of the angles, are rounding."""
+
 MOST_REDUCTION = 3.0
 """A search ends where the loss would have to fall by more than so many times the reduction that its
 quadratic predicts."""
@@ -280,6 +283,11 @@ class Fit:
     def rms(self) -> float:
         """Root mean square of the residuals, outliers included [rad]."""
         return rms(self.residuals)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the residuals are rounding."""
+        return min(self.scale, self.rms) <= ROUNDED * float(np.std(self.grid.angles))
 
     def slopes(self, *, averaging: float = EDGE_DISTANCE) -> Slopes:
         """Derivatives of the predicted angles by what was fitted."""

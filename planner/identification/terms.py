@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.identification.fit import ROUNDED, peak_command
+from planner.identification.fit import peak_command
 from planner.identification.grid import Grid, resampled, resampled_like
 from planner.identification.intervals import (
     Uncertainty,
@@ -182,7 +182,7 @@ def _with_term(name: str, fit: Fit, terms: dict[str, Term], known: Fit | None = 
     if name == "sag_sin":
         kept = kept and _sag_is_determined(trial, uncertainty)
         if known is None:
-            kept = kept and not has_large_sag(trial)
+            kept = kept and not has_large_sag(trial) and _pays_beside_asymmetry(fit, trial)
     for each in (name, *PARTNERS.get(name, ())):
         interval = model_interval(trial, uncertainty, each)
         if name == "dead_band" and not kept and _any_dead_band_does(fit, trial, uncertainty):
@@ -409,7 +409,7 @@ def _divisions(fit: Fit) -> list[Parameters]:
 def _shows(name: str, fit: Fit) -> bool:
     """Whether the rows depend on a term."""
     grid = fit.grid
-    if fit.scale <= ROUNDED * float(np.std(grid.angles)):
+    if fit.exact:
         return False
     if name in ("dead_band", "time_constant"):
         return True
@@ -464,6 +464,25 @@ def has_large_sag(fit: Fit) -> bool:
     return math.hypot(at.sag_sin, at.sag_cos) >= min(LARGE_SAG, at.v_max / at.gain)
 
 
+def _pays_beside_asymmetry(fit: Fit, trial: Fit) -> bool:
+    """Whether a sag by the angle also pays if the top speeds differ by direction anyway.
+
+    Near one pose a sag by the angle, with an offset against it, is nearly as good as an asymmetry,
+    and where an integral term hides the sag at rest gravity shows in the top speeds alone.
+    """
+    if not _shows("asymmetry", fit):
+        return True
+    rival = _fitted_with("asymmetry", fit)
+    at = trial.parameters._replace(asymmetry=rival.parameters.asymmetry)
+    search = partial(least_squares, fit.grid, scale=fit.scale, effort=TERM)
+    both = [
+        search(begin, free=trial.free | rival.free, starts=each.starts)
+        for begin, each in ((rival.parameters, rival), (at, trial), (trial.parameters, trial))
+    ]
+    best = min(both, key=lambda each: each.cost)
+    return pays(rival, best) and _saving(rival, best) >= SAVING
+
+
 def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
     """Whether a dead band of half the errors fits as well, with another sag.
 
@@ -504,7 +523,7 @@ def _sag_is_determined(fit: Fit, uncertainty: Uncertainty) -> bool:
 def pays(without: Fit, with_it: Fit) -> bool:
     """Whether another joint lowers the information criterion and 1 % of the loss: (16a)."""
     before, after = (huber(fit.weighted, without.scale) for fit in (without, with_it))
-    return after < 0.99 * before and better(without, with_it)
+    return not without.exact and after < 0.99 * before and better(without, with_it)
 
 
 class Backlash(NamedTuple):
@@ -691,7 +710,7 @@ def _excerpt_to_search(fit: Fit) -> Grid | None:
     Their first half seconds are left out, in which the unknown speed at the start matters. None
     where the residuals are noise, or the rows are few.
     """
-    if structure_of(fit) < LEAST_STRUCTURE:
+    if fit.exact or structure_of(fit) < LEAST_STRUCTURE:
         return None
     grid, length = fit.grid, 4.0
     since = grid.times - grid.times[grid.first_rows][grid.run]

@@ -486,16 +486,8 @@ def better_model(
         return rms(last - first + angles - target)
 
     def identified(data: Sequence[tuple[Array, Array]]) -> JointModel | None:
-        """The model of these trials; a top speed that they do not show remains as it was."""
         logs = [_log(model, *each, cyclic=cyclic, load=load) for each in data[-FITTED_TRIALS:]]
-        result = identify(logs, tick=model.tick, hold=model.hold, hold_out=False)
-        if not result.accepted:
-            return None
-        found = replace(result.model, tick=model.tick)
-        if not result.saturates and found.v_max < model.v_max:
-            stretch = model.v_max / found.v_max
-            found = replace(found, v_max=model.v_max, theta_0=found.theta_0 * stretch)
-        return found
+        return _identified(model, logs)
 
     try:
         now, random = missed(model), noise / math.sqrt(trials[-1].cycles)
@@ -524,3 +516,15 @@ def _log(
         load=None if load is None else load[rows],
         name="executed cycles",
     )
+
+
+def _identified(model: JointModel, logs: Sequence[Log]) -> JointModel | None:
+    """The model of the logs; a top speed that they do not show remains as it was."""
+    result = identify(logs, tick=model.tick, hold=model.hold, hold_out=False)
+    if not result.accepted:
+        return None
+    candidate = replace(result.model, tick=model.tick)
+    if not result.saturates and candidate.v_max < model.v_max:
+        stretch = model.v_max / candidate.v_max
+        candidate = replace(candidate, v_max=model.v_max, theta_0=candidate.theta_0 * stretch)
+    return candidate
