@@ -114,7 +114,7 @@ def intervals_of(
     They hold the parameters of ``others``, which the data does not refute.
     """
     possible = [other.parameters for other in others]
-    ends = {name: _Profile.of(fit, uncertainty, name).interval(possible) for name in fit.free_names}
+    ends = {name: _Profile(fit, uncertainty, name).interval(possible) for name in fit.free_names}
     for name, end in ends.items():  # it holds what the profiles of other parameters did not refute
         values = [float(getattr(each, name)) for each in possible]
         ends[name] = Interval(min([end.lower, *values]), max([end.upper, *values]))
@@ -133,57 +133,28 @@ def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
     return Interval(max(value - half, open_end), value + half)
 
 
-class _Profile(NamedTuple):
+class _Profile:
     """The loss by one parameter of a fit, the others being fitted again.
 
-    Attributes:
-        fit: The fit.
-        name: The parameter.
-        value: Its value there.
-        half: Half the width of its interval by the covariance; of the logarithm where it is one.
-        size: What is small beside it, in the same unit.
-        least: Shortest first step.
-        logarithmic: Whether it is counted by its logarithm.
-        allowed: Largest loss that does not refute a value [rad^2].
-        limits: How far it can go to either side.
-        open_ends: What to report where the data lets it go there.
+    Half the width of the parameter's interval by the covariance, and the shortest and the longest
+    first step of a search, are those of its logarithm where it is counted by that.
     """
 
-    fit: Fit
-    name: str
-    value: float
-    half: float
-    size: float
-    least: float
-    logarithmic: bool
-    allowed: float
-    limits: tuple[float, float]
-    open_ends: tuple[float, float]
-
-    @classmethod
-    def of(cls, fit: Fit, uncertainty: Uncertainty, name: str) -> _Profile:
-        """The profile of a parameter."""
+    def __init__(self, fit: Fit, uncertainty: Uncertainty, name: str) -> None:
         box, index = box_of(fit.grid), Parameters._fields.index(name)
         unit, lower, upper = (float(each[index]) for each in box)
-        logarithmic, delay = unit == 0.0, fit.parameters.whole_delay
-        size = unit or 1.0
-        if name in ("lag", "acceleration_time", "time_constant"):
-            size = delay
-        elif name in ("integral_rate", "position_integral_rate"):
-            size = 1.0 / delay
+        delay = fit.parameters.whole_delay
+        sizes = dict.fromkeys(("lag", "acceleration_time", "time_constant"), delay)
+        sizes |= dict.fromkeys(("integral_rate", "position_integral_rate"), 1.0 / delay)
+        self.fit, self.name, self.value = fit, name, float(fit.parameters[index])
+        self.logarithmic, self.upper = unit == 0.0, upper
         deviation = uncertainty.quantile * float(uncertainty.deviations[index])
-        return cls(
-            fit,
-            name,
-            fit.parameters[index],
-            deviation * (unit or 1.0),
-            size,
-            0.25 * unit or 0.02,
-            logarithmic,
-            fit.cost + rise_allowed(fit, uncertainty, name),
-            (0.0 if logarithmic else lower, math.inf if name == "v_max" else upper),
-            (float(box.open_ends[index]), math.inf),
-        )
+        self.half = deviation * (unit or 1.0)
+        self.certain = self.logarithmic and self.half <= CERTAIN
+        self.least, self.most = 0.25 * unit or 0.02, 0.3 * sizes.get(name, unit or 1.0)
+        self.allowed = fit.cost + rise_allowed(fit, uncertainty, name)
+        self.limits = 0.0 if self.logarithmic else lower, math.inf if name == "v_max" else upper
+        self.open_ends = float(box.open_ends[index]), math.inf
 
     def interval(self, possible: list[Parameters]) -> Interval:
         """The interval, open where the search ended: the covariance does not hold there.
@@ -193,22 +164,16 @@ class _Profile(NamedTuple):
         value, width = self.value, self.half
         if self.certain:
             low, high = value * math.exp(-width), value * math.exp(width)
-        elif not self.logarithmic and width <= max(4.0 * self.least, 0.3 * self.size):
+        elif not self.logarithmic and width <= max(4.0 * self.least, self.most):
             # so narrow that the slopes at its middle hold at its ends
             low, high = max(value - width, self.open_ends[0]), value + width
         else:
             low, high = (self.end(side, possible) for side in (0, 1))
         if at_edge(self.fit, self.name):
-            index = Parameters._fields.index(self.name)
-            if value >= box_of(self.fit.grid).upper[index] * (1.0 - EDGE):
+            if value >= self.upper * (1.0 - EDGE):
                 return Interval(low, math.inf)
             return Interval(self.open_ends[0], high)
         return Interval(low, high)
-
-    @property
-    def certain(self) -> bool:
-        """Whether the covariance determines a logarithm."""
-        return self.logarithmic and self.half <= CERTAIN
 
     def end(self, side: int, possible: list[Parameters]) -> float:
         """Where the profile has risen as far as the interval reaches, below (0) or above (1).
@@ -240,9 +205,8 @@ class _Profile(NamedTuple):
         limit, reported = self.limits[side], self.open_ends[side]
         if limit == value or (math.isinf(limit) and not refutes(limit)):
             return reported
-        inner, step = value, 0.3 * self.size
-        if not self.certain:
-            step = min(max(self.half, self.least), step)
+        inner = value
+        step = self.most if self.certain else min(max(self.half, self.least), self.most)
         for _ in range(4):
             outer = value * math.exp(way * step) if self.logarithmic else value + way * step
             beyond = (outer - limit) * way >= 0.0
@@ -291,7 +255,7 @@ def rise_allowed(fit: Fit, uncertainty: Uncertainty, name: str) -> float:
 
 def speed_bounded(fit: Fit) -> bool:
     """Whether the data bounds the top speed from above."""
-    return math.isfinite(_Profile.of(fit, uncertainty_of(fit), "v_max").end(1, []))
+    return math.isfinite(_Profile(fit, uncertainty_of(fit), "v_max").end(1, []))
 
 
 class Uncertainty(NamedTuple):
