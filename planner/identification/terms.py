@@ -233,12 +233,17 @@ def with_motor(
             motor = _with_term(name, motor, known, by)
     if motor is fit:
         return fit, terms
+    ends = dict.fromkeys(MOTOR, Interval(0.0, math.inf))
+    ends["asymmetry"] = Interval(-math.inf, math.inf)
+    for name in MOTOR[1:]:  # another one may pay now
+        if not motor.free[only(name)].any() and _shows(name, motor):
+            motor = _with_term(name, motor, known)
+            ends[name] = known[TERMS[name]].interval
     motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
     uncertainty = uncertainty_of(motor)
     for name in MOTOR:
         kept = bool(motor.free[only(name)].any())
-        unknown = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
-        interval = model_interval(motor, uncertainty, name) if kept else unknown
+        interval = model_interval(motor, uncertainty, name) if kept else ends[name]
         _note(known, name, kept, fit, motor, interval)
     return motor, tuple(known.values())
 
