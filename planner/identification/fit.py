@@ -81,7 +81,8 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         simple = search(grid, found.parameters, scale=best.scale)
         # Where the log does not tell which ticks the joint has, they agree to a tenth of this.
         fits += [simple] if huber(simple.weighted, best.scale) < 0.995 * best.cost else []
-    return tuple(search(fit.grid, fit.parameters, starts=fit.starts) for fit in fits)
+    again = (search(fit.grid, fit.parameters, starts=fit.starts) for fit in fits)
+    return tuple(map(_without_saturation, again))
 
 
 def refitted(logs: Sequence[Log], fit: Fit, *, tick: float | None = None) -> Fit:
@@ -114,14 +115,35 @@ def _initial_fit(grid: Grid) -> Fit:
     whole = max(delay, 2.0 * grid.tick)
     speed = grid.speed_exceeded_by(0.02)
     speed = max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick)
-    begins = [
-        Parameters(share / whole, speed, lag * whole, window * whole, offset=0.0)
-        for lag, window, share in DIVISIONS
-    ]
+    begins = _divided_delay(whole, v_max=speed)
     quick = [least_squares(grid, begin, effort=QUICK) for begin in begins]
     scale = min(fit.scale for fit in quick)
     best = min(quick, key=lambda fit: huber(fit.weighted, scale))
     return least_squares(grid, best.parameters, starts=best.starts, scale=scale, effort=SEARCH)
+
+
+def _divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[Parameters]:
+    """Joints of about the same delay [s], divided into lag, window and time constant."""
+    return [
+        Parameters(share / delay, v_max, lag * delay, window * delay, offset)
+        for lag, window, share in DIVISIONS
+    ]
+
+
+def _without_saturation(best: Fit) -> Fit:
+    """The better of a fit and one begun where the joint never saturates.
+
+    Small steps of a joint that never saturates are fitted to 0.5 % with a top speed far too low;
+    begun without one they are fitted to rounding.
+    """
+    at, grid, shown = best.parameters, best.grid, peak_command(best)
+    if at.v_max > shown or best.exact:
+        return best
+    begin = _divided_delay(at.whole_delay, v_max=10.0 * shown, offset=at.offset)[1]
+    found = least_squares(grid, begin, starts=best.starts, scale=best.scale, effort=SEARCH)
+    if found.cost >= (1.0 - 1e-6) * best.cost:  # by no more than rounding
+        return best
+    return least_squares(grid, found.parameters, starts=found.starts, effort=SEARCH)
 
 
 def moving(grid: Grid) -> Grid:
