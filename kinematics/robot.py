@@ -43,6 +43,7 @@ class Robot:
     foot: Any  # its frame at the lower end
     joints: tuple[int, ...]  # the joints that move the foot in the base frame, from the base
     joint_names: tuple[str, ...]
+    between: tuple[str, ...]  # names of the joints between the frames, also of locked ones
     mimics: frozenset[str]  # names of the joints that mimic another joint
     # Pinocchio's coordinates with all joints at rest: at 0, or where 0 is out of the range at its
     # nearer end
@@ -108,10 +109,7 @@ def read_robot(
             complaint = next(iter(complaints()), str(error))
             raise InvalidInput(f"{path}: is not a valid URDF: {complaint}") from error
     rest = np.clip(pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
-    if locked:
-        indices = [_lock_joint(model, rest, *each) for each in locked.items()]
-        model = pinocchio.buildReducedModel(model, indices, rest)
-        rest = np.clip(pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
+    held = [_lock_joint(model, rest, *each) for each in (locked or {}).items()]
     start, end = _frame(model, base, role="base"), _frame(model, foot, role="foot")
     above = [int(joint) for joint in model.supports[end.parentJoint]]
     if start.parentJoint not in above:
@@ -119,14 +117,20 @@ def read_robot(
             f"base {base!r} is not above foot {foot!r} in the robot's tree; are they "
             "swapped, or on different limbs?"
         )
-    joints = above[above.index(start.parentJoint) + 1 :]
-    if not joints:
+    between = above[above.index(start.parentJoint) + 1 :]
+    names = tuple(str(model.names[joint]) for joint in between if joint not in held)
+    if not names:
         raise UnsupportedLeg(
             f"no joint lies between base {base!r} and foot {foot!r}: the foot cannot "
             "move; choose a base further up or a foot further down, or lock fewer joints"
         )
-    names = tuple(str(model.names[joint]) for joint in joints)
-    return Robot(model, start, end, tuple(joints), names, frozenset(mimics), read_only(rest))
+    every = tuple(str(model.names[joint]) for joint in between)
+    if held:
+        model = pinocchio.buildReducedModel(model, held, rest)
+        rest = np.clip(pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
+        start, end = _frame(model, base, role="base"), _frame(model, foot, role="foot")
+    joints = tuple(int(model.getJointId(name)) for name in names)
+    return Robot(model, start, end, joints, names, every, frozenset(mimics), read_only(rest))
 
 
 def named(joints: Sequence[str]) -> str:

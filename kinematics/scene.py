@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
@@ -145,20 +146,28 @@ def _bones(robot: Robot) -> list[Any]:
     import pinocchio
 
     model = robot.model
-    tips = [np.array(model.jointPlacements[joint].translation) for joint in robot.joints[1:]]
-    tips.append(np.array(robot.foot.placement.translation))
-    radius = 0.05 * sum(float(np.linalg.norm(tip)) for tip in tips)
+    kinds = (pinocchio.FrameType.JOINT, pinocchio.FrameType.FIXED_JOINT)
+    ends = [
+        *(each for each in model.frames if each.name in robot.between and each.type in kinds),
+        robot.foot,
+    ]
+    pieces = []
+    for start, end in pairwise(ends):
+        joint = start.parentJoint
+        place = (
+            end.placement if end.parentJoint == joint else model.jointPlacements[end.parentJoint]
+        )
+        pieces.append((start, np.array(place.translation - start.placement.translation)))
+    radius = 0.05 * sum(float(np.linalg.norm(tip)) for _, tip in pieces)
     bones = []
-    for joint, tip in zip(robot.joints, tips, strict=True):
+    for start, tip in pieces:
         turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip).matrix()
-        half_way = pinocchio.SE3(turn, tip / 2.0) if tip.any() else pinocchio.SE3.Identity()
+        middle = start.placement.translation + tip / 2.0
+        half_way = pinocchio.SE3(turn if tip.any() else np.eye(3), middle)
         ball, bone = coal.Sphere(1.4 * radius), coal.Cylinder(radius, float(np.linalg.norm(tip)))
-        for name, solid, placement in (
-            ("ball", ball, pinocchio.SE3.Identity()),
-            ("bone", bone, half_way),
-        ):
+        for name, solid, placement in (("ball", ball, start.placement), ("bone", bone, half_way)):
             shape = pinocchio.GeometryObject(
-                f"{model.names[joint]} {name}", joint, placement, solid
+                f"{start.name} {name}", start.parentJoint, placement, solid
             )
             shape.meshColor = np.array([0.7, 0.72, 0.75, 1.0])
             bones.append(shape)

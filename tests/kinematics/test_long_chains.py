@@ -73,6 +73,10 @@ def test_the_bodies_of_a_scene_are_where_the_joints_are_held(arm):
     assert scene.robot.joint_names == leg.joint_names
     places, elsewhere = scene.places(angles[0]), other.places(angles[0])
     assert np.abs(places[-1] - elsewhere[-1]).max() > 0.01
+    names = [shape.name for shape in scene.moving.geometryObjects]
+    assert names[-4:] == ["joint_4 ball", "joint_4 bone", "joint_5 ball", "joint_5 bone"]
+    feet = leg.foot_positions(angles)[0]
+    assert np.allclose(2.0 * places[-1] - places[-2], feet, rtol=0.0, atol=ROUNDING)
     spare = leg.chain.tip  # from the third joint over the held ones to the tip
     assert np.linalg.norm(spare) > 0.2
 
