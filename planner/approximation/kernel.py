@@ -166,15 +166,8 @@ def descend(
     size = len(curve) // 2
     rows, limits = constraints(problem, size)
     error, gradient, hessian, diagonal = evaluate(problem, curve)
-    zero, moving = 0.0, False
-    for d in problem.desired:
-        zero += 1e-26 * d * d
-    for each in free:
-        moving |= each
     damping, scales = 1e-3, np.zeros(2 * size)
     for _ in range(rounds):
-        if error <= zero or not moving:
-            break
         by_knot, by_value = 0.0, 0.0
         for i in range(size):
             by_knot, by_value = by_knot + diagonal[i] / size, by_value + diagonal[size + i] / size

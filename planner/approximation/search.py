@@ -148,8 +148,8 @@ class KnotSearch:
         return exact_curve(self.unrounded)
 
     @cached_property
-    def _merged(self) -> tuple[Array, Array]:
-        return merged_knots(self.problem._replace(desired=self.ideal))
+    def _ranked(self) -> Array:
+        return ranked_knots(self.problem._replace(desired=self.ideal))
 
     def _curve(self, segments: int) -> Candidate:
         """The best curve found with this number of segments."""
@@ -157,10 +157,8 @@ class KnotSearch:
         if self.exact is not None and segments == problem.segments(self.exact.knots):
             return self.exact
         if segments > PROPOSED:
-            stay, removed = self._merged
-            first = removed.size + stay.size - segments - (0 if problem.cyclic else 1)
-            chosen = np.sort(np.append(stay, removed[first:])) if first >= 0 else None
-            knots = None if chosen is None else with_required(problem, chosen)
+            count = segments if problem.cyclic else segments + 1
+            knots = with_required(problem, np.sort(self._ranked[:count]))
             knots = even_knots(problem, segments) if knots is None else knots
             return descend_by_windows(problem, self.valued(knots), rounds=FEW)
         starts = self._starts(segments)
@@ -353,14 +351,11 @@ def cheapest_knots(
     return with_required(problem, knots[:-1] if cyclic else knots)
 
 
-def merged_knots(problem: Problem) -> tuple[Array, Array]:
-    """Knots on samples for any number of segments: neighbours merged one pair at a time.
+def ranked_knots(problem: Problem) -> Array:
+    """Knots on samples by bottom-up merging, of a cycle without its end: the first ones are best.
 
-    It begins with a segment between any two samples. The order of the merges gives the knots for
-    every number of segments, each set within the next, in O(n log n) once.
-
-    Returns:
-        Knots that stay, of a cycle without its end, and the others in the order in which they go.
+    It begins with a segment between any two samples, and merges neighbours one pair at a time. The
+    order of the merges gives the knots for every number of segments in O(n log n) once.
     """
     n = problem.samples
     every: Array = np.arange(n, dtype=np.float64)
@@ -370,8 +365,7 @@ def merged_knots(problem: Problem) -> tuple[Array, Array]:
     first, ends = int(every[0]), problem.ends(every)
     grid = (ends - first).astype(np.intp).tolist()
     last = len(grid) - 1
-    fixed = nearest_samples(problem.required) - first
-    stays = np.isin(grid, np.mod(fixed, n) if problem.cyclic else fixed)
+    stays = np.isin(np.mod(grid, n), np.mod(nearest_samples(problem.required) - first, n))
     stays[[0, -1]] = True
     turned = np.resize(np.roll(problem.desired, -first), grid[-1] + 1)
     k = np.arange(turned.size, dtype=np.float64)
@@ -415,4 +409,4 @@ def merged_knots(problem: Problem) -> tuple[Array, Array]:
                 version[neighbour] += 1
                 heappush(queue, (loss(neighbour), neighbour, version[neighbour]))
     kept = ends[stays]
-    return kept[:-1] if problem.cyclic else kept, ends[removed]
+    return np.append(kept[:-1] if problem.cyclic else kept, ends[removed[::-1]])

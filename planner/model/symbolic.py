@@ -32,7 +32,7 @@ def period_function(model: JointModel) -> Any:
     angle, speed, integral = State(*(state[s] for s in range(size)))
     for weights in weights_by_tick(model)[0].tolist():
         raised = law.offset + sag + law.integral_inside * integral / law.gain
-        by_pose = _pose_sag(law, angle)
+        by_pose = law.sag_sin * casadi.sin(angle) + law.sag_cos * casadi.cos(angle)
         drives = [
             weight
             * _clip(
@@ -49,15 +49,6 @@ def period_function(model: JointModel) -> Any:
         angle = angle + speed
     reached = casadi.vertcat(*State(angle, speed, integral)[:size])
     return casadi.Function("period", [state, requests, load, radius], [reached])
-
-
-def _pose_sag(law: Law, angle: Any) -> Any:
-    """The sag by the angle [rad]."""
-    import casadi
-
-    if law.sag_sin == 0.0 and law.sag_cos == 0.0:
-        return 0.0
-    return law.sag_sin * casadi.sin(angle) + law.sag_cos * casadi.cos(angle)
 
 
 def _moved(
