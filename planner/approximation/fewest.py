@@ -115,14 +115,14 @@ def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
         for first, last in parts[:-1]:
             lower[last], upper[last] = float(least[last]), float(most[last])
             lines, place = (
-                _links_from(gates, next_link(gates, first, last), last)[1],
+                _links_from(gates, next_link(gates, last, start=first), last)[1],
                 gates.places[last],
             )
             highest, lowest = (min(max(each.at(place), lower[last]), upper[last]) for each in lines)
             lower[last], upper[last] = min(lowest, highest), highest
     knots, values = list[float](), list[float]()
     for first, last in reversed(parts):
-        links, lines = _links_from(gates, next_link(gates, first, last), last)
+        links, lines = _links_from(gates, next_link(gates, last, start=first), last)
         start, end = gates.places[first], gates.places[last]
         if links:  # the last line: the one that crosses the line before it first
             final = lines[links[-1].rising]
@@ -154,11 +154,11 @@ def fewest_links_around(gates: Gates) -> Course | None:
     n = len(gates.places)
     places = [float(k) for k in range(8 * n)]
     around = Gates(places, list(gates.lower) * 8, list(gates.upper) * 8, gates.slope)
-    before, link = None, next_link(around, 0, 8 * n - 1)
+    before, link = None, next_link(around, 8 * n - 1)
     while isinstance(link, Link) and link.touched < 4 * n:
         if before is not None and link.rising != before.rising:
             break
-        before, link = link, link_after(around, link, 8 * n - 1)
+        before, link = link, next_link(around, 8 * n - 1, after=link)
     else:
         return None
     line, size, first = link.line, link.touched - link.before, link.before
@@ -193,7 +193,7 @@ def _links_from(gates: Gates, outcome: Link | LastLines, last: int) -> tuple[lis
     links: list[Link] = []
     while isinstance(outcome, Link):
         links.append(outcome)
-        outcome = link_after(gates, outcome, last)
+        outcome = next_link(gates, last, after=outcome)
     return links, outcome
 
 
@@ -207,18 +207,22 @@ def meeting(first: Line, second: Line, least: float, most: float) -> float:
 
 
 def next_link(
-    gates: Gates, start: int, last: int, *, half: int = -1, rising: bool = False
+    gates: Gates, last: int, *, start: int = 0, after: Link | None = None
 ) -> Link | LastLines:
     """The line kept next, or the last ones if a line passes all gates from ``start`` to ``last``.
 
+    Up to the last gate that the link before passes, only the ends away from that link count: on the
+    near side the line is beyond it before they cross.
+
     Args:
         gates: All gates.
-        start: The first gate that counts, the one that the link before touched last.
         last: The last gate that counts.
-        half: The last gate that the link before passes. Up to it, only the ends away from that link
-            count: on the near side the line is beyond it before they cross.
-        rising: Whether the link before is rising.
+        start: The first gate that counts.
+        after: The link before: then the first gate is the one that it touched last.
     """
+    half, rising = -1, False
+    if after is not None:
+        start, half, rising = after.touched, after.end, after.rising
     places, lowers, uppers, slope = gates
     highest, lowest = Extreme(slope), Extreme(slope)
     for k in range(start, last + 1):
@@ -243,11 +247,6 @@ def next_link(
         if upper < math.inf:
             lowest.add(k, place, -upper)
     return highest.line, _mirrored(lowest.line)
-
-
-def link_after(gates: Gates, link: Link, last: int) -> Link | LastLines:
-    """The line kept after another one."""
-    return next_link(gates, link.touched, last, half=link.end, rising=link.rising)
 
 
 def _mirrored(line: Line) -> Line:

@@ -191,7 +191,9 @@ def fit_pwl(
     problem = Problem(desired=samples, step=v_max * tick, cyclic=cyclic, required=places, pins=pins)
     if knots is not None:
         values = as_trajectory(knots, name="knots", minimum=1)
-        knots = checked_knots(values.tolist(), n, cyclic=cyclic, name="knots")[0]
+        fixed = checked_knots(values.tolist(), n, cyclic=cyclic, name="knots")[0]
+        knots = np.unique([*fixed, *places, *([] if cyclic else [0.0, n - 1.0])])
+        check_apart("knots", problem.ends(knots), n)
     question = Question(
         segments=checked_segments(segments, samples, cyclic=cyclic),
         max_error=None if max_error is None else positive("max_error", max_error, "rad"),
@@ -260,11 +262,8 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     middle = 0.5 * (float(angles.max()) + float(angles.min()))
     unit = float(np.max(np.abs(angles - middle)))
     if unit <= SMALLEST:
-        if question.knots is not None:
-            knots = _all_knots(problem, question.knots)
-        else:
-            segments = question.segments if question.max_error is None else None
-            knots = even_knots(problem, segments or 1)
+        segments = question.segments if question.max_error is None else None
+        knots = even_knots(problem, segments or 1) if question.knots is None else question.knots
         constant = Candidate(knots, np.full(knots.size, middle), 0.0)
         return constant, None if question.max_error is None else 1
     scaled = problem._replace(
@@ -275,8 +274,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     )
     fewest = None
     if question.knots is not None:
-        knots = _all_knots(problem, question.knots)
-        curve = candidate(scaled, knots, solve_values(scaled, knots))
+        curve = candidate(scaled, question.knots, solve_values(scaled, question.knots))
     elif question.max_error is not None:
         search = KnotSearch(scaled)
         bound = question.max_error / unit
@@ -387,15 +385,6 @@ def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) 
         else:
             failed = trial
     return fewest
-
-
-def _all_knots(problem: Problem, knots: Array) -> Array:
-    """Input knots, required ones and a path's ends, if a curve may have all."""
-    knots = np.union1d(knots, problem.required)
-    if not problem.cyclic:
-        knots = np.union1d(knots, [0.0, problem.samples - 1.0])
-    check_apart("knots", problem.ends(knots), problem.samples)
-    return knots
 
 
 def _certify(fit: PiecewiseLinearFit, question: Question) -> None:
