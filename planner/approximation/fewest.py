@@ -114,15 +114,12 @@ def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
         least, most = gates.reachable()
         for first, last in parts[:-1]:
             lower[last], upper[last] = float(least[last]), float(most[last])
-            lines, place = (
-                _links_from(gates, next_link(gates, last, start=first), last)[1],
-                gates.places[last],
-            )
-            highest, lowest = (min(max(each.at(place), lower[last]), upper[last]) for each in lines)
+            ends = [each.at(gates.places[last]) for each in links_from(gates, last, start=first)[1]]
+            highest, lowest = (min(max(each, lower[last]), upper[last]) for each in ends)
             lower[last], upper[last] = min(lowest, highest), highest
     knots, values = list[float](), list[float]()
     for first, last in reversed(parts):
-        links, lines = _links_from(gates, next_link(gates, last, start=first), last)
+        links, lines = links_from(gates, last, start=first)
         start, end = gates.places[first], gates.places[last]
         if links:  # the last line: the one that crosses the line before it first
             final = lines[links[-1].rising]
@@ -162,16 +159,15 @@ def fewest_links_around(gates: Gates) -> Course | None:
     else:
         return None
     line, size, first = link.line, link.touched - link.before, link.before
-    lower, upper = (
-        list(each[first : first + n + size + 1]) for each in (around.lower, around.upper)
-    )
-    lower[n:], upper[n:] = [-math.inf] * (size + 1), [math.inf] * (size + 1)
+    turn = slice(first, first + n)
+    lower = [*around.lower[turn], *[-math.inf] * (size + 1)]
+    upper = [*around.upper[turn], *[math.inf] * (size + 1)]
     for k in (0, size):
         lower[n + k] = line.at(first + k) - REACHED
         upper[n + k] = line.at(first + k) + REACHED
     path = Gates(places[: n + size + 1], lower, upper, gates.slope)
     eave = Link(line._replace(place=line.place - first), link.rising, size, 0, link.end - first)
-    links = _links_from(path, eave, n + size)[0]
+    links = [eave, *links_from(path, n + size, after=eave)[0]]
     again = eave.line._replace(place=eave.line.place + n)
     knots, values = joints(path, links, again)
     shift = first - n * math.floor((first + knots[0]) / n)
@@ -188,9 +184,11 @@ def joints(gates: Gates, links: Sequence[Link], final: Line) -> tuple[list[float
     return places, [link.line.at(place) for link, place in zip(links, places, strict=True)]
 
 
-def _links_from(gates: Gates, outcome: Link | LastLines, last: int) -> tuple[list[Link], LastLines]:
-    """The lines kept from one on, up to a gate, and those that remain for the last segment."""
-    links: list[Link] = []
+def links_from(
+    gates: Gates, last: int, *, start: int = 0, after: Link | None = None
+) -> tuple[list[Link], LastLines]:
+    """The lines kept one after the other, and those that remain for the last segment."""
+    links, outcome = list[Link](), next_link(gates, last, start=start, after=after)
     while isinstance(outcome, Link):
         links.append(outcome)
         outcome = next_link(gates, last, after=outcome)
