@@ -132,52 +132,87 @@ class Desired:
 
 def desired_of(run: settings.Run, folder: str = "") -> Desired:
     """The desired motion of the settings, with limits, starts and load, for any method."""
-    desired = _followed(run, load_leg(find_leg(run.leg, folder)), folder)
-    if desired.loads is not None and run.plan.load is None:
+    path, leg, of_foot = _path_of(run, load_leg(find_leg(run.leg, folder)), folder)
+    names = leg.joint_names if of_foot and leg is not None else path.names
+    models = models_of(run, names, leg, folder, units=path.units)
+    path, closed, remarks = _in_step(path, run, models[0].period)
+    legs = {} if leg is not None else legs_among(names, run.model, folder)
+    foreign = [name for name in names if leg is not None and name not in leg.joint_names]
+    if leg is not None and foreign:
+        raise BadSetting(
+            f"joint '{foreign[0]}' of {path.path} is not on the leg; its joints: "
+            f"{', '.join(leg.joint_names)}"
+        )
+    limits = _limits_of(names, legs.values() if leg is None else (leg,), run.model, folder)
+    limits |= _by_joint("limits", run.limits, names)
+    if path.loads is not None and run.plan.load is None:
         words = "the load in the path's columns is not used: ask for it with "
-        unused = Remark(words, Key("plan.load", "column"))
-        desired = replace(desired, remarks=(*desired.remarks, unused))
-    starts = starts_of(run.start, desired.names, cyclic=desired.cyclic)
-    limits = {**desired.limits, **_by_joint("limits", run.limits, desired.names)}
-    limits = {joint: limits[joint] for joint in desired.names if joint in limits}
-    return replace(desired, starts=starts, limits=limits, load=_load_of(run.plan, desired))
+        remarks = (*remarks, Remark(words, Key("plan.load", "column")))
+    desired = Desired(
+        run,
+        names,
+        path.values,
+        models,
+        folder=folder,
+        limits={joint: limits[joint] for joint in names if joint in limits},
+        starts=starts_of(run.start, names, cyclic=closed),
+        leg=leg,
+        legs=legs,
+        units=None if of_foot else path.units,
+        cyclic=closed,
+        remarks=(*remarks, *refused_models(names, models)),
+        loads=path.loads,
+    )
+    if of_foot and leg is not None:  # by inverse kinematics
+        solution = leg.inverse(path.values, unreachable=run.leg.unreachable)
+        count = int((~solution.reachable).sum())
+        clamped = run.leg.unreachable == "clamp" and count > 0
+        desired = replace(
+            desired,
+            angles=solution.angles,
+            foot=leg.foot_positions(solution.angles) if clamped else path.values,
+            foot_given=path.values if clamped else None,
+            unreachable=count,
+        )
+    return replace(desired, load=_load_of(run.plan, desired))
 
 
-def _followed(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
-    """The motion of the path: joint angles of a file, or a foot path by inverse kinematics."""
-    path = run.path
-    if path.half_ellipse is not None:
+def _path_of(
+    run: settings.Run, leg: Leg | None, folder: str
+) -> tuple[SampledPath, Leg | None, bool]:
+    """The path of the settings, its leg, and whether it is a path of the leg's foot."""
+    path, walk = run.path, run.path.half_ellipse
+    half = Key("path.half_ellipse")
+    if walk is not None:
+        from planner.gait.half_ellipse import half_ellipse  # with kinematics
+        from planner.gait.stride import stride
+
         if path.file is not None or path.joints:
             other = Key("path.file" if path.file is not None else "path.joints")
-            half = Key("path.half_ellipse")
             raise BadSetting(half, ": got ", other, " too, expected one of them; remove the other")
-        return _half_ellipse(run, path.half_ellipse, leg, folder)
+        if leg is None:
+            keys = (Key("leg.urdf"), ", ", Key("leg.base"), " and ", Key("leg.foot"))
+            needed = (": a foot path needs a leg; set ", Key("leg.name"), ", or ", *keys)
+            raise BadSetting(half, *needed)
+        if walk.for_leg:
+            leg_stride = stride(leg, **walk.arguments(given_only=True))
+            positions = leg_stride.foot
+            leg = leg if run.leg.near else replace(leg, near=leg_stride.pose)
+        else:
+            positions = half_ellipse(**walk.arguments())
+        return SampledPath("path.half_ellipse", AXES, ("m",) * 3, positions, None), leg, True
     if path.file is None:
         raise BadSetting("no path: expected ", Key("path.file"), " or [path.half_ellipse]")
     file = beside(folder, path.file)
     table, even = path_table(file), path.rate_hz is None and path.speed is None
-    if is_foot_path(table):
-        if leg is None:
-            raise BadSetting(f"{file} is a foot path: name its leg with ", Key("leg.name"))
-        if path.joints:
-            raise BadSetting(
-                Key("path.joints"), " chooses columns of a joint path; a foot moves all joints"
-            )
-        return _from_foot(foot_path(table, even=even), run, leg, folder)
-    joints = joint_path(table, joints=path.joints, even=even)
-    models = models_of(run, joints.names, leg, folder, units=joints.units)
-    joints, closed, remarks = _in_step(joints, run, models[0].period)
-    legs = {} if leg is not None else legs_among(joints.names, run.model, folder)
-    foreign = [name for name in joints.names if leg is not None and name not in leg.joint_names]
-    if leg is not None and foreign:
-        raise BadSetting(
-            f"joint '{foreign[0]}' of {joints.path} is not on the leg; its joints: "
-            f"{', '.join(leg.joint_names)}"
-        )
-    own = legs.values() if leg is None else (leg,)
-    limits = _limits_of(joints.names, own, run.model, folder)
-    followed = _of_joints(joints, run, models, closed, remarks)
-    return replace(followed, folder=folder, limits=limits, leg=leg, legs=legs)
+    if not is_foot_path(table):
+        return joint_path(table, joints=path.joints, even=even), leg, False
+    if leg is None:
+        raise BadSetting(f"{file} is a foot path: name its leg with ", Key("leg.name"))
+    if path.joints:
+        words = " chooses columns of a joint path; a foot moves all joints"
+        raise BadSetting(Key("path.joints"), words)
+    return foot_path(table, even=even), leg, True
 
 
 def load_joints(file: str, run: settings.Run) -> Desired:
@@ -185,20 +220,10 @@ def load_joints(file: str, run: settings.Run) -> Desired:
     table = path_table(file)
     if is_foot_path(table):
         raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
-    joints = joint_path(table, joints=run.path.joints)
-    models = models_of(run, joints.names, units=joints.units)
-    joints.check_period(models[0].period)
-    return _of_joints(joints, run, models, *repeats(joints.values, run.plan.cyclic))
-
-
-def _of_joints(
-    path: SampledPath,
-    run: settings.Run,
-    models: tuple[JointModel, ...],
-    cyclic: bool,
-    remarks: tuple[Remark, ...],
-) -> Desired:
-    """The motion of a joint path."""
+    path = joint_path(table, joints=run.path.joints)
+    models = models_of(run, path.names, units=path.units)
+    path.check_period(models[0].period)
+    cyclic, remarks = repeats(path.values, run.plan.cyclic)
     return Desired(
         run,
         path.names,
@@ -208,50 +233,6 @@ def _of_joints(
         cyclic=cyclic,
         remarks=(*remarks, *refused_models(path.names, models)),
         loads=path.loads,
-    )
-
-
-def _from_foot(points: SampledPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
-    """The desired motion of a leg's joints for its foot to follow a path."""
-    models = models_of(run, leg.joint_names, leg, folder)
-    points, closed, remarks = _in_step(points, run, models[0].period)
-    solution = leg.inverse(points.values, unreachable=run.leg.unreachable)
-    count = int((~solution.reachable).sum())
-    clamped = run.leg.unreachable == "clamp" and count > 0
-    return Desired(
-        run,
-        leg.joint_names,
-        solution.angles,
-        models,
-        folder=folder,
-        limits=_limits_of(leg.joint_names, (leg,), run.model, folder),
-        leg=leg,
-        foot=leg.foot_positions(solution.angles) if clamped else points.values,
-        foot_given=points.values if clamped else None,
-        unreachable=count,
-        cyclic=closed,
-        remarks=(*remarks, *refused_models(leg.joint_names, models)),
-    )
-
-
-def _half_ellipse(
-    run: settings.Run, walk: settings.HalfEllipse, leg: Leg | None, folder: str
-) -> Desired:
-    from planner.gait.half_ellipse import half_ellipse  # with kinematics
-    from planner.gait.stride import stride
-
-    if leg is None:
-        keys = (Key("leg.urdf"), ", ", Key("leg.base"), " and ", Key("leg.foot"))
-        half = Key("path.half_ellipse")
-        raise BadSetting(half, ": a foot path needs a leg; set ", Key("leg.name"), ", or ", *keys)
-    if walk.for_leg:
-        leg_stride = stride(leg, **walk.arguments(given_only=True))
-        positions = leg_stride.foot
-        leg = leg if run.leg.near else replace(leg, near=leg_stride.pose)
-    else:
-        positions = half_ellipse(**walk.arguments())
-    return _from_foot(
-        SampledPath("path.half_ellipse", AXES, ("m",) * 3, positions, None), run, leg, folder
     )
 
 

@@ -8,7 +8,7 @@ import click
 
 from planner.cli import buses, options
 from planner.cli.console import Answer, summarise, warn
-from planner.exceptions import BusError, InvalidFile
+from planner.exceptions import InvalidFile
 
 if TYPE_CHECKING:
     from planner.trajectory import Array
@@ -54,6 +54,7 @@ def play(
     from planner.files.columns import SHARES
     from planner.files.joint_model import read_servos
     from planner.files.paths import GrowingLog, read_joint_path, write_joint_path
+    from planner.robot.measure import by_request
 
     path = read_joint_path(requests)
     for name, unit in zip(path.names, path.units, strict=True):
@@ -82,7 +83,7 @@ def play(
     times, angles = np.array([time for time, _ in rows]), np.array([each for _, each in rows])
     if measured is not None:
         write_joint_path(
-            measured, path.names, _a_row_each(times, angles, count, period), period=period
+            measured, path.names, by_request(times, angles, count, period), period=period
         )
     lost = int(np.isnan(angles).sum())
     if performance.skipped or lost:
@@ -103,21 +104,6 @@ def play(
         },
         f"{len(rows)} rows of {', '.join(path.names)} in {output}\nplayed: {performance}",
     )
-
-
-def _a_row_each(times: Array, angles: Array, count: int, period: float) -> Array:
-    """Angles at the time of every request; missing readings are interpolated."""
-    import numpy as np
-
-    due = period * np.arange(count)
-    columns = []
-    for column in angles.T:
-        read = np.isfinite(column)
-        if not read.any():
-            raise BusError("a joint was never read; check its cable")
-        # A row was measured with its request, however late: it belongs to the nearest due time.
-        columns.append(np.interp(due, period * np.rint(times[read] / period), column[read]))
-    return np.column_stack(columns)
 
 
 @click.command()

@@ -17,7 +17,6 @@ from planner.report.table import fitted_to
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from planner.evaluation.virtual_experiment import VirtualOutcome
     from planner.report.figure import Figure
 
 STEPS = {"model": 15, "virtual": 26}
@@ -70,21 +69,32 @@ def reproduce(*, out: str, robot: str) -> Answer:
         request-planner reproduce --out out/paper
         request-planner reproduce --robot virtual --out out/virtual
     """  # noqa: D301
+    from planner.report.matplotlib_figure import pictures_of
+    from planner.report.paper_page import experiment_page, experiment_text
+
     experiment = on_virtual_robot if robot == "virtual" else on_model
     with (
         Progress(STEPS[robot]) as progress,
         output_folder(out) as folder,
         fitted_to(terminal_width(sys.stdout)),
     ):
-        document, text, failures = experiment(folder, progress)
+        document, figures, failures = experiment(folder, progress)
+        text = experiment_text(document)
+        linked = ["results.json", *list_files(folder)]
+        (folder / "figures").mkdir()
+        for figure in figures:
+            svg, png = pictures_of(figure)
+            write_text(folder / "figures" / f"{figure.name}.svg", svg)
+            write_bytes(folder / "figures" / f"{figure.name}.png", png)
+        write_text(folder / "report.html", experiment_page(document, figures, linked))
         document["files"] = list_files(folder)
         write_text(folder / "results.json", to_json(document))
     text = f"{text}\n\nReport, figures and CSV files: {out}"
     return Answer(document, "", lambda _: click.echo(text), failure="; ".join(failures))
 
 
-Outcome = tuple[dict[str, Any], str, list[str]]
-"""``results.json`` but for its list of files, the same for people, and the checks that failed."""
+Outcome = tuple[dict[str, Any], Sequence["Figure"], list[str]]
+"""``results.json`` but for its list of files, the figures, and the checks that failed."""
 
 
 def on_model(folder: Path, progress: Callable[[str], None]) -> Outcome:
@@ -92,7 +102,6 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Outcome:
     from planner.evaluation.reproduction import reproduce
     from planner.files.paths import write_foot_path, write_joint_path
     from planner.report.paper_figures import paper_figures
-    from planner.report.paper_page import experiment_text
     from planner.report.paper_results import joint_paths, paper_results
 
     reproduction = reproduce(progress=progress)
@@ -102,52 +111,39 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Outcome:
         write_joint_path(folder / f"{name}.csv", names, angles, period=period)
     for name, path in {"desired": reproduction.walk.desired_foot, **reproduction.foot}.items():
         write_foot_path(folder / f"foot_{name}.csv", path, period=period)
-    document = paper_results(reproduction)
-    _write_report(folder, document, paper_figures(reproduction))
-    return document, experiment_text(document), []
+    return paper_results(reproduction), paper_figures(reproduction), []
 
 
 def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Outcome:
-    """The paper's experiment on the virtual robot, whose joints are not the model."""
+    """The paper's experiment on the virtual robot, whose joints are not the model.
+
+    The files are the models, the logs of the step tests, and requests and angles of every walk.
+    """
+    import numpy as np
+
     from planner.evaluation.virtual_experiment import play_experiment
+    from planner.files.paths import write_joint_path
+    from planner.files.table import write_table
     from planner.report.paper_figures import virtual_figures
-    from planner.report.paper_page import experiment_text
     from planner.report.paper_results import virtual_results
 
     outcome = play_experiment(progress=progress)
     progress("the report")
-    _write_records(folder, outcome)
-    document = virtual_results(outcome)
-    _write_report(folder, document, virtual_figures(outcome))
-    failures = [
-        f"{joint}: the model that was identified does not describe the joint; see its "
-        "warnings in results.json"
-        for joint, identification in zip(
-            outcome.planned.walk.joint_names, outcome.identifications, strict=True
-        )
-        if not identification.accepted
-    ]
-    return document, experiment_text(document), failures
-
-
-def _write_records(folder: Path, outcome: VirtualOutcome) -> None:
-    """Models, logs of the step tests, and requests and angles of every walk."""
-    import numpy as np
-
-    from planner.files.paths import write_joint_path
-    from planner.files.table import write_table
-
-    period = outcome.constants.request_period
-    walk = outcome.planned.walk
+    period, walk = outcome.constants.request_period, outcome.planned.walk
+    failures = []
     for name, identification in zip(walk.joint_names, outcome.identifications, strict=True):
         identification.model.to_toml(folder / f"{name}.toml")
-        for fit in identification.fits:
-            log = fit.log
+        for log in (fit.log for fit in identification.fits):
             height = np.degrees(np.ptp(log.requests))
             write_table(
                 folder / f"step_test_{name}_{height:.0f}.csv",
                 ["t_s", "requested_deg", "actual_deg"],
                 np.column_stack([log.times, np.degrees(log.requests), np.degrees(log.angles)]),
+            )
+        if not identification.accepted:
+            failures.append(
+                f"{name}: the model that was identified does not describe the joint; see its "
+                "warnings in results.json"
             )
     write_joint_path(folder / "desired.csv", walk.joint_names, walk.desired, period=period)
     for method, run in outcome.runs.items():
@@ -158,21 +154,4 @@ def _write_records(folder: Path, outcome: VirtualOutcome) -> None:
         ):
             path = folder / f"{kind}_{method}.csv"
             write_joint_path(path, walk.joint_names, angles, period=period)
-
-
-def _write_report(
-    folder: Path,
-    document: dict[str, Any],
-    figures: Sequence[Figure],
-) -> None:
-    """The page, which links to the files that are already there, and its pictures."""
-    from planner.report.matplotlib_figure import pictures_of
-    from planner.report.paper_page import experiment_page
-
-    linked = ["results.json", *list_files(folder)]
-    (folder / "figures").mkdir()
-    for figure in figures:
-        svg, png = pictures_of(figure)
-        write_text(folder / "figures" / f"{figure.name}.svg", svg)
-        write_bytes(folder / "figures" / f"{figure.name}.png", png)
-    write_text(folder / "report.html", experiment_page(document, figures, linked))
+    return virtual_results(outcome), virtual_figures(outcome), failures

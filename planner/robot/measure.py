@@ -194,6 +194,19 @@ def angles_of(log: Log, count: int, period: float) -> Array:
     return angles
 
 
+def by_request(times: Array, angles: Array, count: int, period: float) -> Array:
+    """Angles (rows, k) at the time of every request, (count, k); missing ones are interpolated."""
+    due = period * np.arange(count)
+    columns = []
+    for column in angles.T:
+        read = np.isfinite(column)
+        if not read.any():
+            raise BusError("a joint was never read; check its cable")
+        # A row was measured with its request, however late: it belongs to the nearest due time.
+        columns.append(np.interp(due, period * np.rint(times[read] / period), column[read]))
+    return np.column_stack(columns)
+
+
 class Recheck(NamedTuple):
     """Whether a model still holds, by a new motion of its joint."""
 

@@ -14,7 +14,6 @@ import pytest
 
 from planner import JointModel
 from planner.cli import buses
-from planner.cli.play import _a_row_each
 from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs import read_logs
@@ -506,11 +505,11 @@ def test_the_port_is_that_of_the_command_or_of_the_file_and_is_given_back(run, a
 def test_a_row_belongs_to_the_request_at_whose_time_it_was_due():
     times = np.array([0.004, 0.021, 0.068, 0.1])  # late; 2 and 4 were not sent
     angles = np.array([[0.0, np.nan], [0.1, 0.5], [0.3, np.nan], [0.5, 0.1]])
-    found = _a_row_each(times, angles, 7, 0.02)
+    found = measure.by_request(times, angles, 7, 0.02)
     assert found[:, 0] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5])
     assert found[:, 1] == pytest.approx([0.5, 0.5, 0.4, 0.3, 0.2, 0.1, 0.1])
     with pytest.raises(BusError, match="a joint was never read; check its cable"):
-        _a_row_each(times, np.column_stack([angles[:, 0], np.full(4, np.nan)]), 7, 0.02)
+        measure.by_request(times, np.column_stack([angles[:, 0], np.full(4, np.nan)]), 7, 0.02)
 
 
 @pytest.mark.parametrize("by_hand", [True, False])
