@@ -57,7 +57,7 @@ class Curve:
         return self.label or self.role.label
 
 
-Drawn = Iterable[tuple[Array, Role]]
+Traces = Iterable[tuple[Array, Role]]
 """Values of each sample [rad], shape (n,), and how they are drawn."""
 
 
@@ -129,7 +129,7 @@ class Panel:
         return middle - 0.5 * self.y.least, middle + 0.5 * self.y.least
 
 
-class Motion(NamedTuple):
+class LegMotion(NamedTuple):
     """How a leg moves."""
 
     role: Role  # meaning, with its looks
@@ -141,7 +141,7 @@ class Motion(NamedTuple):
 
 
 def moving_leg(
-    motions: Sequence[Motion], period: float, *, cyclic: bool, ground: float | None = None
+    motions: Sequence[LegMotion], period: float, *, cyclic: bool, ground: float | None = None
 ) -> dict[str, Any]:
     """Data of a moving leg with a time slider; it may stand on the ground [m].
 
@@ -308,11 +308,11 @@ class Timeline:
         points = leg.joint_positions(desired)
         if foot is not None:
             points = np.concatenate([points[:, :-1], foot[:, None]], axis=1)
-        motions = [Motion(DESIRED, points)]
+        motions = [LegMotion(DESIRED, points)]
         for role, angles in others:
             own = leg.joint_positions(angles)
             distances = np.linalg.norm(own[:, -1] - points[:, -1], axis=1)
-            motions.append(Motion(role, own, distances))
+            motions.append(LegMotion(role, own, distances))
         live = moving_leg(motions, self.period, cyclic=self.cyclic)
         return Figure(name, *words, self.axis, live=live)
 
@@ -370,9 +370,9 @@ def joint_figure(
     name: str,
     words: tuple[str, str],
     *,
-    angles: Drawn = (),
-    errors: Drawn = (),
-    requests: Drawn,
+    angles: Traces = (),
+    errors: Traces = (),
+    requests: Traces,
     unit: tuple[str, float] = ("deg", math.degrees(1.0)),
     limits: tuple[float, float] | None = None,
     spans: tuple[Span, ...] = (),
@@ -388,7 +388,7 @@ def joint_figure(
     """
     sign, factor = unit
 
-    def curves(drawn: Drawn, *, held: bool = False) -> tuple[Curve, ...]:
+    def curves(drawn: Traces, *, held: bool = False) -> tuple[Curve, ...]:
         of_path = DESIRED.light  # nothing holds what is desired
         return tuple(
             timeline.curve(factor * values, role, held=held and role.light != of_path)

@@ -272,17 +272,12 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
 def _strip(identification: Identification, name: str, value: float) -> tuple[float, float]:
     """The ends of a parameter's strip; the lag's covers at least a period."""
     model = identification.model
-    if name == "offset":
-        most = max(0.25 * model.theta_0, 1.5 * abs(value))
-        return -most, most
-    if name in ("sag_sin", "sag_cos"):
-        most = 1.5 * model.most_pose_sag or 1.0
-        return -most, most
-    if name == "lag":
-        return 0.0, max(2.0 * value, model.period)
-    if name == "v_offset":
-        return -model.v_max, model.v_max
-    return 0.0, 2.0 * value if value else 1.0
+    sag = 1.5 * model.most_pose_sag or 1.0
+    static = max(0.25 * model.theta_0, 1.5 * abs(value))
+    about_zero = {"offset": static, "sag_sin": sag, "sag_cos": sag, "v_offset": model.v_max}
+    if name in about_zero:
+        return -about_zero[name], about_zero[name]
+    return 0.0, max(2.0 * value, model.period if name == "lag" else 0.0) or 1.0
 
 
 def _stroke(

@@ -14,7 +14,7 @@ from planner.report.figure import (
     Axis,
     Curve,
     Figure,
-    Motion,
+    LegMotion,
     Panel,
     Span,
     Timeline,
@@ -174,10 +174,10 @@ def foot_paths_figure(
         ),
         height=2.5,
     )
-    motions = [Motion(style.DESIRED, planned.legs["desired"])]
+    motions = [LegMotion(style.DESIRED, planned.legs["desired"])]
     for method, role in ROLES.items():
         distances = np.linalg.norm(legs[method][:, -1] - foot, axis=1)
-        motions.append(Motion(role, legs[method], distances, hidden=method in HIDDEN))
+        motions.append(LegMotion(role, legs[method], distances, hidden=method in HIDDEN))
     live = moving_leg(motions, planned.models[0].period, cyclic=True, ground=ground)
     return Figure(name, *words_of(name), ACROSS, (panel,), equal=True, live=live)
 

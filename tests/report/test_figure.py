@@ -14,7 +14,7 @@ from planner.report.figure import (
     Axis,
     Curve,
     Figure,
-    Motion,
+    LegMotion,
     Panel,
     Span,
     Timeline,
@@ -162,7 +162,7 @@ def motion(samples):
     points = np.zeros((samples, 3, 3))
     points[:, 1:, 2] = -0.0501
     points[:, 2, 0] = np.linspace(0.0, 0.1, samples)
-    return Motion(DIRECT, points, points[:, 2, 0])
+    return LegMotion(DIRECT, points, points[:, 2, 0])
 
 
 def test_a_leg_is_shown_in_centimetres_with_its_ground_and_its_error():
