@@ -57,14 +57,10 @@ class Window(NamedTuple):
     """The requests that drive the joint at one tick, and their weights.
 
     ``M(t) = M(t-1) + sum_j weights[j] * f(R(t - first - j) + sag - M(t-1))``
-
-    Attributes:
-        first: Age of the youngest request that counts [ticks], at least 1.
-        weights: Weights W_i = w_i / a for the ages ``first, first + 1, ...``; they sum to 1.
     """
 
-    first: int
-    weights: Array  # (m,)
+    first: int  # age of the youngest request that counts [ticks], at least 1
+    weights: Array  # W_i = w_i / a for the ages first, first + 1, ..., (m,); they sum to 1
 
     @property
     def last(self) -> int:
@@ -531,9 +527,8 @@ class JointModel:
             load: Torque on the joint in the direction of positive angles [N m].
             angle: Angle at which gravity acts, by :meth:`gravity` [rad]; None for no gravity.
         """
-        beyond = np.asarray(error, dtype=np.float64)
         band = self.steady.dead_band
-        beyond = beyond - np.clip(beyond, -band, band)
+        beyond = np.asarray(error, dtype=np.float64) - np.clip(error, -band, band)
         low, high = self.speed_limits(load, angle)
         return np.asarray(np.minimum(np.maximum(self.v_max / self.theta_0 * beyond, low), high))
 

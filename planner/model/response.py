@@ -101,7 +101,7 @@ def motion_under(
     apart = motion_of(
         model.law,
         weights_by_tick(model)[0],
-        np.ascontiguousarray(requests),
+        np.array(requests),  # writeable: compiled once for all
         request_ages(model).oldest,
         model.compliance * torques,
         model.faster_per_tick(torques),
