@@ -195,26 +195,14 @@ def _settle(context: click.Context, option: click.Parameter, value: Any) -> None
     if context.meta.get(KEY, level) != level:
         raise click.UsageError("--quiet and --verbose contradict each other: leave one out.")
     context.meta[KEY] = level
+    # the library's log, such as solvers' reports; or no word about compilation
+    log = logging.getLogger("planner" if level == "verbose" else "planner.compilation")
+    context.call_on_close(partial(log.setLevel, log.level))
+    log.setLevel(logging.DEBUG if level == "verbose" else logging.ERROR)
     if level == "verbose":
-        context.call_on_close(print_log())
-    if level == "quiet":
-        compilation = logging.getLogger("planner.compilation")
-        context.call_on_close(partial(compilation.setLevel, compilation.level))
-        compilation.setLevel(logging.ERROR)
-
-
-def print_log() -> Callable[[], None]:
-    """Print the library's log, such as solvers' reports, until the returned function is called."""
-    log = logging.getLogger("planner")
-    before, handler = log.level, _Printing()
-    log.addHandler(handler)
-    log.setLevel(logging.DEBUG)
-
-    def end() -> None:
-        log.removeHandler(handler)
-        log.setLevel(before)
-
-    return end
+        handler = _Printing()
+        log.addHandler(handler)
+        context.call_on_close(partial(log.removeHandler, handler))
 
 
 class _Printing(logging.Handler):
@@ -338,11 +326,10 @@ def _duration(seconds: float) -> str:
 
 @dataclass(frozen=True)
 class Key:
-    """A setting in a message, such as ``export[0].file``, with a value or a joint or neither."""
+    """A setting in a message, such as ``export[0].file``, perhaps with a value."""
 
     name: str | Place  # or the keys and numbers that lead to it
     value: str | bool | None = None
-    joint: str | None = None
 
     @property
     def place(self) -> Place:
@@ -350,8 +337,7 @@ class Key:
         if not isinstance(self.name, str):
             return self.name
         parts = re.findall(r"([^.\[]+)|\[(\d+)\]", self.name)
-        names = tuple(part or int(number) for part, number in parts)
-        return names if self.joint is None else (*names, self.joint)
+        return tuple(part or int(number) for part, number in parts)
 
 
 def as_key(key: Key) -> str:

@@ -316,7 +316,7 @@ def _by_joint(
     for joint in values.joints:
         if joint not in joints:
             raise BadSetting(
-                Key(f"{table}.joints", joint=joint),
+                Key((table, "joints", joint)),
                 f": no such joint in the path{nearest(joint, joints)}; joints: {', '.join(joints)}",
             )
     common = {} if values.deg is None else dict.fromkeys(joints, values.deg)

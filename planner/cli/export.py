@@ -72,11 +72,8 @@ def export(
         raise click.UsageError(f"--format {export.format} is a folder: name it with --output.")
     rows, skipped = rows_of(export, schedule)
     check_rows(export, rows)
-    return Answer(
-        rows_document(export, rows, skipped),
-        rows_summary(rows, skipped),
-        lambda file: write_rows(file, export, rows),
-    )
+    answer = rows_answer(export, rows, skipped)
+    return Answer(*answer, lambda file: write_rows(file, export, rows))
 
 
 def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
@@ -159,30 +156,25 @@ def check_rows(export: Export, rows: Schedule) -> None:
     )
 
 
-def rows_document(export: Export, rows: Schedule, skipped: int) -> dict[str, Any]:
-    """The written rows, for machines."""
-    return {
+def rows_answer(export: Export, rows: Schedule, skipped: int) -> tuple[dict[str, Any], str]:
+    """The written rows, for machines and for people."""
+    joints, count = list(rows.names), len(rows.requests)
+    document = {
         "format": export.format,
-        "joints": list(rows.names),
-        "rows": len(rows.requests),
+        "joints": joints,
+        "rows": count,
         "period_s": rows.period,
         "duration_s": rows.duration,
         "requests_never_sent": skipped,
     }
-
-
-def rows_summary(rows: Schedule, skipped: int) -> str:
-    """The written rows, for people."""
-    summary = (
-        f"{len(rows.requests)} rows of {', '.join(rows.names)} at "
-        f"{1.0 / rows.period:.6g} Hz, {rows.duration:.6g} s"
-    )
+    rate = f"{1.0 / rows.period:.6g} Hz, {rows.duration:.6g} s"
+    summary = f"{count} rows of {', '.join(joints)} at {rate}"
     if skipped:
         summary += (
             f"\n{skipped} requests fall between the rows and are not among them: the joints will "
             "not move as planned; plan at this rate, with --rate-hz"
         )
-    return summary
+    return document, summary
 
 
 def write_rows(file: str, export: Export, rows: Schedule) -> None:

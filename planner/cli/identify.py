@@ -162,44 +162,36 @@ def _identify_joints(
     """The identification of each joint; of several joints, failed ones are left out."""
     from planner.files.results import Task
 
-    tick_ms = choices["tick_ms"]
     settings = {name: choices[name] for name in ("hold", "hold_out")}
-    settings["tick"] = None if tick_ms is None else 1e-3 * tick_ms
+    settings["tick"] = None if choices["tick_ms"] is None else 1e-3 * choices["tick_ms"]
     tasks = {
-        joint: Task(joint or "the joint", (joint, tuple(own), settings))
+        joint or "the joint": Task(joint or "the joint", (joint, tuple(own), settings))
         for joint, own in logs.items()
     }
     rows = sum(len(log.times) for own in logs.values() for log in own)
     several = len(tasks) > 1 and rows > FEW_ROWS
-    by_name: dict[str, Identification | PlannerError] = {}
+    found: dict[str, Identification | PlannerError] = dict.fromkeys(tasks, PlannerError())
     with Progress(len(tasks), parallel=several) as progress:
         if several:
             from planner.parallel import executor_of, outcomes
 
             with executor_of() as executor:
                 for task, outcome in outcomes(pickled_outcome, [*tasks.values()], executor):
-                    if outcome.result is None:
-                        by_name[task.name] = PlannerError(outcome.reason)
-                    else:
-                        by_name[task.name] = pickle.loads(outcome.result)  # of our own process
+                    found[task.name] = PlannerError(outcome.reason)
+                    if outcome.result is not None:
+                        found[task.name] = pickle.loads(outcome.result)  # of our own process
                     progress(task.name)
         else:
-            for task in tasks.values():
-                progress(f"identifying {task.name}")
-                by_name[task.name] = outcome_of(task.argument)
-    identifications: dict[str, Identification] = {}
-    left_out: dict[str, PlannerError] = {}
-    for joint, task in tasks.items():
-        each = by_name[task.name]
-        if isinstance(each, PlannerError):
-            left_out[joint] = each
-        else:
-            identifications[joint] = each
-    if not identifications:  # the only joint, or the first of as many as there are
+            for name, task in tasks.items():
+                progress(f"identifying {name}")
+                found[name] = outcome_of(task.argument)
+    by_joint = dict(zip(logs, found.values(), strict=True))
+    left_out = {name: each for name, each in by_joint.items() if isinstance(each, PlannerError)}
+    if len(left_out) == len(by_joint):  # the only joint, or the first of as many as there are
         raise next(iter(left_out.values()))
     for joint, reason in left_out.items():
         warn(f"{joint} is left out: {reason}")
-    return identifications
+    return {name: each for name, each in by_joint.items() if not isinstance(each, PlannerError)}
 
 
 Arguments = tuple[str, Sequence["Log"], Mapping[str, Any]]

@@ -456,16 +456,19 @@ def warn_of(remarks: Sequence[Remark]) -> None:
 
 
 def as_option(key: Key) -> str:
-    """A setting as an option of the command line: ``--no-cyclic``."""
-    name = named = ".".join(part for part in key.place if isinstance(part, str))
+    """A setting as an option of the command line: ``--no-cyclic``, ``--limits-deg knee``."""
+    names = [part for part in key.place if isinstance(part, str)]
+    named, joint = ".".join(names), ".".join(names[:-1])
+    if joint in BY_JOINT:
+        return f"{as_option(Key(BY_JOINT[joint]))} {names[-1]}"
     while named and named not in SETTINGS and named not in BY_JOINT:
         named = named.rpartition(".")[0]
     if not named:
-        return {"path.file": "PATH"}.get(name, name)
+        return {"path.file": "PATH"}.get(".".join(names), ".".join(names))
     first, _, second = SETTINGS[BY_JOINT.get(named, named)].option.partition("/")
     if isinstance(key.value, bool):
         return first if key.value else second
-    return " ".join(str(part) for part in (first, key.value, key.joint) if part is not None)
+    return first if key.value is None else f"{first} {key.value}"
 
 
 def by_argument() -> dict[str, str]:

@@ -14,14 +14,7 @@ from planner.cli import options
 from planner.cli.console import Answer, BadSetting, Key, Progress, speaking_of, warn
 from planner.cli.declared import flat, understand
 from planner.cli.declared import template as template_of
-from planner.cli.export import (
-    check_export,
-    check_rows,
-    rows_document,
-    rows_of,
-    rows_summary,
-    write_rows,
-)
+from planner.cli.export import check_export, check_rows, rows_answer, rows_of, write_rows
 from planner.cli.settings import Run
 from planner.exceptions import InvalidInput
 from planner.files.staging import MANIFEST, list_files, output_folder
@@ -180,8 +173,9 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
             schedule = Schedule(desired.names, plan.requests, desired.period)
             rows, skipped = rows_of(export, schedule)
             write_rows(str(placed(export.file)), export, rows)
-            exports.append({"file": export.file, **rows_document(export, rows, skipped)})
-            words += f"\n{export.file}: {rows_summary(rows, skipped)}"
+            document, summary = rows_answer(export, rows, skipped)
+            exports.append({"file": export.file, **document})
+            words += f"\n{export.file}: {summary}"
         if page := placed(run.output.report):
             files: list[tuple[str, Path | str | None]] = [("run", file.path)]
             files += [(Path(name).stem, folder / name) for name in [*list_files(folder), MANIFEST]]

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from planner.exceptions import InvalidFile
 from planner.files.staging import cannot_write, reason, staged
 
@@ -112,7 +110,7 @@ def _finite(value: Any) -> Any:
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_finite(item) for item in value]
-    if isinstance(value, np.ndarray):
+    if hasattr(value, "tolist"):  # an array, without NumPy's time to import
         return _finite(value.tolist())
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
