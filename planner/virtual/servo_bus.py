@@ -11,10 +11,12 @@ import math
 import os
 import select
 import time
+import tomllib
 import tty
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from importlib import resources
 from typing import NamedTuple
 
 import numpy as np
@@ -22,18 +24,16 @@ import numpy as np
 from planner.exceptions import BusError
 from planner.robot.protocols import (
     BROADCAST,
-    DYNAMIXEL,
     FEETECH,
     PING,
+    PROTOCOLS,
     READ,
     SYNC_READ,
     SYNC_WRITE,
     WRITE,
-    XL320,
     Packet,
     ServoProtocol,
 )
-from planner.virtual import motors as catalogue
 from planner.virtual.motors import Motor, Motors, arm_of
 
 REG_WRITE, ACTION = 0x04, 0x05
@@ -57,21 +57,19 @@ class Kind(NamedTuple):
     registers: Mapping[str, int]  # when the supply is switched on; all others hold 0
 
 
-def _kind(protocol: ServoProtocol, motor: Motor, **registers: int) -> Kind:
-    return Kind(protocol, motor, registers | {"largest_position": 2 * protocol.middle - 1})
+def _read_kinds() -> dict[str, Kind]:
+    text = resources.files("planner.virtual").joinpath("servos.toml").read_text("utf-8")
+    tables, kinds = tomllib.loads(text), {}
+    for name, table in tables.items():
+        protocol = PROTOCOLS[table["protocol"]]
+        base = tables[table["like"]]["motor"] if "like" in table else {}
+        registers = table["registers"] | {"largest_position": 2 * protocol.middle - 1}
+        kinds[name] = Kind(protocol, Motor(**base | table.get("motor", {})), registers)
+    return kinds
 
 
-KINDS: Mapping[str, Kind] = {
-    "sts3215": _kind(
-        FEETECH, catalogue.STS3215, model=777, p_gain=16, d_gain=32, torque_limit=1000
-    ),
-    "xl430": _kind(DYNAMIXEL, catalogue.XL430, model=1060, p_gain=800, torque_limit=885),
-    "xl330": _kind(DYNAMIXEL, catalogue.XL330, model=1200, p_gain=400, torque_limit=885),
-    "mx-64": _kind(DYNAMIXEL, catalogue.MX64, model=311, p_gain=850, torque_limit=885),
-    "mx-106": _kind(DYNAMIXEL, catalogue.MX106, model=321, p_gain=850, torque_limit=885),
-    "xl-320": _kind(XL320, catalogue.XL320, model=350, p_gain=32, torque_limit=1023),
-}
-"""By name; the first of a protocol represents it."""
+KINDS: Mapping[str, Kind] = _read_kinds()
+"""By name: the tables of ``servos.toml``. The first of a protocol represents it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -97,7 +97,7 @@ def measure(_: Options) -> list[Table]:
         "Kinds of servos, calibrated, and three motions that calibration had not seen",
         ("direct, deg", "shift, deg", "recommended", "told/met"),
         note="Virtual servos behind their real protocol, in lock step, each with a load; "
-        "parameters from Rhoban/bam and data sheets (planner/virtual/motors.py). Each is "
+        "parameters from Rhoban/bam and data sheets (planner/virtual/servos.toml). Each is "
         f"calibrated as request-planner calibrate does, at {RATE:g} Hz; a cycle is then planned "
         "in the way that was recommended, and played. Errors are root mean square, of measured "
         "angles; shift: the desired angles early by the best time, sought on the servo itself. "
