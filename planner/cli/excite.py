@@ -12,7 +12,7 @@ from planner.cli.console import Answer
 from planner.cli.settings import Run
 
 if TYPE_CHECKING:
-    from planner.identification.result import Identification
+    pass
 
 KINDS = ("combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
 
@@ -89,8 +89,11 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
         request-planner excite --kind random-steps --limits-deg -60:30 --rate-hz 50 \\
             --model joint.toml --joint elbow -o elbow.csv
     """  # noqa: D301
+    import numpy as np
+
     from planner.cli.models import models_of
     from planner.files.paths import write_joint_path
+    from planner.files.table import table_text
     from planner.identification.excitation import excite as make
     from planner.identification.excitation import expect
     from planner.report.identification_text import excitation_results, excitation_text
@@ -136,24 +139,15 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
         resolution=math.radians(choices["resolution_deg"]),
         seed=choices["seed"],
     )
+    (fit,) = expected.fits
+    prefix, log = "" if joint == UNNAMED else f"{joint}_", fit.log
+    simulated = np.column_stack([log.times, np.degrees(log.requests), np.degrees(log.angles)])
+    names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
     return Answer(
         excitation_results(excitation, expected),
         excitation_text(excitation, expected, model=run.model.file),
         lambda file: write_joint_path(
             file, [joint], excitation.requests[:, None], period=excitation.period
         ),
-        pages=[(expected_log, _log_text(joint, expected))],
+        pages=[(expected_log, table_text(names, simulated))],
     )
-
-
-def _log_text(joint: str, expected: Identification) -> str:
-    """The simulated log from which the expected joint was identified, as CSV."""
-    import numpy as np
-
-    from planner.files.table import table_text
-
-    (fit,) = expected.fits
-    prefix = "" if joint == UNNAMED else f"{joint}_"
-    angles = np.degrees([fit.log.requests, fit.log.angles])
-    names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
-    return table_text(names, np.vstack([fit.log.times, angles]).T)

@@ -34,6 +34,7 @@ from planner.exceptions import (
     InvalidInput,
     OutsideEquation13,
     PlannerError,
+    nearest,
 )
 from planner.files.text import STANDARD_STREAM, write_text
 from planner.report.table import fitted_to
@@ -132,11 +133,7 @@ class Commands(click.Group):
         """The command that the arguments begin with, or an error that names the nearest."""
         name = args[0]
         if name not in COMMANDS:
-            from difflib import get_close_matches
-
-            close = get_close_matches(name, list(COMMANDS), n=1)
-            hint = f" Did you mean '{close[0]}'?" if close else ""
-            ctx.fail(f"No such command '{name}'.{hint}")
+            ctx.fail(f"No such command '{name}'{nearest(name, list(COMMANDS))}.")
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:

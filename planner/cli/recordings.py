@@ -68,10 +68,12 @@ class ReplayTask:
     run_settings: settings.Run = field(default_factory=settings.Run)
     rate: float | None = None
 
-    def path(self) -> RecordedPath:
-        """Read the recording."""
-        logs = self.recording.read()
-        chosen = self.replay
+    def run(
+        self, progress: Callable[[str], None] = lambda _: None
+    ) -> tuple[Replay, Fastest | None]:
+        """Read the recording and plan its replay, if asked for the fastest within the tolerance."""
+        chosen, plan = self.replay, self.run_settings.plan
+        logs, arm = self.recording.read(), self.arm()
         path = recorded_path(
             logs,
             self.models.by_joint,
@@ -82,26 +84,19 @@ class ReplayTask:
             rate=chosen.rate_hz or self.rate,
             limits=_limits(self.run_settings.limits, logs),
         )
-        return replace(path, name=self.recording.name)
-
-    def run(self, progress: Callable[[str], None] = lambda _: None) -> Replay:
-        """Read the recording and plan its replay."""
-        if self.replay.fastest:
-            return self.fastest(progress).replay
-        path, speed = _with_load(self.run_settings.plan, self.path(), self.arm()), self.replay.speed
-        return replay_at(
-            path, path.moments(speed), speed=speed, progress=progress, **self.options(path)
-        )
-
-    def fastest(self, progress: Callable[[str], None] = lambda _: None) -> Fastest:
-        """Read the recording and find the fastest replay within the tolerance."""
-        arm, tolerance = self.arm(), self.run_settings.tolerance
-        path = _with_load(self.run_settings.plan, self.path(), arm)
+        path = _with_load(plan, replace(path, name=self.recording.name), arm)
+        units = {each.name: LOG_UNITS[each.unit][1] for each in path.planned}
+        options = search_options(plan, path.period, units=units)
+        options |= {"solver": plan.solver or "gauss-newton", "progress": progress}
+        if not chosen.fastest:
+            speed = chosen.speed
+            return replay_at(path, path.moments(speed), speed=speed, **options), None
+        tolerance = self.run_settings.tolerance
         joints = None if tolerance.deg is None else math.radians(tolerance.deg)
         foot = None if tolerance.cm is None else 0.01 * tolerance.cm
         measure = Measure.of(path, joints, foot, arm)
-        retime = self.replay.retime
-        return fastest_at(path, measure, retime=retime, progress=progress, **self.options(path))
+        fastest = fastest_at(path, measure, retime=chosen.retime, **options)
+        return fastest.replay, fastest
 
     def arm(self) -> Leg | None:
         """The leg or arm of the settings, with the recording's joint names."""
@@ -111,13 +106,6 @@ class ReplayTask:
         recorded_names = {name: joint for joint, name in self.replay.urdf_joints.items()}
         names = tuple(recorded_names.get(name, name) for name in leg.joint_names)
         return replace(leg, joint_names=names)
-
-    def options(self, path: RecordedPath) -> dict[str, Any]:
-        """Arguments of :func:`planner.plan` beside models, path and limits."""
-        plan = self.run_settings.plan
-        units = {each.name: LOG_UNITS[each.unit][1] for each in path.planned}
-        solver = {"solver": plan.solver or "gauss-newton"}
-        return search_options(plan, path.period, units=units) | solver
 
 
 def tasks_of(
@@ -384,7 +372,7 @@ def replay_many(
 
 def replayed(task: ReplayTask) -> bytes:
     """A replayed recording as the bytes of an NPZ file: a task of :mod:`planner.parallel`."""
-    replay = task.run()
+    replay, _ = task.run()
     return encoded(lerobot_episode(task.recording, replay), episode_results(replay))
 
 

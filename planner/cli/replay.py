@@ -133,11 +133,9 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
     from planner.cli.recordings import missed, write
     from planner.report.replay_page import fastest_results, replay_page, replay_results, replay_text
 
-    fastest, page = None, ""
+    page = ""
     with Progress() as progress:
-        if task.replay.fastest:
-            fastest = task.fastest(progress)
-        result = task.run(progress) if fastest is None else fastest.replay
+        result, fastest = task.run(progress)
         progress("the errors of other requests")
         content = replay_results(result, task.models.words, task.models.remarks)
         words = replay_text(result, task.models.words, fastest)
