@@ -1,16 +1,17 @@
 """Packets and registers of servo buses: Feetech STS/SMS, and Dynamixel protocol 2.0.
 
 Both protocols know the same instructions, and write numbers with the low byte first; they differ in
-their frames, in the width of addresses and in the sign of numbers. The control tables are those of
-Feetech's STS3215, of Robotis' X series (MX servos with protocol 2.0 have the same one), and of
-Robotis' XL-320. Nothing here opens a port or keeps a state.
+their frames, in the width of addresses and in the sign of numbers. The control tables of servos are
+in ``registers.toml``. Nothing here opens a port or keeps a state.
 """
 
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import resources
 from typing import NamedTuple
 
 PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
@@ -204,25 +205,16 @@ def _crc(content: bytes) -> int:
     return value
 
 
+_REGISTERS: Mapping[str, Mapping[str, Register]] = {
+    name: {register: Register(*place) for register, place in table.items()}
+    for name, table in tomllib.loads(
+        resources.files("planner.robot").joinpath("registers.toml").read_text("utf-8")
+    ).items()
+}
+
 FEETECH = _Feetech(
     name="feetech",
-    registers={
-        "model": Register(3, 2),
-        "least_position": Register(9, 2),
-        "largest_position": Register(11, 2),
-        "p_gain": Register(21, 1),
-        "d_gain": Register(22, 1),
-        "i_gain": Register(23, 1),
-        "torque": Register(40, 1),
-        "profile_acceleration": Register(41, 1),
-        "goal": Register(42, 2, 15),
-        "profile_speed": Register(46, 2, 15),
-        "torque_limit": Register(48, 2),
-        "position": Register(56, 2, 15),
-        "speed": Register(58, 2, 15),
-        "load": Register(60, 2, 10),
-        "temperature": Register(63, 1),
-    },
+    registers=_REGISTERS["feetech"],
     feedback=("position", "speed", "load", "temperature"),
     speed_unit=2.0 * math.pi / 4096,
     acceleration_unit=100.0 * 2.0 * math.pi / 4096,
@@ -251,24 +243,7 @@ _REFUSALS = {
 
 DYNAMIXEL = _Dynamixel(
     name="dynamixel",
-    registers={
-        "model": Register(0, 2),
-        "largest_position": Register(48, 4),
-        "least_position": Register(52, 4),
-        "torque": Register(64, 1),
-        "hardware_error": Register(70, 1),
-        "d_gain": Register(80, 2),
-        "i_gain": Register(82, 2),
-        "p_gain": Register(84, 2),
-        "torque_limit": Register(100, 2, TWO_COMPLEMENT),
-        "profile_acceleration": Register(108, 4),
-        "profile_speed": Register(112, 4),
-        "goal": Register(116, 4, TWO_COMPLEMENT),
-        "load": Register(126, 2, TWO_COMPLEMENT),
-        "speed": Register(128, 4, TWO_COMPLEMENT),
-        "position": Register(132, 4, TWO_COMPLEMENT),
-        "temperature": Register(146, 1),
-    },
+    registers=_REGISTERS["dynamixel"],
     feedback=("load", "speed", "position"),
     speed_unit=0.229 * 2.0 * math.pi / 60.0,
     acceleration_unit=214.577 * 2.0 * math.pi / 3600.0,
@@ -280,23 +255,7 @@ DYNAMIXEL = _Dynamixel(
 
 XL320 = _Dynamixel(
     name="xl320",
-    registers={
-        "model": Register(0, 2),
-        "least_position": Register(6, 2),
-        "largest_position": Register(8, 2),
-        "torque": Register(24, 1),
-        "d_gain": Register(27, 1),
-        "i_gain": Register(28, 1),
-        "p_gain": Register(29, 1),
-        "goal": Register(30, 2),
-        "profile_speed": Register(32, 2),
-        "torque_limit": Register(35, 2),
-        "position": Register(37, 2),
-        "speed": Register(39, 2, 10),
-        "load": Register(41, 2, 10),
-        "temperature": Register(46, 1),
-        "hardware_error": Register(50, 1),
-    },
+    registers=_REGISTERS["xl320"],
     feedback=("position", "speed", "load"),
     speed_unit=0.111 * 2.0 * math.pi / 60.0,
     acceleration_unit=0.0,
