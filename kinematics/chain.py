@@ -56,8 +56,8 @@ class Chain:
         for rotation, origin, axis in zip(
             self.rotations, self.translations, self.axes, strict=True
         ):
-            along = np.outer(axis, axis)
-            parts = (along, np.eye(3) - along, cross_matrix(axis))
+            along, across = np.outer(axis, axis), np.cross(axis, np.eye(3)).T
+            parts = (along, np.eye(3) - along, across)
             links.append(Link(origin[:, None], *(rotation @ part for part in parts)))
         return tuple(links)
 
@@ -117,12 +117,6 @@ def read_only(array: AnyArray) -> AnyArray:
     """The same array, closed to writing."""
     array.setflags(write=False)
     return array
-
-
-def cross_matrix(axis: Array) -> Array:
-    """[a]×, the matrix of the cross product: ``cross_matrix(a) @ p == numpy.cross(a, p)``."""
-    x, y, z = axis
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _turned(link: Link, vector: Any, cosine: Any, sine: Any) -> Any:

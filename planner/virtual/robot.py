@@ -277,11 +277,9 @@ class Constants:
 
 
 def front_leg(constants: Constants) -> mujoco.MjModel:
-    """The left front leg of ``urdf/ers210a.urdf``, its body held in the air.
+    """The left front leg of ``urdf/ers210a.urdf``, its body held in the air: nothing collides.
 
-    Links, masses, inertias and axes are those of the URDF. The joints get
-    properties that a URDF lacks: the rotor behind the gear (armature), friction, and stops beyond
-    the limits of requests. Nothing collides: the leg is in the air.
+    Links, masses, inertias and axes are those of the URDF; for the rest see :func:`drive_joint`.
 
     Raises:
         MissingExtra: MuJoCo is not installed.
