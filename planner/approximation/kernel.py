@@ -315,15 +315,13 @@ def minimise_damped(
     """
     nothing, count = np.zeros(len(gradient)), len(rows)
     while True:
-        damped = hessian.copy()
-        for i in range(len(damped)):
-            damped[i, i] += damping * scales[i]
-        if inverted(damped, free):
+        inverse, definite = inverse_of(hessian, free, scales, damping)
+        if definite:
             break
         damping *= 10.0
         if not damping < 1e13:  # where a number is not finite, it never ends
             return nothing, False, damping
-    along, unbound = product(rows, damped), combined(gradient, damped)
+    along, unbound = product(rows, inverse), combined(gradient, inverse)
     short, move = np.zeros(count), np.zeros(len(gradient))
     for i in range(count):
         for j in range(len(move)):
@@ -368,34 +366,34 @@ def product(left: Array, right: Array) -> Array:
 
 
 @inner
-def inverted(matrix: Array, chosen: Mask) -> bool:
-    """Whether the chosen rows and columns are positive definite; their inverse takes their place.
+def inverse_of(matrix: Array, chosen: Mask, diagonal: Array, share: float) -> tuple[Array, bool]:
+    """The inverse of a matrix's chosen rows and columns, elsewhere zero; and whether there is one.
 
-    By Gauss and Jordan's elimination, which needs no pivoting then; all other entries become zero.
+    A ``share`` of a diagonal is added. By Gauss and Jordan's elimination, which needs no pivoting
+    where they are positive definite.
     """
     size = len(matrix)
-    least = np.zeros(size)
+    inverse = np.zeros((size, size))
     for i in range(size):
-        least[i] = 1e-15 * matrix[i, i]
-        for j in range(size):
-            if not (chosen[i] and chosen[j]):
-                matrix[i, j] = 0.0
+        for j in range(size if chosen[i] else 0):
+            inverse[i, j] = matrix[i, j] if chosen[j] else 0.0
+        inverse[i, i] += share * diagonal[i] if chosen[i] else 0.0
     for k in range(size):
         if not chosen[k]:
             continue
-        pivot = matrix[k, k]
-        if not pivot > least[k]:
-            return False
-        matrix[k, k] = 1.0
+        pivot = inverse[k, k]
+        if not pivot > 1e-15 * (matrix[k, k] + share * diagonal[k]):
+            return inverse, False
+        inverse[k, k] = 1.0
         for j in range(size):
-            matrix[k, j] /= pivot
+            inverse[k, j] /= pivot
         for i in range(size):
-            factor = matrix[i, k]
+            factor = inverse[i, k]
             if i != k and factor != 0.0:
-                matrix[i, k] = 0.0
+                inverse[i, k] = 0.0
                 for j in range(size):
-                    matrix[i, j] -= factor * matrix[k, j]
-    return True
+                    inverse[i, j] -= factor * inverse[k, j]
+    return inverse, True
 
 
 @inner
@@ -405,8 +403,10 @@ def non_negative(gram: Array, short: Array) -> Array:
     C. L. Lawson and R. J. Hanson, Solving Least Squares Problems, 1974, Chapter 23.
     """
     count, enough = len(short), 0.0
-    lengths, multipliers, active = np.zeros(count), np.zeros(count), np.zeros(count, np.bool_)
+    squares, lengths, multipliers = np.zeros((3, count))
+    active = np.zeros(count, np.bool_)
     for i in range(count):  # infinite for bounds on variables that stay
+        squares[i] = gram[i, i]
         lengths[i] = math.sqrt(gram[i, i]) if gram[i, i] > 0.0 else np.inf
         enough = max(enough, 1e-15 * abs(short[i]) / lengths[i])
     for _ in range(3 * count):
@@ -418,11 +418,9 @@ def non_negative(gram: Array, short: Array) -> Array:
             break
         active[worst], settled = True, False
         while not settled:
-            inverse = gram.copy()
-            for i in range(count):
-                # Bounds may repeat one another: a touch of regularisation, removed by refinement.
-                inverse[i, i] *= 1.0 + 1e-13
-            if not inverted(inverse, active):
+            # Bounds may repeat one another: a touch of regularisation, removed by refinement.
+            inverse, definite = inverse_of(gram, active, squares, 1e-13)
+            if not definite:
                 return multipliers
             trial = np.zeros(count)
             for _ in range(3):

@@ -98,7 +98,7 @@ def residuals(problem: Problem, knots: Array, values: Array) -> Array:
 def free_variables(problem: Problem, knots: Array) -> Mask:
     """Which knots may move, and then which of their values, shape (2K,)."""
     required, pins = required_knots(problem, knots)
-    return ~np.append(required, np.isfinite(pins))
+    return ~np.concatenate([required, np.isfinite(pins)])
 
 
 def required_knots(problem: Problem, knots: Array) -> tuple[Mask, Array]:
@@ -127,7 +127,7 @@ def distances(problem: Problem, places: Array) -> Array:
 def feasible_values(problem: Problem, knots: Array) -> Array:
     """The course straight from pin to pin, within the slopes, at knots: (k,); the mean without."""
     pinned = np.isfinite(problem.pins)
-    if not np.any(pinned):
+    if not pinned.any():
         return np.full(knots.size, float(np.mean(problem.desired)))
     period = problem.samples if problem.cyclic else None
     course = np.interp(knots, problem.required[pinned], problem.pins[pinned], period=period)

@@ -212,12 +212,11 @@ def descend(
     """
     from planner.approximation import kernel
 
-    free = free_variables(problem, start.knots)
-    free[: start.knots.size] &= not values_only
+    size, free = start.knots.size, free_variables(problem, start.knots)
+    free[:size] &= not values_only
     curve = np.concatenate([start.knots, start.values])
     curve, error = kernel.descend(problem, curve, free, rounds, progress)
-    knots, values = np.split(curve, 2)
-    return Candidate(knots, values, error)
+    return Candidate(curve[:size], curve[size:], error)
 
 
 def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
