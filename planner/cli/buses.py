@@ -24,9 +24,6 @@ BUSES = ("virtual", "feetech", "dynamixel", "xl320", "lerobot")
 KINDS = ("sts3215", "xl430", "xl330", "mx-64", "mx-106", "xl-320")
 """Virtual servos: those of ``planner.virtual.servo_bus``, which takes longer to import."""
 
-ROBOT = "so101"
-"""The LeRobot robot that examples name."""
-
 
 def _bus(text: str) -> str:
     """A bus, perhaps with a kind of virtual servo or a robot of LeRobot."""
@@ -46,13 +43,13 @@ def bus_options(model: str = "") -> Callable[[Command], Command]:
     required = not model
     bus_type = options.Parsed(
         _bus,
-        f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:{ROBOT}, or virtual:KIND with one "
+        f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:so101, or virtual:KIND with one "
         f"of {', '.join(KINDS)}",
     )
     bus = options.option(
         "--bus",
         "What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
-        f"lerobot:ROBOT, such as lerobot:{ROBOT}, is a robot by LeRobot's own classes; virtual are "
+        f"lerobot:ROBOT, such as lerobot:so101, is a robot by LeRobot's own classes; virtual are "
         f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
         + ("" if required else "  [default: that of the model file]"),
         bus_type,

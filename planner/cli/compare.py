@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     click.Choice(["slope", "envelope", "exact"]),
     default="envelope",
 )
-@options.report("Write a page (HTML) about the comparison.")
+@options.option("--report", "Write a page (HTML) about the comparison.", options.OUTPUT)
 @options.answers
 def compare(
     *,

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, NamedTuple, TextIO
+from typing import Any, NamedTuple, TextIO
 
 import click
 
@@ -34,8 +34,6 @@ from planner.files.text import (
     toml_value,
     write_text,
 )
-
-Verbosity = Literal["quiet", "normal", "verbose"]
 
 KEY = "planner.cli.verbosity"
 """Key of the verbosity in the command's context."""
@@ -150,10 +148,10 @@ def terminal_width(stream: TextIO | None) -> int | None:
     return WIDTH
 
 
-def verbosity() -> Verbosity:
-    """How much to print beside the data."""
+def verbosity() -> str:
+    """How much to print beside the data: quiet, normal or verbose."""
     context = click.get_current_context(silent=True)
-    level: Verbosity = "normal" if context is None else context.meta.get(KEY, "normal")
+    level: str = "normal" if context is None else context.meta.get(KEY, "normal")
     return level
 
 

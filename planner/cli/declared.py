@@ -42,9 +42,6 @@ LONGEST = 60
 NUMBER = "NUMBER"
 """Part of the place of a table that may stand there several times."""
 
-JOINT = "knee"
-"""Name of a joint in examples of tables by joint."""
-
 
 @dataclass(frozen=True)
 class Expected:
@@ -439,7 +436,7 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
             off = "" if table.active and value is not None else "# "
             lines.append(f"{off}{name} = {toml_value(key.example if value is None else value)}")
         if table.free:
-            lines.append(f"# {JOINT} = {toml_value(table.example)}")
+            lines.append(f"# knee = {toml_value(table.example)}")
     return "\n".join(lines) + "\n"
 
 

@@ -42,9 +42,6 @@ if TYPE_CHECKING:
     from kinematics import Leg
 
 
-Limits = Mapping[str, tuple[float, float]]
-"""Smallest and largest request by joint [rad]."""
-
 Load = Array | Callable[[Array], Array]
 """Torques [N m], shape (n, k), or a function of poses [rad], shape (n, k), that returns them."""
 
@@ -58,7 +55,9 @@ class Desired:
     angles: Array  # desired [rad], shape (n, k)
     models: tuple[JointModel, ...]
     folder: str = ""  # the folder from which the settings name files
-    limits: Limits = field(default_factory=dict)  # of the requests
+
+    # smallest and largest request by joint [rad]
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     starts: Mapping[str, float] = field(default_factory=dict)  # rest angles by joint [rad]
     load: Load | None = None  # torques on the joints, if the settings have any
     leg: Leg | None = None  # the leg, if the settings name one

@@ -61,7 +61,11 @@ def _knot(text: str) -> tuple[float, float | None]:
     "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json.",
     options.OUTPUT,
 )
-@options.report("Write a page (HTML) about the lines, and the error for other numbers of them.")
+@options.option(
+    "--report",
+    "Write a page (HTML) about the lines, and the error for other numbers of them.",
+    options.OUTPUT,
+)
 @options.output
 @options.answers
 def fit(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,9 +15,7 @@ from planner.exceptions import InvalidFile, InvalidInput
 from planner.report.table import text_table
 
 if TYPE_CHECKING:
-    from kinematics import Leg
     from planner.gait.stride import Pattern
-    from planner.trajectory import Array
 
 PATTERNS = ("walk", "trot", "pace", "bound")
 """The patterns of ``planner.gait.stride``, which takes longer to import."""
@@ -73,11 +72,11 @@ def gait(
     Example, the shortest cycle at which the foot stays within half a centimetre:
         request-planner gait --leg front-left --fastest --tolerance-cm 0.5 -o foot.csv
     """  # noqa: D301
-    from planner.cli.models import find_leg, load_leg
+    from planner.cli.models import find_leg, load_leg, models_of, refused_models
     from planner.files.paths import write_foot_path
     from planner.gait.half_ellipse import half_ellipse
-    from planner.gait.stride import stride
-    from planner.report.gait_results import stride_results, stride_text
+    from planner.gait.stride import in_samples, shortest_cycle, stride
+    from planner.report.gait_results import shortest_answer, stride_results, stride_text
 
     least, most = 1e-6, 1e3  # beyond these the unit is surely mistaken
     if not least <= period <= most:
@@ -106,9 +105,22 @@ def gait(
         leg_stride = stride(leg, **walk.arguments(given_only=True))
         path = leg_stride.foot
         stretched = 1.0
-        if fastest:
-            path, document["fastest"], words = _shortest(run, leg, path, period)
-            stretched = len(path) / samples
+        if run.tolerance.cm is not None:
+            models = models_of(
+                replace(run, path=replace(run.path, rate_hz=1.0 / period)), leg.joint_names, leg
+            )
+            options.warn_of(refused_models(leg.joint_names, models))
+            with Progress() as progress:
+                cycle = shortest_cycle(
+                    models,
+                    leg,
+                    partial(in_samples, path),
+                    tolerance=0.01 * run.tolerance.cm,
+                    samples=len(path),
+                    progress=progress,
+                )
+            document["fastest"], words = shortest_answer(cycle, run.tolerance.cm, models)
+            path, stretched = in_samples(path, cycle.samples), cycle.samples / samples
         document["stride"] = stride_results(leg, leg_stride, stretched * period)
         words += f"\n{stride_text(document['stride'])}"
     document |= {f"{axis}_m": path[:, k].tolist() for k, axis in enumerate("xyz")}
@@ -152,27 +164,3 @@ def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -
         + text_table(columns, rows),
         lambda file: write_joint_path(file, names, angles, period=period),
     )
-
-
-def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, dict[str, Any], str]:
-    """The path in the fewest samples that keep the tolerance; the same for machines and people."""
-    from planner.cli.models import models_of, refused_models
-    from planner.gait.stride import in_samples, shortest_cycle
-    from planner.report.gait_results import shortest_answer
-
-    assert run.tolerance.cm is not None, "the tolerance is needed"
-    at_rate = replace(run, path=replace(run.path, rate_hz=1.0 / period))
-    models = models_of(at_rate, leg.joint_names, leg)
-    options.warn_of(refused_models(leg.joint_names, models))
-    with Progress() as progress:
-        cycle = shortest_cycle(
-            models,
-            leg,
-            lambda count: in_samples(path, count),
-            tolerance=0.01 * run.tolerance.cm,
-            samples=len(path),
-            progress=progress,
-        )
-    unknown = any(each.evidence and each.evidence.leaves_top_speed_open for each in models)
-    document, words = shortest_answer(cycle, run.tolerance.cm, period, of_model_only=unknown)
-    return in_samples(path, cycle.samples), document, words

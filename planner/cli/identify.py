@@ -37,7 +37,7 @@ FEW_ROWS = 20_000
     "Whether to test the model on rows that it was not fitted to.",
     default=True,
 )
-@options.report("Also write a page with pictures, as HTML.")
+@options.option("--report", "Also write a page with pictures, as HTML.", options.OUTPUT)
 @options.option(
     "-o --output",
     "Where to write the model as TOML; '-' is standard output.",
@@ -194,12 +194,8 @@ def _identify_joints(
     return {name: each for name, each in by_joint.items() if not isinstance(each, PlannerError)}
 
 
-Arguments = tuple[str, Sequence["Log"], Mapping[str, Any]]
-"""A joint, its logs and the options of :func:`planner.identify`."""
-
-
-def outcome_of(arguments: Arguments) -> Identification | PlannerError:
-    """The identification of a joint, or the error."""
+def outcome_of(arguments: Any) -> Identification | PlannerError:
+    """The identification of a joint, or the error, from its name, logs and options."""
     from planner.identification.identify import identify as run
 
     joint, logs, options = arguments
@@ -210,6 +206,6 @@ def outcome_of(arguments: Arguments) -> Identification | PlannerError:
         return error
 
 
-def pickled_outcome(arguments: Arguments) -> bytes:
+def pickled_outcome(arguments: Any) -> bytes:
     """The outcome of a joint, for another process: a task of :mod:`planner.parallel`."""
     return pickle.dumps(outcome_of(arguments))

@@ -233,11 +233,6 @@ def positive(name: str, about: str, default: float | None = None) -> Callable[[C
     return option(name, about, kind, default=default, metavar=unit.upper())
 
 
-def report(about: str) -> Callable[[Command], Command]:
-    """Give a command the option of its page."""
-    return option("--report", about, OUTPUT)
-
-
 def several(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
     """Give a command several options, in this order."""
 
@@ -313,9 +308,6 @@ log_options = several(
 )
 """The options that :func:`to_log_options` takes."""
 
-REPLAY = "replay."
-"""Prefix of the settings of `replay` alone."""
-
 SETTINGS = {
     ".".join(part for part in (*table.place, name) if part != NUMBER): key
     for table in (*tables(Run), *tables(Replay, ("replay",)))
@@ -374,8 +366,8 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
             if "export" in content:
                 content["export"] = [{"file": "rows", **content["export"]}]
             run = Run.of(content, standard_input=True)
-            if any(key.startswith(REPLAY) for key in keys):
-                arguments["replay"] = Replay.of(replay, (REPLAY[:-1],))
+            if any(key.startswith("replay.") for key in keys):
+                arguments["replay"] = Replay.of(replay, ("replay",))
             return command(run=run, **arguments)
 
         decorators = []

@@ -22,7 +22,7 @@ from planner.cli.settings import SMOOTHING, Run
     "tolerance: deg cm",
 )
 @options.output
-@options.report("Write a page (HTML) about the plan.")
+@options.option("--report", "Write a page (HTML) about the plan.", options.OUTPUT)
 @options.answers
 def plan(*, run: Run, path: str, output: str, report: str | None) -> Answer:  # noqa: ARG001
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.

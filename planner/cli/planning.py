@@ -38,15 +38,8 @@ CORE_METHODS: Mapping[settings.Method, Method] = {
 
 
 def prepare(run: settings.Run, folder: str = "") -> Desired:
-    """Load the inputs that the settings name, and check that the method can plan for them."""
+    """Load the inputs that the settings name; refuse settings that the method cannot plan for."""
     desired = desired_of(run, folder)
-    check_settings(desired)
-    return desired
-
-
-def check_settings(desired: Desired) -> None:
-    """Refuse settings that do not go with the method or the path."""
-    run = desired.settings
     plan_settings, method = run.plan, Key("plan.method", run.plan.method)
     ignored = [f"plan.{name}" for name in plan_settings.without_effect(plan_settings.method)]
     if plan_settings.method in ("closed-form", "foot-optimal") and run.start.keys_set:
@@ -75,6 +68,7 @@ def check_settings(desired: Desired) -> None:
         )
     if run.tolerance.cm is not None and desired.foot is None:
         raise BadSetting(centimetres, " is for a foot path: use ", degrees)
+    return desired
 
 
 def plan_of(

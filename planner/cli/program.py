@@ -72,11 +72,9 @@ MODULES = {
 }
 """Modules of commands that share one."""
 
-FAILED = 1
-"""Exit status of an answer that failed its own check, or missed a tolerance."""
-
-BAD_INPUT = 2
-"""Exit status of input that cannot be used; one line on standard error tells the remedy."""
+FAILED, BAD_INPUT = 1, 2
+"""Exit statuses: of an answer that failed its own check, or missed a tolerance; and of input that
+cannot be used, of which one line on standard error tells the remedy."""
 
 ADVICE = {
     "unreachable='nearest'": "--unreachable nearest",

@@ -14,7 +14,7 @@ import click
 from planner.cli import options
 from planner.cli.console import Answer, BadSetting, Key, Progress, Remark, warn
 from planner.cli.settings import SMOOTHING, Run
-from planner.exceptions import NoSteadyCycle, about
+from planner.exceptions import about
 
 if TYPE_CHECKING:
     from planner.cli.desired import Desired
@@ -59,7 +59,7 @@ FOOT = "foot"
     "--reidentify/--no-reidentify", "Whether the cycles may identify the models anew.", default=True
 )
 @options.output
-@options.report("Write a page (HTML) about what was learnt.")
+@options.option("--report", "Write a page (HTML) about what was learnt.", options.OUTPUT)
 @options.answers
 def refine(
     *,
@@ -91,10 +91,12 @@ def refine(
     """  # noqa: D301
     import numpy as np
 
+    from planner.cli.desired import repeats
     from planner.cli.models import leg_title, model_words
     from planner.cli.planning import prepare
     from planner.files.learning_history import LearningState, write_history
     from planner.files.measured import read_executed, read_measured
+    from planner.learning.refine import in_a_cycle
     from planner.model.response import load_columns
     from planner.planning.plan import joined
     from planner.report.learning_page import (
@@ -122,8 +124,14 @@ def refine(
         units=desired.units,
         cycles=cycles,
     )
-    if words := recorded_in_a_cycle(desired, executed.values, angles):
-        options.warn_of([words])
+    columns = [desired.names.index(name) for name in angles.names]
+    if not desired.cyclic and repeats(executed.values[:, columns], None)[0]:
+        starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
+        models = [desired.models[j] for j in columns]
+        if in_a_cycle(models, executed.values[:, columns], angles.angles, starts):
+            words = "the measured angles begin as in a cycle that repeats, and "
+            advice = " is for a motion from rest: if the requests were repeated, leave it out, here"
+            options.warn_of([Remark(words, Key("plan.cyclic", False), f"{advice} and in plan")])
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
     with Progress(len(desired.names)) as progress:
@@ -154,7 +162,6 @@ def refine(
     learnt, html = {name: every[name] for name in every if name not in missing}, ""
     trials = trials_of(desired, learnt)
     if report is not None:
-        columns = [desired.names.index(name) for name in angles.names]
         plans = list(learnt.values())
         page = learning_page(
             plans[0] if len(plans) == 1 else joined(plans),
@@ -185,34 +192,6 @@ def refine(
         f"{count} of {len(rows)} requests; {model_words(run.model)}\n{trials_text(trials)}",
         lambda file: desired.write(file, rows, loads),
         pages=[(report, html)],
-    )
-
-
-def recorded_in_a_cycle(desired: Desired, executed: Array, measured: Measured) -> Remark | None:
-    """A remark where a motion is to begin at rest, and the joints were in their steady cycle."""
-    import numpy as np
-
-    from planner.cli.desired import repeats
-    from planner.model.response import simulate_joints
-
-    columns = [desired.names.index(name) for name in measured.names]
-    requests = executed[:, columns]
-    if desired.cyclic or not repeats(requests, None)[0]:
-        return None
-    models = [desired.models[j] for j in columns]
-    starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
-    try:
-        cycle = simulate_joints(models, requests, cyclic=True)
-    except NoSteadyCycle:
-        return None
-    apart = cycle - simulate_joints(models, requests, cyclic=False, starts=starts)
-    nearer = np.sum(apart * (measured.angles.mean(axis=0) - cycle + apart)) / np.sum(apart**2)
-    if np.max(np.abs(apart)) < math.radians(0.5) or nearer < 0.5:
-        return None
-    return Remark(
-        "the measured angles begin as in a cycle that repeats, and ",
-        Key("plan.cyclic", False),
-        " is for a motion from rest: if the requests were repeated, leave it out, here and in plan",
     )
 
 

@@ -48,7 +48,7 @@ NORM = "the plan's norm, or with --fastest the largest error"
 )
 @options.recording_options
 @options.output_or_folder
-@options.report("Write a page (HTML) about the replay.")
+@options.option("--report", "Write a page (HTML) about the replay.", options.OUTPUT)
 @options.parallel
 @options.answers
 def replay(

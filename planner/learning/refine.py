@@ -19,7 +19,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import ANGLE_UNIT, InvalidInput, PlannerError, about
+from planner.exceptions import ANGLE_UNIT, InvalidInput, NoSteadyCycle, PlannerError, about
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.learning.measurements import (
@@ -37,7 +37,7 @@ from planner.learning.measurements import (
 )
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import simulate, simulate_joints
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan, joined
 from planner.planning.result import UNFORESEEN, FootInversion, Inversion, Learning, Trial
@@ -528,3 +528,23 @@ def _identified(model: JointModel, logs: Sequence[Log]) -> JointModel | None:
         stretch = model.v_max / candidate.v_max
         candidate = replace(candidate, v_max=model.v_max, theta_0=candidate.theta_0 * stretch)
     return candidate
+
+
+def in_a_cycle(
+    models: Sequence[JointModel], requests: Array, measured: Array, starts: Sequence[float]
+) -> bool:
+    """Whether joints were in their steady cycle, and not at rest before the first request.
+
+    Args:
+        models: The joints.
+        requests: The executed requests [rad], shape (n, joints).
+        measured: Measured angles [rad], shape (cycles, n, joints).
+        starts: Angles at rest [rad].
+    """
+    try:
+        cycle = simulate_joints(models, requests, cyclic=True)
+    except NoSteadyCycle:
+        return False
+    apart = cycle - simulate_joints(models, requests, cyclic=False, starts=starts)
+    toward = np.sum(apart * (measured.mean(axis=0) - cycle + apart))
+    return bool(np.max(np.abs(apart)) > np.radians(0.5) and toward >= 0.5 * np.sum(apart**2))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from kinematics.leg import Leg
 from planner.gait.stride import ShortestCycle, Stride
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+from planner.model.joint import JointModel
 
 
 def stride_results(leg: Leg, stride: Stride, period: float) -> dict[str, Any]:
@@ -38,12 +39,11 @@ def stride_text(results: Mapping[str, Any]) -> str:
 
 
 def shortest_answer(
-    cycle: ShortestCycle, tolerance: float, period: float, *, of_model_only: bool
+    cycle: ShortestCycle, tolerance: float, models: Sequence[JointModel]
 ) -> tuple[dict[str, Any], str]:
-    """The shortest cycle that keeps a tolerance [cm], for machines and for people.
-
-    ``of_model_only``: whether a proof may not hold for the robot, of unknown top speeds.
-    """
+    """The shortest cycle that keeps a tolerance [cm], for machines and for people."""
+    period = models[0].period
+    of_model_only = any(each.evidence and each.evidence.leaves_top_speed_open for each in models)
     proof, count, plan = cycle.too_short, cycle.samples, cycle.plan.plan
     too_short, proved = None, "no shorter one is proved impossible"
     if proof is not None:
