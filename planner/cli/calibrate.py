@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from planner.robot.candidates import Compared
 
 
-BUSY = 0.5
-"""Largest share of the time between requests that a tick may take on the bus."""
-
-
 @click.command()
 @buses.bus_options()
 @options.option(
@@ -145,8 +141,9 @@ def calibrate(
             if noise > math.radians(0.5):
                 varies = f"{name}: its angle varies by {math.degrees(noise):.2f} deg at rest"
                 warn(f"{varies}; is something moving it?")
-        if checked.tick_time > BUSY * period:
-            most, rate = 1e3 * BUSY * period, BUSY / checked.tick_time
+        busy = 0.5  # largest share of the time between requests that a tick may take on the bus
+        if checked.tick_time > busy * period:
+            most, rate = 1e3 * busy * period, busy / checked.tick_time
             raise click.UsageError(
                 f"--rate-hz: a tick takes {1e3 * checked.tick_time:.2g} ms on this bus, expected "
                 f"at most {most:.2g}; choose {rate:.0f} Hz or less."

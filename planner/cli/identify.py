@@ -128,7 +128,15 @@ def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, lis
     from planner.files.logs import read_logs
 
     logs = read_logs(paths, options=options.to_log_options(choices))
-    _echo_notes(logs)
+    about_logs: dict[str, list[str]] = {}  # each note once for all logs
+    for log in logs:
+        rate = f"{len(log.times)} rows, one every {1e3 * log.period:.3g} ms"
+        for note in (*log.notes, rate):
+            name = f"{log.name} ({log.joint})" if log.joint else log.name
+            about_logs.setdefault(note, []).append(name)
+    for note, names in about_logs.items():
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        remark(f"{names[0]}{more}: {note}")
     named = list(dict.fromkeys(log.joint for log in logs if log.joint))
     if choices["joint"] == "all":
         unnamed = [log for log in logs if not log.joint]
@@ -140,20 +148,6 @@ def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, lis
             "'all' for a model of each."
         )
     return {named[0] if named else "": list(logs)}
-
-
-def _echo_notes(logs: Sequence[Log]) -> None:
-    """Print the reader's assumptions, each once for all logs."""
-    about: dict[str, list[str]] = {}
-    for log in logs:
-        rate = f"{len(log.times)} rows, one every {1e3 * log.period:.3g} ms"
-        for note in (*log.notes, rate):
-            about.setdefault(note, []).append(
-                f"{log.name} ({log.joint})" if log.joint else log.name
-            )
-    for note, names in about.items():
-        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        remark(f"{names[0]}{more}: {note}")
 
 
 def _identify_joints(

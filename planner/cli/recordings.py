@@ -51,9 +51,6 @@ if TYPE_CHECKING:
     from kinematics import Leg
     from planner.planning.inversion import LoadOfPose
 
-ROUNDING = 1e-9
-"""Share of a tolerance by which rounding may miss it."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayTask:
@@ -228,17 +225,18 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
 def missed(task: ReplayTask, replay: Replay) -> list[str]:
     """Messages about the tolerances that a replay misses, in the plan's norm."""
     tolerance, messages = task.run_settings.tolerance, []
+    rounding = 1.0 + 1e-9
     norm = "max" if task.replay.fastest else task.run_settings.plan.norm or "rms"
     if tolerance.deg is not None:
         for joint in replay.planned:
             unit, factor = LOG_UNITS[joint.path.unit]
             error = factor * error_norm(joint.errors["planned"], norm)
-            if error > tolerance.deg * (1.0 + ROUNDING):
+            if error > tolerance.deg * rounding:
                 messages.append(off_by(joint.name, error, unit, norm, tolerance.deg))
     if tolerance.cm is not None:
         measure = Measure.of(replay.path, None, 0.01 * tolerance.cm, task.arm())
         ratio = error_norm(measure.errors(replay, "planned"), norm)
-        if ratio > 1.0 + ROUNDING:
+        if ratio > rounding:
             messages.append(off_by("the foot", ratio * tolerance.cm, "cm", norm, tolerance.cm))
     return messages
 
