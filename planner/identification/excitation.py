@@ -172,8 +172,26 @@ def excite(
     """
     if kind not in MEANING:
         raise InvalidInput(f"kind: got '{kind}', expected one of {', '.join(MEANING)}")
-    middle, reach = _deflection(limits, centre)
-    samples, rest = _lengths(period, duration)
+    low, high = limits
+    if not -math.inf < low < high < math.inf:
+        raise InvalidInput(f"limits: got {angle_text(low, high)}, expected the lower one first")
+    middle = 0.5 * (low + high) if centre is None else centre
+    if not low < middle < high:
+        raise InvalidInput(
+            f"centre: got {angle_text(middle)}, expected between the limits {angle_text(low)} and "
+            f"{angle_text(high)}"
+        )
+    reach = min(middle - low, high - middle)
+    if not 0.0 < period < math.inf:
+        raise InvalidInput(f"period: got {period:g} s, expected more than 0")
+    least, most = 40, 1_000_000
+    if not least * period <= duration <= most * period:
+        raise InvalidInput(
+            f"duration: got {duration:g} s, expected {least} to {most} requests of {period:g} s, "
+            f"so {least * period:g} to {most * period:g} s"
+        )
+    samples = round(duration / period)
+    rest = max(1, round(min(0.5, 0.1 * duration) / period))  # at either end, shows the offset
     moving = samples - 2 * rest
     fastest = min(5.0, 0.1 / period) if highest is None else highest
     if not 0.0 < fastest <= 0.5 / period:
@@ -229,33 +247,6 @@ def excite(
             for (name, _, determines), begin, end in zip(parts, edges[:-1], edges[1:], strict=True)
         ),
     )
-
-
-def _deflection(limits: tuple[float, float], centre: float | None) -> tuple[float, float]:
-    low, high = limits
-    if not -math.inf < low < high < math.inf:
-        raise InvalidInput(f"limits: got {angle_text(low, high)}, expected the lower one first")
-    middle = 0.5 * (low + high) if centre is None else centre
-    if not low < middle < high:
-        raise InvalidInput(
-            f"centre: got {angle_text(middle)}, expected between the limits {angle_text(low)} and "
-            f"{angle_text(high)}"
-        )
-    return middle, min(middle - low, high - middle)
-
-
-def _lengths(period: float, duration: float) -> tuple[int, int]:
-    """Samples of the whole signal, and of the rest at either end, which shows the offset."""
-    if not 0.0 < period < math.inf:
-        raise InvalidInput(f"period: got {period:g} s, expected more than 0")
-    least, most = 40, 1_000_000
-    if not least * period <= duration <= most * period:
-        raise InvalidInput(
-            f"duration: got {duration:g} s, expected {least} to {most} requests of {period:g} s, "
-            f"so {least * period:g} to {most * period:g} s"
-        )
-    samples = round(duration / period)
-    return samples, max(1, round(min(0.5, 0.1 * duration) / period))
 
 
 def _heights(amplitudes: Sequence[float] | None, reach: float) -> tuple[float, ...]:

@@ -337,7 +337,7 @@ def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:
     pay beside the best of all without it.
     """
     terms, (fit, others) = search.joint.terms, over_top_speeds(search.joint.fit)
-    if fit.free[only("asymmetry")].any() and math.isfinite(fit.parameters.acceleration):
+    if fit.has("asymmetry") and math.isfinite(fit.parameters.acceleration):
         bare, of_bare = over_top_speeds(left_out(fit, ["asymmetry"], scale=fit.scale))
         if not pays(bare, fit):
             fit, others = bare, of_bare
@@ -358,7 +358,10 @@ def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bo
     lower, upper = bounds["v_max"]
     pairs = zip(search.logs, fit.grid.places, strict=True)  # what held the joint says nothing
     outside = [measured_speed(log, ~used) for log, used in pairs]
-    seen, most = max(outside), _largest_speed(fit, upper) if upper < math.inf else math.inf
+    model = fit.parameters.model(tick=fit.grid.tick, hold=1)
+    limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
+    most = float(np.max(np.abs(limits))) + model.v_max / model.theta_0 * model.most_pose_sag
+    seen, most = max(outside), most * (upper / fit.parameters.v_max)  # of a joint with that v_max
     refuted, fast = seen - SPEED_NOISE * noise_of(fit) > most, angle_in(logs[0].unit, seen, "/s")
     if refuted:
         words = (
@@ -381,14 +384,6 @@ def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bo
         if seen > fit.parameters.v_max:
             fit = with_speed_of(fit, seen)
     return _Bounded(fit, uncertainty, bounds, refuted, notes)
-
-
-def _largest_speed(fit: Fit, v_max: float) -> float:
-    """The highest speed of the joint of a fit with another top speed [rad/s], in any load."""
-    model = fit.parameters.model(tick=fit.grid.tick, hold=1)
-    limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
-    most = float(np.max(np.abs(limits))) + model.v_max / model.theta_0 * model.most_pose_sag
-    return most * (v_max / fit.parameters.v_max)
 
 
 def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:

@@ -263,6 +263,10 @@ class Fit:
         """What was fitted, in the order of :class:`Parameters`."""
         return tuple(np.array(Parameters._fields)[self.free].tolist())
 
+    def has(self, *names: str) -> bool:
+        """Whether any of these parameters was fitted."""
+        return bool((self.free & only(*names)).any())
+
     @property
     def predicted(self) -> Array:
         """Angle at the used rows [rad]."""

@@ -166,7 +166,7 @@ def with_terms(fit: Fit, known: tuple[Term, ...] = ()) -> tuple[Fit, tuple[Term,
     """
     terms = {term.name: term for term in known if term.kept}
     for name in ORDER:
-        if not fit.free[only(name)].any() and _shows(name, fit):
+        if not fit.has(name) and _shows(name, fit):
             fit = _with_term(name, fit, terms)
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
     return fit, tuple(terms.values())
@@ -236,13 +236,13 @@ def with_motor(
     ends = dict.fromkeys(MOTOR, Interval(0.0, math.inf))
     ends["asymmetry"] = Interval(-math.inf, math.inf)
     for name in MOTOR[1:]:  # another one may pay now
-        if not motor.free[only(name)].any() and _shows(name, motor):
+        if not motor.has(name) and _shows(name, motor):
             motor = _with_term(name, motor, known)
             ends[name] = known[TERMS[name]].interval
     motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
     uncertainty = uncertainty_of(motor)
     for name in MOTOR:
-        kept = bool(motor.free[only(name)].any())
+        kept = motor.has(name)
         interval = model_interval(motor, uncertainty, name) if kept else ends[name]
         _note(known, name, kept, fit, motor, interval)
     return motor, tuple(known.values())
@@ -257,13 +257,13 @@ def with_integral(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, .
     imitates play, with a dead band as wide.
     """
     excerpt = _excerpt_to_search(fit)
-    if excerpt is None or fit.free[only(*INTEGRALS)].any():
+    if excerpt is None or fit.has(*INTEGRALS):
         return fit, terms
     bare, trial = _fitted_with_integral(fit, excerpt)
     uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
     names = (*INTEGRALS, *MOTOR, *SAG, "compliance")
     ends = {name: model_interval(trial, uncertainty, name) for name in names}
-    needed = ("time_constant", *(name for name in INTEGRALS if trial.free[only(name)].any()))
+    needed = ("time_constant", *(name for name in INTEGRALS if trial.has(name)))
     at, tick = trial.parameters, trial.grid.tick
     possible = at.time_constant >= LEAST_INERTIA * tick
     possible &= at.integral < at.fastest_integral(tick)
@@ -272,7 +272,7 @@ def with_integral(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, .
     pays_alone = pays(bare, trial) and _saving(bare, trial) >= LEAST_SAVING
     found = trial if pays(fit, trial) and pays_alone and possible and determined else fit
     for name, interval in ends.items():
-        had_it, has_it = (bool(each.free[only(name)].any()) for each in (fit, found))
+        had_it, has_it = (each.has(name) for each in (fit, found))
         if had_it != has_it or name in INTEGRALS:
             _note(known, name, has_it, fit, trial, interval)
     return found, tuple(known.values())
