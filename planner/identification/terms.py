@@ -292,16 +292,14 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit]:
     sag = (*sag, *(["compliance"] if _shows("compliance", fit) else []))
     search, rate = partial(least_squares, scale=fit.scale), INTEGRAL_START / at.whole_delay
     motors = [each for each in (at, *_divisions(fit)) if each.time_constant > 0.0]
-    trials = [
-        search(
-            excerpt,
-            each._replace(dead_band=_some_dead_band(each, fit), **{name: rate}),
-            free=fit.free | only(name, *MOTOR, *sag),
-            effort=TRIAL,
-        )
-        for name in INTEGRALS
-        for each in motors
-    ]
+    begins = [each._replace(dead_band=_some_dead_band(each, fit)) for each in motors]
+    trials = []
+    for name in INTEGRALS:
+        starts = [each._replace(**{name: rate}) for each in begins]
+        if name == "position_integral_rate":  # that of a speed loop is found without
+            starts += _integrals(fit, excerpt)
+        free = fit.free | only(name, *MOTOR, *sag)
+        trials += [search(excerpt, each, free=free, effort=TRIAL) for each in starts]
     best = min(trials, key=lambda each: (_imitates_drift(each.parameters), each.cost))
     best = search(fit.grid, best.parameters, free=best.free, starts=fit.starts, effort=TERM)
     if _saving(fit, best) < 0.5 * LEAST_SAVING:  # it will not save enough
@@ -707,6 +705,25 @@ def _near(fit: Fit, place: Array) -> Parameters:
         dead_band=0.01 * 200.0**band * _some_dead_band(at, fit),
         v_max=max(at.v_max, grid.fastest) * 0.8 * 4.0**top,
     )
+
+
+def _integrals(fit: Fit, excerpt: Grid) -> list[Parameters]:
+    """Motors with the integral of a position controller that are good on an excerpt."""
+    delay, tick = fit.parameters.whole_delay, fit.grid.tick
+
+    def joint(place: Array) -> Parameters:
+        found, (rate, by_sine, by_cosine) = _near(fit, place[:7]), place[7:].tolist()
+        found = found._replace(
+            time_constant=max(found.time_constant, tick),
+            position_integral_rate=0.01 * 200.0**rate / delay,
+        )
+        if not fit.grid.unloaded:
+            return found
+        sags = [0.5 * LARGE_SAG * (2.0 * each - 1.0) for each in (by_sine, by_cosine)]
+        return found._replace(offset=0.0, asymmetry=0.0, sag_sin=sags[0], sag_cos=sags[1])
+
+    loss, points = _screened(joint, 10, excerpt, fit.scale)
+    return [joint(each) for each in _evolved(loss, points[:POPULATION], GENERATIONS)]
 
 
 def _excerpt_to_search(fit: Fit) -> Grid | None:
