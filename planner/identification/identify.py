@@ -308,10 +308,18 @@ def _without_stops(search: _Search) -> tuple[_Search, list[Finding]]:
 
 
 def _weighed(search: _Search) -> _Search:
-    """The joint fitted to rows weighed by the error to expect of them, where it matters."""
+    """The joint fitted to rows weighed by the error to expect of them, where it matters.
+
+    A motor may show only there: it is sought again, and the better of the one found so and the same
+    one refitted is kept.
+    """
     fit = search.joint.fit
     logs = with_weights(_log_fits(search.logs, fit, None), noise_of(fit))
-    return search if logs is None else search.refitted(logs)
+    if logs is None:
+        return search
+    again = search.refitted(logs)
+    anew = _searched(logs, search.timing, [again.plain])
+    return again if better(anew.joint.fit, again.joint.fit) else anew
 
 
 def _with_shorter_ticks(search: _Search) -> _Search:

@@ -749,4 +749,7 @@ def _excerpt_to_search(fit: Fit) -> Grid | None:
         for log, on, settling in zip(grid.logs, *pieces, strict=True)
     ]
     excerpt = resampled_like(grid, logs, grid.tick)
+    angles, predicted = excerpt.angles.copy(), grid.per_log(fit.predicted)
+    angles[excerpt.first_rows] = [predicted[log][row] for log, row in excerpt.firsts]
+    excerpt = replace(excerpt, angles=angles)  # the parts begin where the fit is
     return excerpt if len(excerpt.angles) >= 2 * np.sum(fit.free) else None
