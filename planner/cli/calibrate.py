@@ -179,8 +179,12 @@ def calibrate(
                 _write(output, results, arm, checked.settings, choices)
     page = ""
     if report is not None:
-        settings = {"bus": choices["bus"], "port": choices["port"], "logs": folder,
-                    "rate": f"{choices['rate_hz']:g} Hz"}  # fmt: skip
+        settings = {
+            "bus": choices["bus"],
+            "port": choices["port"],
+            "logs": folder,
+            "rate": f"{choices['rate_hz']:g} Hz",
+        }
         origins = [(name, str(value)) for name, value in settings.items() if value]
         page = calibration_page(results, output).html(report, origins, [("models", output)])
     summary = calibration_text(results, output)

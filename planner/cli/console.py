@@ -108,10 +108,13 @@ class Answer(NamedTuple):
         """Write all files or none, and print; as ``output``, ``-`` is taken by JSON alone."""
         with ExitStack() as files:
             for name, text in self.pages:
-                if name is not None:
+                if name is not None and name != STANDARD_STREAM:
                     files.enter_context(staged(name, text.encode()))
-            if self.write is not None and (not as_json or output != "-"):
+            if self.write is not None and (not as_json or output != STANDARD_STREAM):
                 self.write(output)
+        for name, text in self.pages:
+            if name == STANDARD_STREAM:
+                write_text(name, text)
         if as_json:
             write_text(STANDARD_STREAM, to_json(self.document))
         elif self.summary:

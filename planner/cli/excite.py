@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from planner.cli import options
 from planner.cli.console import Answer
 from planner.cli.settings import Run
-
-if TYPE_CHECKING:
-    pass
 
 KINDS = ("combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
 

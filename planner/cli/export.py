@@ -184,9 +184,9 @@ def write_rows(file: str, export: Export, rows: Schedule) -> None:
 
         write_controller_csv(file, rows, unit=export.unit or "rad", ticks=_ticks(export))
     elif export.format == "lerobot":
-        from planner.files.exports import TASK, write_lerobot
+        from planner.files.exports import LEROBOT_TASK, write_lerobot
 
-        write_lerobot(file, rows, task=export.task or TASK)
+        write_lerobot(file, rows, task=export.task or LEROBOT_TASK)
     else:
         from planner.files.exports import (
             TOPIC,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -11,9 +11,6 @@ from planner.cli import options
 from planner.cli.console import Answer, Progress
 from planner.cli.settings import Run
 from planner.exceptions import about
-
-if TYPE_CHECKING:
-    pass
 
 
 def _knot(text: str) -> tuple[float, float | None]:

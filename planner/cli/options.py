@@ -270,6 +270,10 @@ def answers(command: Callable[..., Answer | None]) -> Command:
     @option("--json as_json", "Print JSON for machines.", bool)
     @wraps(command)
     def answered(*, as_json: bool, **arguments: Any) -> None:
+        for name in ("report", "expected_log"):
+            if as_json and arguments.get(name) == "-":
+                words = "standard output takes the JSON; name a file."
+                raise click.UsageError(f"--{name.replace('_', '-')}: {words}")
         if answer := command(**arguments):
             answer.deliver(arguments.get("output", "-"), as_json=as_json)
 

@@ -330,9 +330,8 @@ def meaning(column: str) -> tuple[str, str] | None:
     stem = re.sub("set[ _.-]?point", "setpoint", stem, flags=re.IGNORECASE)
     spans = [word.span() for word in _WORD.finditer(stem)]
     words = [stem[start:end].lower() for start, end in spans]
-    if "current" in words and ROLE_WORDS["position"] & set(
-        words
-    ):  # the present position, and no ampere
+    if "current" in words and not ROLE_WORDS["position"].isdisjoint(words):
+        # the present position, and no ampere
         words = ["present" if word == "current" else word for word in words]
     if OTHER & set(words):
         return None

@@ -244,10 +244,10 @@ def _as_message(types: Any, message: Mapping[str, Any]) -> Any:
 LEROBOT_VERSION = "v3.0"
 """Version of the layout."""
 
-TASK = "follow the planned requests"
+LEROBOT_TASK = "follow the planned requests"
 """Default task of an episode."""
 
-FILE = "chunk-000/file-000.parquet"
+LEROBOT_FILE = "chunk-000/file-000.parquet"
 """The one file of rows, and that of episodes, below the folder of their kind."""
 
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
@@ -263,7 +263,7 @@ class Layout:
     robot_type: str | None = None
 
 
-def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = TASK) -> None:
+def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = LEROBOT_TASK) -> None:
     """Write a dataset of one episode, whose actions are the requests [rad]."""
     layout = Layout(features={"action": schedule.names}, rate=frame_rate(schedule.period))
     with lerobot_dataset(path, layout) as add:
@@ -286,10 +286,10 @@ def lerobot_dataset(
     episodes: list[dict[str, Any]] = []
     with output_folder(path, export=f"LeRobot dataset {LEROBOT_VERSION}") as folder:
         for kind in ("data", "meta/episodes"):
-            (folder / kind / FILE).parent.mkdir(parents=True)
+            (folder / kind / LEROBOT_FILE).parent.mkdir(parents=True)
         # the file is opened here, as Arrow takes no name that is not UTF-8
         with (
-            (folder / "data" / FILE).open("wb") as stream,
+            (folder / "data" / LEROBOT_FILE).open("wb") as stream,
             parquet.ParquetWriter(stream, _schema(layout)) as writer,
         ):
 
@@ -321,7 +321,7 @@ def lerobot_dataset(
             yield add
         numbers = pa.table({"task_index": [*tasks.values()], "task": [*tasks]})
         for name, table in {
-            f"episodes/{FILE}": pa.Table.from_pylist(episodes),
+            f"episodes/{LEROBOT_FILE}": pa.Table.from_pylist(episodes),
             "tasks.parquet": numbers.replace_schema_metadata(_INDEXED_BY_TASK),
         }.items():
             with (folder / "meta" / name).open("wb") as stream:

@@ -345,9 +345,8 @@ def _model(
             f"{place}no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s",
         )
     times = [keys[key] for key in ("lag", "acceleration_time")]
-    if all(isinstance(time, int | float) for time in times) and sum(times) > (
-        slowest := 10.0
-    ):  # [s]
+    slowest = 10.0  # no servo takes so long to answer a request [s]: the unit is another
+    if all(isinstance(time, int | float) for time in times) and sum(times) > slowest:
         raise InvalidFile(
             path,
             f"{place}lag + acceleration_time: got {sum(times):g} s, "

@@ -19,7 +19,7 @@ FORMAT = "request-planner refine 1"
 """The value of ``format`` that identifies such a file."""
 
 
-ANGLES = ("requests", "measured", "noise")
+IN_RADIANS = ("requests", "measured", "noise")
 """Fields that are called ``…_rad`` in the file."""
 
 
@@ -81,7 +81,7 @@ def write_history(path: str, desired: Array, states: Mapping[str, LearningState]
     plans = {
         name: {
             "models": [model.parameters() for model in models],
-            "learning": _renamed(asdict(learning), {key: f"{key}_rad" for key in ANGLES}),
+            "learning": _renamed(asdict(learning), {key: f"{key}_rad" for key in IN_RADIANS}),
         }
         for name, (models, learning) in states.items()
     }
@@ -97,7 +97,7 @@ def _renamed(value: Any, names: Mapping[str, str]) -> Any:
 
 
 def _learning(content: Mapping[str, Any]) -> Learning:
-    fields = _renamed(content, {f"{key}_rad": key for key in ANGLES})
+    fields = _renamed(content, {f"{key}_rad": key for key in IN_RADIANS})
     speed, noise, next_error = (
         math.nan if value is None else float(value)
         for value in (*fields["floor"], fields.get("next_error"))

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.files.columns import TIME
-from planner.files.exports import TASK, Layout, frame_rate, lerobot_dataset
+from planner.files.exports import LEROBOT_TASK, Layout, frame_rate, lerobot_dataset
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.paths import write_joint_path
@@ -37,7 +37,11 @@ def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
         layout = Layout(features={ACTION: replay.names, STATE: replay.names}, rate=rate)
         action = [as_written(joint, joint.requests) for joint in replay.joints]
         state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
-        return layout, {ACTION: np.column_stack(action), STATE: np.column_stack(state)}, TASK
+        return (
+            layout,
+            {ACTION: np.column_stack(action), STATE: np.column_stack(state)},
+            LEROBOT_TASK,
+        )
     dataset, rows = find_dataset(recording.file), read_episode(recording.file, recording.episode)
     arrays = {ACTION: rows.action, STATE: rows.state}
     numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in arrays.items()}
@@ -57,7 +61,7 @@ def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
         )
     for joint in replay.planned:
         values[ACTION][:, names.index(joint.name)] = as_written(joint, joint.requests)
-    return layout, values, rows.task or TASK
+    return layout, values, rows.task or LEROBOT_TASK
 
 
 def left_out(recording: Recording) -> str:
@@ -69,7 +73,7 @@ def left_out(recording: Recording) -> str:
     if dataset.others:
         words.append(f"{', '.join(dataset.others)} left out: the frames are of other moments")
     if dataset.task_file and not dataset.tasks():
-        words.append(f"{dataset.task_file} cannot be read: the task is called '{TASK}'")
+        words.append(f"{dataset.task_file} cannot be read: the task is called '{LEROBOT_TASK}'")
     return "; ".join(words)
 
 

@@ -87,10 +87,10 @@ def recheck_answer(
     ]
     changes += result.changes
     if result.beyond:
-        partly = " and was not compared", ": use a longer --duration-s"
+        whole = result.beyond == 1.0
         changes.append(
-            f"{100.0 * result.beyond:.0f} % of the motion is beyond the logs of the "
-            f"calibration{partly[result.beyond == 1.0]}"
+            f"{100.0 * result.beyond:.0f} % of the motion is beyond the logs of the calibration"
+            + (": use a longer --duration-s" if whole else " and was not compared")
         )
     error, expected = math.degrees(result.error), math.degrees(result.expected)
     verdict = {True: "holds", False: "no longer holds", None: "is not judged"}[result.holds]

@@ -55,6 +55,12 @@ def test_an_error_below_its_own_bound_is_reported_and_nothing_is_written(run, de
     assert not desired.with_name("requests.csv").exists()
 
 
+def test_a_page_goes_to_standard_output_when_asked(run, desired):
+    result = run("plan", desired, "--method", "shift", "-o", "requests.csv", "--report", "-")
+    assert result.stdout.startswith("<!doctype html>")
+    assert {file.name for file in desired.parent.iterdir()} == {desired.name, "requests.csv"}
+
+
 @pytest.mark.parametrize(("rate", "lost"), [(3, True), (50, False)])
 def test_a_motion_that_a_low_rate_loses_is_said(run, tmp_path, rate, lost):
     """At 3 requests a second a motion of 3 Hz has the same angle at every request."""

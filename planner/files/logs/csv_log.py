@@ -77,7 +77,7 @@ def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
                 raise table.fault(f"no '{key}'{hint}; keys: {', '.join(entry)}", k)
         values = (entry.get(key) for key in BAM_KEYS)
         cells = ["" if value is None else json.dumps(value) for value in values]
-        if cells[1] in ("", "NaN") and cells[3] in ("0", "false"):
+        if cells[1] in ("", "NaN") and SWITCH.get(cells[3]) is False:
             cells[1] = cells[2]  # a servo that is switched off may have no goal
         rows.append(cells)
     if not any(cells[3] for cells in rows):
