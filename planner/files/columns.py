@@ -170,6 +170,9 @@ def with_unit(
     if len(set(endings) - set(SHARES)) > 1 or len(set(endings) & set(SHARES)) > 1:
         mixed = ", ".join(columns)
         raise table.fault(f"mixed units ({mixed}); expected one unit in all columns")
+    for name in names:
+        own = [column for column, of in zip(columns, names, strict=True) if of == name]
+        _check_once(table, name, own)
     factors = np.array([units[unit] for unit in endings])
     values = table.numbers(columns) * factors
     beyond = np.argwhere(~(np.abs(values) <= LARGEST))
@@ -206,13 +209,18 @@ def pick(
                 f"no column {endings}{nearest(name, tuple(by_name))}; "
                 f"columns: {', '.join(table.names)}; {advice}"
             )
-        if len(by_name[name]) > 1:
-            raise table.fault(
-                f"'{name}' comes in mixed units ({', '.join(by_name[name])}), expected one column; "
-                "remove the others"
-            )
+        _check_once(table, name, by_name[name])
         columns.extend(by_name[name])
     return columns
+
+
+def _check_once(table: Table, name: str, columns: Sequence[str]) -> None:
+    """Refuse several columns of a quantity, such as ``knee_deg`` and ``knee [deg]``."""
+    if len(columns) > 1:
+        raise table.fault(
+            f"'{name}' comes in several columns ({', '.join(columns)}), expected one; remove the "
+            "others"
+        )
 
 
 def check_radians(table: Table, column: str, angles: Array, advice: str) -> None:

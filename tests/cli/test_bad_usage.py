@@ -95,7 +95,7 @@ BAD = {
     "limits of many turns": "excite --limits-deg -2000:2000",
     "smoothness in percent": "plan desired.csv --smoothness 5",
     "a page beside JSON on standard output": "plan desired.csv -o r.csv --report - --json",
-    "a log beside JSON on standard output": "excite --limits-deg -9:9 --expected-log - --json",
+    "a log beside JSON on standard output": "excite --limits-deg 0:9 -o r --expected-log - --json",
     "a rate beyond any joint": "plan desired.csv --rate-hz 1e9",
     "identifiers backwards": "calibrate --bus virtual --ids 6-1",
     "a joint without a servo": "calibrate --bus virtual --ids 1 --joint knee",

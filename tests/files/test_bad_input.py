@@ -36,6 +36,7 @@ JOINT_PATHS = {
     "several without a unit": b"joint_1,hip_deg,joint_2\n0,1,2\n1,2,3\n",
     "a strange unit": b"knee_turns\n1\n2\n",
     "mixed units": b"knee_deg,hip_rad\n1,2\n3,4\n",
+    "a joint twice": b"knee_deg,knee [deg]\n1,2\n3,4\n",
     "digits of another script": "knee_deg\n1\n٣\n".encode(),
     "a number among names": b"knee_deg,7\n1,2\n3,4\n",
     "an open quote after comments": b'# a\n# b\nknee_deg\n1\n"2\n',

@@ -134,11 +134,11 @@ def read_episode(file: Path, number: int | None) -> EpisodeRows:
 
 def _read_episodes(file: Path) -> list[EpisodeRows]:
     """The episodes in a file, in order; by one sort, as a file may hold thousands."""
-    times, numbers, *features = _read(file, TIME, EPISODE, ACTION, STATE)
+    times, numbers, action, state = _read(file, TIME, EPISODE, ACTION, STATE)
     episodes, counts = _episodes_in(file, numbers), np.unique(numbers, return_counts=True)[1]
     order = np.split(np.argsort(numbers, kind="stable"), np.cumsum(counts)[:-1])
     return [
-        EpisodeRows(file, episode, times[own], *(values[own] for values in features))
+        EpisodeRows(file, episode, times[own], action[own], state[own])
         for episode, own in zip(episodes, order, strict=True)
     ]
 
