@@ -44,7 +44,7 @@ nitpick_ignore_regex = [
     ),  # the same, or aliases, or parts of an answer that its own docstring describes
     (
         "py:(mod|func|data|class)",
-        r"(kinematics\.|planner$|SHIPPED|collections).*",
+        r"(kinematics\.|planner$|collections).*",
     ),  # no public name
     ("py:(func|class)", r"planner\.(model|files|evaluation)\..*"),
 ]

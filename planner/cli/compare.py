@@ -99,11 +99,14 @@ def compare(
         with fitted_to(terminal_width(sys.stdout)):
             click.echo(f"{model_words(run.model)}\n{comparison_text(check)}")
 
-    verdict = verdict_line(check)
-    words = [f"{unreachable} samples were out of the leg's reach"] * (unreachable > 0)
+    verdict, words = verdict_line(check), []
+    if unreachable:
+        words.append(f"{unreachable} samples were out of the leg's reach")
+    if check.passed:
+        words.append(verdict)
     return Answer(
         {**check.to_dict(), "unreachable_samples": unreachable},
-        "\n".join([*words, *[verdict] * check.passed]),
+        "\n".join(words),
         print_table,
         pages=[(report, html)],
         failure="" if check.passed else verdict,

@@ -54,7 +54,6 @@ def play(
     from planner.files.columns import SHARES
     from planner.files.joint_model import read_servos
     from planner.files.paths import GrowingLog, read_joint_path, write_joint_path
-    from planner.robot.measure import by_request
 
     path = read_joint_path(requests)
     for name, unit in zip(path.names, path.units, strict=True):
@@ -82,6 +81,8 @@ def play(
     count = cycles * len(path.values)
     times, angles = np.array([time for time, _ in rows]), np.array([each for _, each in rows])
     if measured is not None:
+        from planner.robot.measure import by_request  # with the identification of joints
+
         write_joint_path(
             measured, path.names, by_request(times, angles, count, period), period=period
         )

@@ -69,9 +69,12 @@ class Space:
 
     def point(self, values: Iterable[float]) -> Point:
         """A point from a value for each parameter, with a cycle of whole requests."""
-        whole = {"period_s": lambda value: round(round(value / self.period) * self.period, 12)}
-        pairs = zip(self.values, values, strict=True)
-        return tuple(whole.get(name, float)(value) for name, value in pairs)
+        return tuple(
+            round(round(value / self.period) * self.period, 12)
+            if name == "period_s"
+            else float(value)
+            for name, value in zip(self.values, values, strict=True)
+        )
 
     def point_of(self, pairs: Iterable[tuple[str, float]]) -> Point:
         """A point from values by name."""
@@ -154,17 +157,9 @@ def read_sweep(path: str) -> Space:
         period = math.nan
         if leg is not None and "period_s" in values:
             period = models_of(run, leg.joint_names, leg, folder)[0].period
-        for name, value in ((name, value) for name, each in values.items() for value in each):
-            declared, of_time = options.SETTINGS[SWEPT[name]].kind, name == "period_s"
-            expected = declared.expected
-            if of_time:
-                count = expected.removeprefix("a whole number from ")
-                expected = f"{count} requests, which are {period:g} s apart"
-            try:
-                declared.fitted(round(value / period) if of_time else value)
-            except (ValueError, OverflowError) as error:
-                key = Key(f"sweep.parameters.{name}")
-                raise BadSetting(key, f": got {value:g}, expected {expected}") from error
+        for name, each in values.items():
+            for value in each:
+                _check_in_range(name, value, period)
     return Space(file, run, folder, values, "cm" if of_foot else "deg", requirement, period)
 
 
@@ -199,6 +194,22 @@ def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
         name: tuple(np.linspace(values[0], values[-1], search.steps).tolist())
         for name, values in by_name.items()
     }
+
+
+def _check_in_range(name: str, value: float, period: float) -> None:
+    """Refuse a value that the key of its parameter does not take in a run file."""
+    kind = options.SETTINGS[SWEPT[name]].kind
+    expected = kind.expected
+    try:
+        if name == "period_s":
+            count = expected.removeprefix("a whole number from ")
+            expected = f"{count} requests, which are {period:g} s apart"
+            kind.fitted(round(value / period))
+        else:
+            kind.fitted(value)
+    except (ValueError, OverflowError) as error:
+        key = Key(f"sweep.parameters.{name}")
+        raise BadSetting(key, f": got {value:g}, expected {expected}") from error
 
 
 def planned_points(
