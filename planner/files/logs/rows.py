@@ -440,9 +440,12 @@ def _check_one_unit(rows: Rows, requests: Array, angles: Array) -> None:
         wrong, named, held = small, "degrees", "radians"
     else:
         return
+    units[wrong] = "deg" if held == "degrees" else "rad"
+    option = ",".join(f"{column}={unit}" for column, unit in units.items())
     raise rows.wrong(
         f"the {large} angles span {ratio:.3g} times as much as the {small} ones: the {wrong} ones "
-        f"are named {named}, and are {held}; rename their column"
+        f"are read as {named}, and are {held}; rename their column, or give "
+        f"--unit {option} if the names have no unit"
     )
 
 

@@ -302,10 +302,10 @@ def test_radians_under_a_heading_in_degrees_are_refused_where_their_steps_show_i
 @pytest.mark.parametrize(
     ("units", "factors", "wrong"),
     [
-        ("rad rad", (1.0, 57.3), "the actual ones are named radians, and are degrees"),
-        ("rad rad", (57.3, 1.0), "the requested ones are named radians, and are degrees"),
-        ("deg deg", (57.3, 1.0), "the actual ones are named degrees, and are radians"),
-        ("deg rad", (57.3, 57.3), "the actual ones are named radians, and are degrees"),
+        ("rad rad", (1.0, 57.3), "the actual ones are read as radians, and are degrees"),
+        ("rad rad", (57.3, 1.0), "the requested ones are read as radians, and are degrees"),
+        ("deg deg", (57.3, 1.0), "the actual ones are read as degrees, and are radians"),
+        ("deg rad", (57.3, 57.3), "the actual ones are read as radians, and are degrees"),
         ("deg rad", (57.3, 1.0), None),
         ("rad rad", (1.0, 1.0), None),
     ],
@@ -324,5 +324,11 @@ def test_one_column_in_degrees_beside_one_in_radians_is_refused(tmp_path, units,
     if wrong is None:
         read_logs([str(file)])
     else:
-        with pytest.raises(InvalidFile, match=f"knee: the .* times as much as .*: {wrong}; rename"):
+        with pytest.raises(
+            InvalidFile, match=f"knee: the .* times as much as .*: {wrong}; rename"
+        ) as error:
             read_logs([str(file)])
+        option = str(error.value).partition("--unit ")[2].split()[0]
+        file.write_text("\n".join(["t_s,knee_requested,knee_actual", *rows]))
+        (log,) = read_logs([str(file)], options=LogOptions(unit=option))
+        assert np.ptp(log.requests) == pytest.approx(1.2 * np.ptp(log.angles), rel=0.01)
