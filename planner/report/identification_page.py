@@ -156,7 +156,10 @@ def cloud_of(identification: Identification) -> tuple[SpeedPoints, float, float]
         reach = max(most, 1e-9) if most < corner else beyond
     speeds = np.abs(points.speeds[np.abs(points.errors) <= reach])
     most = float(np.quantile(speeds, 0.995)) if len(speeds) else 0.0
-    return points, reach, 1.15 * max(float(model.speed(reach)), most)
+    top = float(model.speed(reach))
+    if most > 0.0 and not identification.saturates:  # its top speed is a guess: the dots count
+        top = min(top, 1.5 * most)
+    return points, reach, 1.15 * max(top, most)
 
 
 def cloud_figure(identification: Identification, prefix: str = "") -> Figure:

@@ -76,6 +76,13 @@ def test_the_cloud_shows_points_about_the_identified_line(found_by):
         assert line.y[5] == pytest.approx(np.degrees(found.model.v_max))
 
 
+def test_a_top_speed_that_is_a_guess_does_not_flatten_the_cloud():
+    found = never_saturated()
+    guessed = replace(found, model=replace(found.model, v_max=5.0 * found.model.v_max))
+    fastest = np.max(np.abs(cloud_of(guessed)[0].speeds))
+    assert cloud_of(guessed)[2] < 2.0 * fastest
+
+
 def test_of_a_joint_with_inertia_the_points_of_its_model_stand_beside_the_measured_ones():
     slow = replace(JOINT, time_constant=0.1)
     log = made_up_log()
