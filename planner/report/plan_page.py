@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -74,12 +74,9 @@ def plan_page(
     parts = {name: plan.of_leg(leg) for name, leg in (legs or {}).items()}
     joint_sizes = [sizes(errors) for errors in (plan.errors, plan.direct - plan.desired)]
     joints = [
-        {"name": name, "planned": planned.rms, "direct": direct.rms, "share": share, "speed": speed,
-         "top": top, "load": speed / top}
-        for name, planned, direct, share, (speed, top) in zip(
-            plan.names, *joint_sizes, plan.too_fast,
-            (np.degrees(each.highest) for each in plan.speeds), strict=True)
-    ]  # fmt: skip
+        {**speeds, "planned": planned.rms, "direct": direct.rms}
+        for speeds, planned, direct in zip(joint_speeds(plan), *joint_sizes, strict=True)
+    ]
     feet, unit, early = list(parts.values()) or ([plan] if plan.task.leg else []), "degrees", None
     expected = max(expected_errors(plan)) if not feet else 0.0
     if feet:
@@ -90,10 +87,7 @@ def plan_page(
     else:
         planned, direct = (size(errors) for errors in (plan.errors, plan.direct - plan.desired))
         subject = "joints" if len(joints) > 1 else "joint"
-    fast = sorted(
-        (each for each in joints if each["share"] >= 0.005 or each["load"] > 1.01),
-        key=lambda each: -each["load"],  # less leaves no error worth a remark
-    )
+    fast = too_fast(plan)
     limited = [*zip(plan.names, *beyond_limits(plan), strict=True)]
     as_given = None
     if foot_given is not None:
@@ -140,6 +134,24 @@ def plan_page(
         requests=requests,
         models=models_table(plan.names, plan.models),
     )
+
+
+def joint_speeds(plan: Plan) -> list[dict[str, Any]]:
+    """Of each joint the share of the path beyond its top speed, and where it is fastest for it.
+
+    There ``speed`` is the path's, ``top`` the joint's [deg/s], and ``load`` their ratio.
+    """
+    speeds = (np.degrees(each.highest) for each in plan.speeds)
+    return [
+        {"name": name, "share": share, "speed": speed, "top": top, "load": speed / top}
+        for name, share, (speed, top) in zip(plan.names, plan.too_fast, speeds, strict=True)
+    ]
+
+
+def too_fast(plan: Plan) -> list[dict[str, Any]]:
+    """The joints of :func:`joint_speeds` that cannot follow, the worst first."""
+    fast = (each for each in joint_speeds(plan) if each["share"] >= 0.005 or each["load"] > 1.01)
+    return sorted(fast, key=lambda each: -each["load"])  # less leaves no error worth a remark
 
 
 def open_top_speeds(plan: Plan) -> list[str]:

@@ -30,6 +30,7 @@ from planner.report.plan_page import (
     no_bound,
     open_top_speeds,
     size,
+    too_fast,
 )
 from planner.report.table import NOTHING, Column, Row, Table, percent
 from planner.report.wording import rendered_text
@@ -272,6 +273,7 @@ def plan_text(
         has_estimate=has_estimate,
         has_range=any(np.isfinite(each.high) for each in plan.expected),
         advice=advice(plan),
+        fast=too_fast(plan),
         unknown=[
             name
             for name, speeds in zip(plan.names, plan.speeds, strict=True)
