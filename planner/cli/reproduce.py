@@ -93,11 +93,11 @@ def reproduce(*, out: str, robot: str) -> Answer:
     return Answer(document, "", lambda _: click.echo(text), failure="; ".join(failures))
 
 
-Outcome = tuple[dict[str, Any], Sequence["Figure"], list[str]]
+Experiment = tuple[dict[str, Any], Sequence["Figure"], list[str]]
 """``results.json`` but for its list of files, the figures, and the checks that failed."""
 
 
-def on_model(folder: Path, progress: Callable[[str], None]) -> Outcome:
+def on_model(folder: Path, progress: Callable[[str], None]) -> Experiment:
     """The paper's experiment on the paper's own model."""
     from planner.evaluation.reproduction import reproduce
     from planner.files.paths import write_foot_path, write_joint_path
@@ -114,7 +114,7 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Outcome:
     return paper_results(reproduction), paper_figures(reproduction), []
 
 
-def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Outcome:
+def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Experiment:
     """The paper's experiment on the virtual robot, whose joints are not the model.
 
     The files are the models, the logs of the step tests, and requests and angles of every walk.

@@ -33,11 +33,19 @@ AMBIENT = 25.0
 """Temperature of the surroundings [°C]."""
 
 STATE = (
-    *("angle", "speed", "through", "pace", "integral", "counted", "felt"),
-    *("duty", "current", "heat", "pushing"),
+    "angle",
+    "speed",
+    "through",  # goal that the profile lets through
+    "pace",  # its speed
+    "integral",
+    "counted",  # angle by the sensor
+    "felt",  # its speed
+    "duty",  # share of the voltage that is switched, -1 to 1
+    "current",
+    "heat",  # temperature [°C]
+    "pushing",  # for how long it has pushed at nearly full duty without moving [s]
 )
-"""State of a servo: angle and speed; goal that the profile lets through and its speed; integral;
-counted angle and its speed; duty, current, temperature; time under overload."""
+"""State of a servo, in SI but for the temperature."""
 
 
 @dataclass(frozen=True, kw_only=True)
