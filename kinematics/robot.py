@@ -67,7 +67,7 @@ def read_robot(
     Raises:
         InvalidInput: The file cannot be read, does not describe a robot or has no such frame, or a
             joint cannot be locked at its position.
-        UnsupportedLeg: The base is not above the foot, or no joint lies between them.
+        UnsupportedLeg: The base is not above the foot, or no joint between them is free.
     """
     import pinocchio
 
@@ -118,13 +118,15 @@ def read_robot(
             "swapped, or on different limbs?"
         )
     between = above[above.index(start.parentJoint) + 1 :]
-    names = tuple(str(model.names[joint]) for joint in between if joint not in held)
-    if not names:
+    if not between:
         raise UnsupportedLeg(
             f"no joint lies between base {base!r} and foot {foot!r}: the foot cannot "
-            "move; choose a base further up or a foot further down, or lock fewer joints"
+            "move; choose a base further up or a foot further down"
         )
     every = tuple(str(model.names[joint]) for joint in between)
+    names = tuple(str(model.names[joint]) for joint in between if joint not in held)
+    if not names:
+        raise UnsupportedLeg(f"every joint between {base!r} and {foot!r} is locked; leave one out")
     if held:
         model = pinocchio.buildReducedModel(model, held, rest)
         rest = np.clip(pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)

@@ -78,6 +78,13 @@ def test_frames_that_are_not_the_ends_of_a_leg_are_refused(base, foot, message, 
         leg_of(tmp_path, VALID, base=base, foot=foot)
 
 
+def test_a_leg_whose_joints_are_all_locked_is_refused(tmp_path):
+    (tmp_path / "robot.urdf").write_text(VALID)
+    locked = {"joint_1": 0.1, "joint_2": 0.2}
+    with pytest.raises(UnsupportedLeg, match="every joint between 'link_0' and 'tip' is locked"):
+        Leg.from_urdf(tmp_path / "robot.urdf", base="link_0", foot="tip", locked=locked)
+
+
 @pytest.mark.parametrize(
     ("joint", "message"),
     [
