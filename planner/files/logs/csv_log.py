@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -114,12 +115,15 @@ def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
 
 def _recorded(table: Table, options: LogOptions, *, units: str = "") -> Recorded:
     """The recording in a table; ``units`` says in words what defines the units of all angles."""
-    times, clock = _read_clock(table, options)
-    torque, switch = _read_torque(table, options)
     joints = {pair.joint: pair for pair in _pairs(table, options)}
     several = options.joint == ALL_JOINTS and ALL_JOINTS not in joints and len(joints) > 1
 
+    @cache
+    def shared() -> tuple[Array, str, str, Switch | None]:  # names of joints need no times
+        return *_read_clock(table, options), *_read_torque(table, options)
+
     def rows_of(joint: str) -> Rows:
+        times, clock, torque, switch = shared()
         pair = joints[joint]
         for role in ROLES:
             if len(own := getattr(pair, role)) > 1:

@@ -139,6 +139,12 @@ def test_a_log_says_what_its_columns_and_the_options_say(tmp_path, snapshot):
     snapshot.check("csv_read", "".join(said))
 
 
+def test_joints_are_named_where_the_unit_of_the_times_is_still_to_be_said(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("stamp,knee_goal_deg,knee_actual_deg\n0,1,1\n20,2,1\n")
+    assert planner.joints_in(log) == ("knee",)
+
+
 def test_a_fault_after_an_empty_cell_is_reported_on_its_own_line(tmp_path):
     file = tmp_path / "run.csv"
     file.write_text("t_s,req_rad,act_rad\n0,0,0\n1,,0\n2,0,0\n3,0,0\n3,0,1\n")
