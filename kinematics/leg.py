@@ -24,7 +24,7 @@ from kinematics.inverse import (
 from kinematics.robot import TO_LIMIT, Robot, named, read_robot
 from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
 from planner.trajectory import Array, Indices, as_path
-from planner.validation import as_positive, as_reals, shown
+from planner.validation import Summarised, Summary, as_positive, as_reals, shown
 
 GRAVITY = (0.0, 0.0, -9.80665)
 """Standard gravity [m/s^2] in the frame of the URDF's root link, whose z axis points up."""
@@ -33,8 +33,8 @@ FARTHEST = 1e6
 """A position or angle beyond this [m, rad] is a mistake, and its square would lose all digits."""
 
 
-@dataclass(frozen=True, eq=False)
-class Leg:
+@dataclass(frozen=True, eq=False, repr=False)
+class Leg(Summarised):
     """The joints between two frames of a robot, read from its URDF with :meth:`from_urdf`.
 
     A foot position is the origin of the foot frame in the base frame. Only the joints between the
@@ -60,6 +60,15 @@ class Leg:
     speeds: Array | None = None
     near: Array | None = None
     robot: Robot | None = None
+
+    def _summarised(self) -> Summary:
+        """The joints and their limits."""
+        ends = zip(self.joint_names, *np.degrees(self.limits), strict=True)
+        return Summary(
+            f"Leg from {self.base} to {self.foot}",
+            ("", "lower [deg]", "upper [deg]"),
+            [(name, f"{lower:.4g}", f"{upper:.4g}") for name, lower, upper in ends],
+        )
 
     @classmethod
     def from_urdf(

@@ -25,7 +25,11 @@ def answers(plan):
     fit = planner.fit_pwl(PATH, v_max=4.0, tick=0.008)
     (learning,) = planner.refine(plan.inversions[0], plan.predicted[:, 0] + 0.01).plan.learning
     plans = [plan, plan.inversions[0], learning, learning.trials[0]]
-    return [*plans, found, found.model, made_up_log(), replayed, fit]
+    walk = planner.reference_walk()
+    checked = planner.cross_check(SERVO, PATH)
+    limit = planner.fastest(made_up_log(duration=2.0), found.model, tolerance=0.1)
+    others = [walk, walk.leg, checked, limit, planner.Stream([SERVO] * 2, preview=25)]
+    return [*plans, found, found.model, made_up_log(), replayed, fit, *others]
 
 
 def test_every_answer_is_shown_in_a_few_lines_of_text_and_html(plan):

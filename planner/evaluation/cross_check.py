@@ -59,7 +59,7 @@ from planner.trajectory import (
     relative_gap,
     rms,
 )
-from planner.validation import check_choice, shown
+from planner.validation import Summarised, Summary, check_choice, shown
 
 METHODS: Mapping[str, str] = {
     "closed_form_paper": "closed form, paper's rule",
@@ -83,8 +83,8 @@ FOOT = "foot"
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]
 
 
-@dataclass(frozen=True, eq=False)
-class CrossCheck:
+@dataclass(frozen=True, eq=False, repr=False)
+class CrossCheck(Summarised):
     """Closed form against optimised inversion, with a verdict.
 
     Attributes:
@@ -94,6 +94,21 @@ class CrossCheck:
 
     joints: tuple[JointComparison, ...]
     foot: FootComparison | None
+
+    def _summarised(self) -> Summary:
+        """The verdict, and the error of every plan of each joint."""
+        methods = self.methods
+        rows = [
+            (joint.name, *(f"{np.degrees(joint.plans[method].error):.4g}" for method in methods),
+             f"{np.degrees(joint.bound):.4g}")
+            for joint in self.joints
+        ]  # fmt: skip
+        held = len(self.checks) - len(self.failures)
+        return Summary(
+            f"Cross-check: {held} of {len(self.checks)} checks hold; {self.norm} errors [deg]",
+            ("", *methods, "lower bound"),
+            rows,
+        )
 
     @property
     def cyclic(self) -> bool:

@@ -12,7 +12,7 @@ from kinematics.leg import Leg
 from kinematics.robot import urdf_path
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import as_number, as_whole, shown
+from planner.validation import Summarised, Summary, as_number, as_whole, shown
 
 
 def half_ellipse(
@@ -104,8 +104,8 @@ def walking_speed(
     return float(along[0] - along[last]) / (last * period)
 
 
-@dataclass(frozen=True, eq=False)
-class ReferenceWalk:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReferenceWalk(Summarised):
     """The walk behind the paper's trajectories, for one front leg over one cycle.
 
     Attributes:
@@ -123,6 +123,15 @@ class ReferenceWalk:
     desired_foot: Array
     reachable: npt.NDArray[np.bool_]
     joint_names: tuple[str, ...]
+
+    def _summarised(self) -> Summary:
+        """The path and its leg."""
+        beyond = len(self.reachable) - np.count_nonzero(self.reachable)
+        leg = self.leg._summarised()
+        head = (
+            f"Walk of {len(self.desired)} samples, {beyond} clamped to the leg's reach. {leg.head}"
+        )
+        return leg._replace(head=head)
 
 
 def reference_walk() -> ReferenceWalk:

@@ -21,7 +21,7 @@ from planner.model.evidence import warn_of_refused
 from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
 from planner.planning.task import limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
-from planner.validation import as_reals, as_whole, check_choice, shown
+from planner.validation import Summarised, Summary, as_reals, as_whole, check_choice, shown
 
 OnBad = Literal["hold", "raise"]
 
@@ -56,7 +56,7 @@ SAME_PERIOD = 1e-3
 """Largest relative difference of two periods that count as equal: logs of one robot differ so."""
 
 
-class Stream:
+class Stream(Summarised):
     """Plans while the robot moves: each tick takes the next stretch of the path, returns requests.
 
     The joints are planned together, each by itself; they share one period. All memory is allocated
@@ -149,6 +149,16 @@ class Stream:
         self.reset()
         self._plan(0)  # loads or compiles the functions of a tick, so that the first is as fast
         self.reset()
+
+    def _summarised(self) -> Summary:
+        """What it plans, and how the joints are."""
+        count = len(self.names)
+        return Summary(
+            f"Stream of {count} joint{'s' * (count > 1)}, {self.preview} rows of preview, "
+            f"one every {1e3 * self.period:.4g} ms",
+            ("", "status"),
+            [*zip(self.names, self.status, strict=True)],
+        )
 
     def __copy__(self) -> Stream:
         """A stream that goes on alike, and on its own."""

@@ -355,9 +355,10 @@ class Replay(ReadOnly, Summarised):
 
     def _summarised(self) -> Summary:
         """Requests and errors of every planned joint."""
+        count = len(self.joints)
         head = (
-            f"Replay at {self.speed:.4g} times the speed: {len(self.moments)} requests to "
-            f"{len(self.joints)} joints, one every {1e3 * self.period:.4g} ms"
+            f"Replay at {self.speed:.4g} times the speed: {len(self.moments)} requests to {count} "
+            f"joint{'s' * (count > 1)}, one every {1e3 * self.period:.4g} ms"
         )
         rows = [
             (each.name, f"{each.inversion.rms:.4g}", f"{each.inversion.max_error:.4g}", unit)

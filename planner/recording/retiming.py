@@ -22,7 +22,7 @@ from planner.recording.recorded_path import (
 )
 from planner.recording.replaying import JointReplay, Kind, Replay, replay_at
 from planner.trajectory import Array
-from planner.validation import as_number, check_choice, shown
+from planner.validation import Summarised, Summary, as_number, check_choice, shown
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -69,8 +69,8 @@ class Impossible(NamedTuple):
     of_model_only: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Fastest:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Fastest(Summarised):
     """The fastest replay found within a tolerance.
 
     Attributes:
@@ -96,6 +96,15 @@ class Fastest:
     impossible: Impossible | None
     curve: tuple[SpeedErrors, ...]
     contradicted: tuple[str, ...] = ()
+
+    def _summarised(self) -> Summary:
+        """The replay, and the speed that is proved too high."""
+        replay = self.replay._summarised()
+        proved = "no speed is proved too high"
+        if self.impossible is not None:
+            proved = f"{self.impossible.speed:.4g} times is proved too high"
+        allowed = f"{self.tolerance:.4g} {'m of the foot' if self.foot else 'rad'}"
+        return replay._replace(head=f"{replay.head}, within {allowed}; {proved}")
 
     @property
     def speed(self) -> float:
