@@ -123,7 +123,9 @@ def lerobot_episodes(path: Path | str, options: LogOptions) -> list[tuple[Path, 
 
 def read_episode(file: Path, number: int | None) -> EpisodeRows:
     """The rows of an episode as they are written, and its task."""
-    rows = next(each for each in _read_episodes(file) if each.number == number)
+    rows = next((each for each in _read_episodes(file) if each.number == number), None)
+    if rows is None:
+        raise InvalidFile(file, f"no episode {number}; did the dataset change meanwhile?")
     try:
         numbers, tasks = _read(file, EPISODE, TASK)
         task = int(tasks[numbers == number][0])

@@ -80,6 +80,14 @@ def test_what_cannot_be_read_is_reported_with_its_place(tmp_path, snapshot):
     snapshot.check("bam", "".join(said))
 
 
+@pytest.mark.parametrize("goal", [None, math.nan])
+@pytest.mark.parametrize("off", [False, 0, 0.0])
+def test_a_servo_that_is_off_needs_no_goal(tmp_path, off, goal):
+    entries = _entries(entry_2={"goal_position": goal, "torque_enable": off})
+    (log,) = read_logs(_file(tmp_path, {"entries": entries}))
+    np.testing.assert_array_equal(log.requests, [0.0, 0.5, 0.3, 1.5])
+
+
 def test_the_weight_of_the_pendulum_is_the_load(tmp_path):
     positions = np.array([position for _, _, position in SAMPLES])
     pendulum = {"mass": 1.2, "length": 0.15, "entries": _entries()}
