@@ -193,7 +193,6 @@ def fit_pwl(
         values = as_trajectory(knots, name="knots", minimum=1)
         fixed = checked_knots(values.tolist(), n, cyclic=cyclic, name="knots")[0]
         knots = np.unique([*fixed, *places, *([] if cyclic else [0.0, n - 1.0])])
-        check_apart("knots", problem.ends(knots), n)
     question = Question(
         segments=checked_segments(segments, samples, cyclic=cyclic),
         max_error=None if max_error is None else positive("max_error", max_error, "rad"),
@@ -243,6 +242,8 @@ def _check(problem: Problem, question: Question, tick: float) -> None:
                 "without it, or thin the samples out"
             )
     check_required(problem, tick)
+    if knots is not None:
+        check_apart("knots", problem.ends(knots), problem.samples)
     if segments is not None:
         check_room(problem, segments, at_most=max_error is not None or max_rms is not None)
     if max_error is not None:

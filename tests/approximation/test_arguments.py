@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.approximation.fit import fit_pwl
-from planner.exceptions import Infeasible
+from planner.exceptions import Infeasible, InvalidInput
 from tests.approximation.samples import KINDS, closed, problems, samples_of
 
 SLOPE_ROUNDING = 1e-12
@@ -130,6 +130,16 @@ def test_an_attainable_rms_error_with_a_required_angle_is_not_refused(cyclic):
     assert fit.rms <= attainable * (1.0 + 2e-9)
     with pytest.raises(Infeasible, match="max_rms and v_max"):
         fit_pwl(desired, max_rms=attainable * (1.0 - 1e-4), **asked)
+
+
+def test_arguments_that_exclude_each_other_are_named_before_knots_too_close():
+    asked = {"v_max": 0.2, "tick": 1.0}
+    with pytest.raises(InvalidInput, match="knots, segments: got both"):
+        fit_pwl(SINE, knots=[3.0, 3.5], segments=4, **asked)
+    with pytest.raises(Infeasible, match="required knots at samples 3 and 3"):
+        fit_pwl(SINE, knots=[20.0], required=[3.0, 3.5], **asked)
+    with pytest.raises(Infeasible, match=r"^knots at samples 3 and 3\.5: 0\.5 samples apart"):
+        fit_pwl(SINE, knots=[3.5], required=[3.0], **asked)
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
