@@ -210,13 +210,9 @@ def evaluate(problem: Problem, curve: Array) -> tuple[float, Array, Array, Array
     They are the gradient, the Hessian, and the diagonal of the Hessian without the residuals' part,
     that of Gauss and Newton.
     """
-    desired, cyclic, size, n = (
-        problem.desired,
-        problem.cyclic,
-        len(curve) // 2,
-        problem.desired.size,
-    )
-    knots, values, error = curve[:size], curve[size:], 0.0
+    desired, cyclic = problem.desired, problem.cyclic
+    size, n, error = len(curve) // 2, problem.desired.size, 0.0
+    knots, values = curve[:size], curve[size:]
     gradient, diagonal = np.zeros(2 * size), np.zeros(2 * size)
     hessian = np.zeros((2 * size, 2 * size))
     part, own = np.empty(4), np.empty((4, 4))

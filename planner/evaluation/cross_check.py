@@ -222,10 +222,8 @@ def cross_check(
     check_choice("level", level, LEVELS)
     levels = LEVELS[: LEVELS.index(level) + 1]
     if leg is not None:
-        names_of_leg, count = (
-            checked_leg(leg).joint_names,
-            as_rows(desired, name="desired").shape[1],
-        )
+        names_of_leg = checked_leg(leg).joint_names
+        count = as_rows(desired, name="desired").shape[1]
         if len(names_of_leg) != count:
             raise InvalidInput(
                 f"desired: got {count} columns, expected {len(names_of_leg)}, one for each joint "

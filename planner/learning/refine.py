@@ -313,8 +313,9 @@ def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
     """The plan with a shorter change from a trial's requests, where that lowers the expected error.
 
     Limits are convex: requests on the straight line between two that keep them do so too. From
-    requests that break them the change is whole. By the models it saves so much of the error, a
-    shorter one in proportion; the joint is not expected to follow what it misses.
+    requests that break them the change is whole. By the models the whole change lowers the error by
+    ``saving``, in the plan's norm, and a shorter one in proportion; the joint is not expected to
+    follow ``missed`` of it, likewise.
     """
     breaks = not plan.task.keeps(base.requests, rounding=SAME_REQUESTS)
     if breaks or saving <= 0.0 or missed == 0.0:

@@ -375,11 +375,8 @@ def periods(
                 j, second = c - size - width, extra
                 for k in range(count):
                     extra[k] = bend[k] * own[j, k] * restoring[k]
-            by_angle, by_rate, by_sum = (
-                derivatives[0, c],
-                derivatives[1, c],
-                derivatives[size - 1, c],
-            )
+            by_angle, by_rate = derivatives[0, c], derivatives[1, c]
+            by_sum = derivatives[size - 1, c]
             for k in range(count if size == 2 else 0):
                 driven = part[k] - restoring[k] * by_angle[k]
                 by_rate[k] = by_speed[k] * by_rate[k] + by_demand[k] * driven + second[k]

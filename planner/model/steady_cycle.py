@@ -114,6 +114,7 @@ def _run_steady_cycle(cycle: Cycle, near: float) -> float:
     if law.friction > 0.0:
         # There may be many: how much further a cycle ends than it starts does not increase with the
         # angle where it starts, so they start in one range, and the nearest one is an end of it.
+        # With a sag by the pose there may be several ranges: one of them is found.
         return _closing_start(cycle, State(near, 0.0, 0.0), low, high, tolerance, True)[1]
     return _closed_cycle(cycle, near, low, high, tolerance)
 

@@ -346,7 +346,8 @@ METHODS: tuple[Method, ...] = ("optimal", "closed_form", "shift")
 def planned(
     task: Task,
     *,
-    # A load of the pose, under which the plan is repeated until it settles; any other load is in
+    # a load of the pose, under which the plan is repeated until it settles; any other load is in
+    # the task
     load: object = None,
     method: Method = "optimal",  # how joints are planned; a foot is optimised
     solver: Solver = "gauss-newton",  # solver of an optimised joint

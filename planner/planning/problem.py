@@ -181,7 +181,7 @@ class Problem:
             leg=np.empty((0, 10, 3)) if foot is None else foot.links,
             shares=np.array(self.weights),
         )
-        limit(spec, near)  # and then the second differences
+        limit(spec, near)  # in place; second differences are of requests within the limits
         bends = samples if self.cyclic else samples[:-1]
         numbers = (bends + np.array([-1, 0, 1])) % len(near)
         numbers[0, 0] = numbers[0, 0] if self.cyclic else 0

@@ -280,11 +280,8 @@ def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
 
     Speeds are means over the period before, integrals 0.
     """
-    count, drives, active = (
-        len(problem.models),
-        problem.spec.drives,
-        np.zeros((2, *requests.shape), dtype=np.int64),
-    )
+    count, drives = len(problem.models), problem.spec.drives
+    active = np.zeros((2, *requests.shape), dtype=np.int64)
     states = np.zeros((len(angles), problem.spec.parts * count))
     states[:, :count] = angles
     if problem.spec.parts > 1:

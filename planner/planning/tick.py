@@ -394,7 +394,7 @@ def cost(problem: Problem, requests: Array, enough: float) -> float:
 
 
 @inner
-def before(slopes: Array, derivatives: Array) -> tuple[float, float]:
+def carried_back(slopes: Array, derivatives: Array) -> tuple[float, float]:
     """Derivatives by angle and speed after a period, as those by these before it."""
     return (
         slopes[0, 0] * derivatives[0] + slopes[1, 0] * derivatives[1],
@@ -476,12 +476,12 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
                 moved[x] += c[x, low + t]
             for x in range(size):
                 c[x, low + t] = change[0, x] * moved[0] + change[1, x] * moved[1]
-        by_state[0], by_state[1] = before(change, by_state)
-        linear[0], linear[1] = before(change, linear)
+        by_state[0], by_state[1] = carried_back(change, by_state)
+        linear[0], linear[1] = carried_back(change, linear)
         for x in range(size):
-            product[x, 0], product[x, 1] = before(change, curved[x])
+            product[x, 0], product[x, 1] = carried_back(change, curved[x])
         for x in range(size):
-            curved[0, x], curved[1, x] = before(change, product[:, x])
+            curved[0, x], curved[1, x] = carried_back(change, product[:, x])
         # The row of dR_k, which is eliminated where it is free
         row = matrix[k, band - 1 - last :]
         for t in range(last + 1):

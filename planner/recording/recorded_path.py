@@ -87,8 +87,8 @@ class RecordedPath:
     @property
     def open_top_speeds(self) -> frozenset[str]:
         """The planned joints whose logs leave open how fast they can be."""
-        seen = {each.name: each.model and each.model.evidence for each in self.planned}
-        return frozenset(name for name, of in seen.items() if of and of.leaves_top_speed_open)
+        evidence = [(each.name, each.model and each.model.evidence) for each in self.planned]
+        return frozenset(name for name, seen in evidence if seen and seen.leaves_top_speed_open)
 
     @property
     def duration(self) -> float:
