@@ -280,8 +280,9 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
 
 def _searched(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -> _Search:
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
-    best = plain[1] if len(plain) > 1 and better(plain[0].fit, plain[1].fit) else plain[0]
-    full = _Fitted(*with_integral(*with_motor(*best)))
+    both = [_Fitted(*with_motor(*each)) for each in plain]
+    k = 1 if len(both) > 1 and better(both[0].fit, both[1].fit) else 0
+    best, full = plain[k], _Fitted(*with_integral(*both[k]))
     found = _Search(logs, timing, best, best if full.fit is best.fit else full).refitted(logs)
     return found._replace(timing=timing.ticking(best.fit.grid.tick))
 
