@@ -91,6 +91,7 @@ def fit(
     from planner.approximation.fit import choices, fit_pwl
     from planner.cli.desired import check_angles, load_joints
     from planner.cli.models import model_words
+    from planner.cli.planning import files_of
     from planner.files.paths import write_curve
     from planner.report.fit_page import fit_page, fit_results, fits_table
 
@@ -128,7 +129,8 @@ def fit(
         write_curve(knots_file, next(iter(fits.values())))
     page = ""
     if report is not None:
-        origins, files = [("path", desired), ("model", run.model.file)], [("lines", output)]
+        origins = [("path", desired), ("model", run.model.file)]
+        files = [*files_of(origins), ("lines", output)]
         about_fits = fit_page(fits, {name: choices(curve) for name, curve in fits.items()})
         page = about_fits.html(report, origins, files)
     return Answer(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -260,8 +260,12 @@ def inputs_of(desired: Desired) -> list[tuple[str, str]]:
     """The files that the settings name: role and path of each."""
     run = desired.settings
     named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
-    places = [(role, beside(desired.folder, name)) for role, name in named if name]
-    return [(role, place) for role, place in places if Path(place).is_file()]
+    return files_of((role, beside(desired.folder, name)) for role, name in named if name)
+
+
+def files_of(named: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Those that are files, not standard input or a shipped model."""
+    return [(role, place) for role, place in named if Path(place).is_file()]
 
 
 def origins_of(desired: Desired, leg: Leg | None) -> list[tuple[str, str]]:

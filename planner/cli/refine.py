@@ -93,7 +93,7 @@ def refine(
 
     from planner.cli.desired import repeats
     from planner.cli.models import leg_title, model_words
-    from planner.cli.planning import prepare
+    from planner.cli.planning import files_of, prepare
     from planner.files.learning_history import LearningState, write_history
     from planner.files.measured import read_executed, read_measured
     from planner.learning.refine import in_a_cycle
@@ -172,7 +172,8 @@ def refine(
             title=leg_title(run.leg) or ", ".join(desired.names),
         )
         origins = [("path", path), ("model", run.model.file)]
-        html = page.html(report, origins, [("requests", output), ("history", history)])
+        files = [*files_of(origins), ("requests", output), ("history", history)]
+        html = page.html(report, origins, files)
     rows = np.hstack([plan.requests for plan in every.values()])
     loads = load_columns([load for plan in every.values() for load in plan.task.loads], len(rows))
     joints = {
