@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -18,9 +18,11 @@ from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
 from planner.files.text import STANDARD_STREAM, Toml, key_name, read_toml, toml_value
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
-from planner.robot.arm import SETTINGS, Servo
 from planner.trajectory import LARGEST, Array
 from planner.validation import as_number, as_reals, as_whole, is_one_of, shown
+
+if TYPE_CHECKING:
+    from planner.robot.arm import Servo
 
 PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
 """The unit of every parameter."""
@@ -104,13 +106,6 @@ LEG_KEYS: Kinds = {
     "foot": (_is_text, "the frame at its lower end"),
     "near_deg": (_is_pose, "a table of angles of the standing pose [deg]"),
     "lock_deg": (_is_pose, "a table of joints that are held, with their angles [deg]"),
-}
-
-SERVO_KEYS: Kinds = {
-    **dict.fromkeys(("zero_tick", "direction", *SETTINGS), (_is_whole, "a whole number")),
-    "id": (_is_whole, "a whole number, the servo's identifier on the bus"),
-    "ticks_per_turn": (_is_number, "a number"),
-    "limits": (_is_range, "two angles [rad]"),
 }
 
 
@@ -494,12 +489,20 @@ def read_servos(
 
     There may be none only if they are ``optional``.
     """
+    from planner.robot.arm import SETTINGS, Servo  # imports the drivers of the buses
+
+    keys: Kinds = {
+        **dict.fromkeys(("zero_tick", "direction", *SETTINGS), (_is_whole, "a whole number")),
+        "id": (_is_whole, "a whole number, the servo's identifier on the bus"),
+        "ticks_per_turn": (_is_number, "a number"),
+        "limits": (_is_range, "two angles [rad]"),
+    }
     file, servos = read_toml(path, example="id = 1"), {}
     for joint, own in file.content.items():
         table = own.get(SERVO) if isinstance(own, dict) else None
         if not isinstance(table, dict):
             continue
-        _check(file, (joint, SERVO), table, SERVO_KEYS, ("id",))
+        _check(file, (joint, SERVO), table, keys, ("id",))
         arguments = {key: value for key, value in table.items() if key not in SETTINGS}
         if "limits" in arguments:
             arguments["limits"] = tuple(map(float, arguments["limits"]))

@@ -11,7 +11,7 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import resources
+from pathlib import Path
 from typing import NamedTuple
 
 PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
@@ -208,7 +208,7 @@ def _crc(content: bytes) -> int:
 _REGISTERS: Mapping[str, Mapping[str, Register]] = {
     name: {register: Register(*place) for register, place in table.items()}
     for name, table in tomllib.loads(
-        resources.files("planner.robot").joinpath("registers.toml").read_text("utf-8")
+        Path(__file__).with_name("registers.toml").read_text("utf-8")
     ).items()
 }
 

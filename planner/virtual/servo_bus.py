@@ -16,7 +16,7 @@ import tty
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from importlib import resources
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +58,7 @@ class Kind(NamedTuple):
 
 
 def _read_kinds() -> dict[str, Kind]:
-    text = resources.files("planner.virtual").joinpath("servos.toml").read_text("utf-8")
+    text = Path(__file__).with_name("servos.toml").read_text("utf-8")
     tables, kinds = tomllib.loads(text), {}
     for name, table in tables.items():
         protocol = PROTOCOLS[table["protocol"]]
