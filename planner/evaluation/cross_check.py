@@ -43,9 +43,8 @@ from planner.model.joint import JointModel
 from planner.planning.bounds.certify import Certificate, certified
 from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
-from planner.planning.closed_form import closed_forms
 from planner.planning.inversion import invert_foot, planned
-from planner.planning.line_inverse import RULES, check_rule
+from planner.planning.line_inverse import RULES
 from planner.planning.plan import Plan
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.search import known_errors
@@ -265,10 +264,12 @@ def cross_check(
 
 def _plans(task: Task, segments: int | None) -> dict[str, Inversion]:
     """The plans for a joint by all methods; one that a solver does not find is missing."""
-    for rule in RULES:
-        check_rule(rule, task.nominal[0])
-    by_rule = closed_forms(task, RULES, segments=segments)
-    plans = {f"closed_form_{rule}": plan for rule, plan in zip(RULES, by_rule, strict=True)}
+    plans = {
+        f"closed_form_{rule}": planned(
+            task, method="closed_form", lines={"rule": rule, "segments": segments}
+        )
+        for rule in RULES
+    }
     plans["optimal"] = planned(task)
     with suppress(SolverFailed):  # costs its plan and a check, not the comparison of the others
         plans[SECOND] = planned(task, solver="ipopt")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_force
 from planner.approximation.fit import fit_pwl
-from planner.exceptions import InvalidInput, angle_text
+from planner.exceptions import InvalidInput, about, angle_text
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_load
 from planner.planning.line_inverse import (
@@ -98,37 +98,39 @@ def invert_closed_form(
         >>> plan.requests.shape, f"{np.degrees(plan.rms):.2f} deg rms"
         ((88,), '0.19 deg rms')
     """
-    model = checked_model(model)
-    check_rule(rule, model)
-    task = Task.of([model], desired, names=("",), cyclic=cyclic, load=load)
-    (plan,) = closed_forms(task, (rule,), segments=segments, refine=refine)
-    return Inversion(plan)
+    task = Task.of([checked_model(model)], desired, names=("",), cyclic=cyclic, load=load)
+    return Inversion(closed_forms(task, segments=segments, rule=rule, refine=refine))
 
 
 def closed_forms(
-    task: Task, rules: Sequence[Rule], *, segments: int | None = None, refine: bool = True
-) -> list[Plan]:
-    """The plans of :func:`invert_closed_form` by several rules, from the same approximations.
+    task: Task,
+    *,
+    segments: int | None = None,
+    rule: Rule = "paper",
+    refine: bool = True,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Plan:
+    """The plan of joints one by one, as :func:`invert_closed_form`; limits and norm do not count.
 
-    Limits and norm of the task, of one joint, do not count; the callers have checked the rules.
+    ``progress`` is called with the name of each joint before it is planned.
     """
     from planner.planning.problem import problem_of  # compiled: Numba takes a quarter of a second
 
-    refine = as_flag("refine", refine)
-    problem = problem_of(task).unlimited
-    curves = approximations(problem, segments=segments, refine=refine)
-    plans = []
-    for rule in rules:
-        curve, requests = inverted(problem, curves, rule=rule, refine=refine)
-        plans.append(
-            Plan(
-                task=task.unsmoothed,
-                requests=requests,
-                method="closed_form",
-                approximations=(curve,),
-            )
-        )
-    return plans
+    refine, requests, curves = as_flag("refine", refine), np.empty_like(task.desired), []
+    for j, name in enumerate(task.names):
+        progress(name)
+        with about(name):
+            check_rule(rule, task.nominal[j], stacklevel=4)
+            problem = problem_of(task.joint(j)).unlimited
+            every = approximations(problem, segments=segments, refine=refine)
+            curve, requests[:, j : j + 1] = inverted(problem, every, rule=rule, refine=refine)
+        curves.append(curve)
+    return Plan(
+        task=task.unsmoothed,
+        requests=requests,
+        method="closed_form",
+        approximations=tuple(curves),
+    )
 
 
 def best_closed_form(problem: Problem) -> Array:

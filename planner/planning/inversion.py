@@ -6,17 +6,16 @@ Under a load that depends on the pose a task is planned again until the load set
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidInput, SolverFailed, about, angle_text
+from planner.exceptions import InvalidInput, SolverFailed, angle_text
 from planner.planning.candidate_models import ModelOrModels, Models, Robust
 from planner.planning.closed_form import closed_forms
-from planner.planning.line_inverse import Rule, check_rule
-from planner.planning.plan import Method, Plan, joined
+from planner.planning.line_inverse import Rule
+from planner.planning.plan import Method, Plan
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.task import (
     SOLVERS,
@@ -368,39 +367,26 @@ def planned(
     check_choice("solver", solver, SOLVERS)
     if method != "optimal" and len(task.scenarios) > 1:
         raise InvalidInput("models: got several of a joint, which need method 'optimal'")
+    options: dict[str, Any] = {"method": method, "solver": solver, "lines": lines}
+    options |= {"executed": executed, "progress": progress}
+    if callable(load):
+        return settled(lambda torques: planned(task.under(torques), **options), load, task.desired)
+    if method == "closed_form":
+        return closed_forms(task, progress=progress, **(lines or {}))
+    if method == "shift":
+        return shifted(task)
 
     from planner.planning.search import solve  # compiled: Numba takes a quarter of a second
 
-    def plan_for(task: Task) -> Plan:
-        if method == "closed_form":
-            return _closed_form(task, lines or {}, progress)
-        if method == "shift":
-            return shifted(task)
-        requests, nominal = solve(task, solver=solver, executed=executed, progress=progress)
-        foot = task.goal == "foot"
-        return Plan(
-            task=task,
-            requests=requests,
-            method="foot_optimal" if foot else "optimal",
-            solver=None if foot else solver,
-            nominal_requests=nominal,
-        )
-
-    if callable(load):
-        return settled(lambda torques: plan_for(task.under(torques)), load, task.desired)
-    return plan_for(task)
-
-
-def _closed_form(task: Task, lines: Mapping[str, Any], progress: Callable[[str], None]) -> Plan:
-    """The closed form of every joint; ``lines`` are options of it."""
-    options = {"rule": "paper", **lines}
-    rule, plans = options.pop("rule"), []
-    for j, name in enumerate(task.names):
-        progress(name)
-        with about(name):
-            check_rule(rule, task.nominal[j])
-            plans += closed_forms(task.joint(j), (rule,), **options)
-    return replace(joined(plans), task=task.unsmoothed)
+    requests, nominal = solve(task, solver=solver, executed=executed, progress=progress)
+    of_foot = task.goal == "foot"
+    return Plan(
+        task=task,
+        requests=requests,
+        method="foot_optimal" if of_foot else "optimal",
+        solver=None if of_foot else solver,
+        nominal_requests=nominal,
+    )
 
 
 LoadOfPose = Callable[[Array], npt.ArrayLike]

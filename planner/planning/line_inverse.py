@@ -223,7 +223,7 @@ def offset_table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
     return slopes, offsets_of(model, slopes, rule=rule)
 
 
-def check_rule(rule: str, model: JointModel) -> None:
+def check_rule(rule: str, model: JointModel, *, stacklevel: int = 3) -> None:
     """Raise InvalidInput unless ``rule`` is the name of a rule; warn where it was not derived."""
     check_choice("rule", rule, RULES)
     if rule == "paper" and not model.keeps_equation_13:
@@ -233,7 +233,7 @@ def check_rule(rule: str, model: JointModel) -> None:
             f"v_max = {model.v_max_per_tick:.4g} rad/tick, "
             f"a = {model.acceleration_ticks:.4g} ticks; rule='exact' holds for every joint",
             OutsideEquation13,
-            stacklevel=3,
+            stacklevel=stacklevel,
         )
 
 

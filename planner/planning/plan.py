@@ -293,7 +293,10 @@ class Plan(ReadOnly, Summarised):
     @property
     def over_models(self) -> tuple[ErrorsOfModels, ...]:
         """The nominal, the mean and the worst of them."""
-        return tuple(map(ErrorsOfModels.of, self.errors_of_models))
+        return tuple(
+            ErrorsOfModels(float(each[0]), error_norm(each, "rms"), float(np.max(each)))
+            for each in self.errors_of_models
+        )
 
     @cached_property
     def lower_bounds(self) -> Array:

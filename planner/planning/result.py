@@ -6,24 +6,19 @@ The views have the figures that follow from the requests; ``plan.task`` has the 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from planner.approximation.curve import PiecewiseLinear
-from planner.model.evidence import Expectation
-from planner.model.joint import JointModel
-from planner.model.response import PathSpeeds
-from planner.planning.candidate_models import Robust
-from planner.planning.task import Norm, Solver
-from planner.trajectory import Array, Mask, error_norm
+from planner.planning.task import checked_leg
+from planner.trajectory import Array
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 
 if TYPE_CHECKING:
-    from kinematics.leg import Leg
-    from planner.planning.plan import Method, Plan
+    from planner.planning.plan import Plan
 
 
 class ErrorsOfModels(NamedTuple):
@@ -39,10 +34,25 @@ class ErrorsOfModels(NamedTuple):
     mean: float
     worst: float
 
-    @classmethod
-    def of(cls, errors: Array) -> ErrorsOfModels:
-        """From the error of each model, the nominal one first, shape (models,)."""
-        return cls(float(errors[0]), error_norm(errors, "rms"), float(np.max(errors)))
+
+T = TypeVar("T")
+
+
+class _Figure(cached_property[T]):
+    """A figure of a view, from its plan and the column of its joint; ``words`` describe it."""
+
+    def __init__(self, of: Callable[[Plan, int], T], words: str) -> None:
+        super().__init__(lambda view: of(view.plan, view.column))
+        self.__doc__ = words
+
+
+def _own(rows: Array, plan: Plan, column: int) -> Array:
+    """The column of a joint, (n,), of rows (n, k); for a foot all columns."""
+    if plan.task.goal == "foot":
+        return rows
+    own = np.ascontiguousarray(rows[:, column])
+    freeze(own)
+    return own
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -68,8 +78,7 @@ class _View(Summarised):
             own["requests"] = np.reshape(own["requests"], plan.requests.shape).copy()
         if own or changes:
             plan = replace(plan, **{"task": replace(plan.task, **changes), **own})
-        object.__setattr__(self, "plan", plan)
-        object.__setattr__(self, "column", column)
+        vars(self).update(plan=plan, column=column)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields, without cached figures."""
@@ -82,278 +91,189 @@ class _View(Summarised):
         return Summary(head, summary.columns, [summary.rows[self.column]])
 
     @property
-    def method(self) -> Method:
-        """The planning method."""
-        return self.plan.method
-
-    @property
-    def cyclic(self) -> bool:
-        """Whether the path repeats for ever."""
-        return self.plan.task.cyclic
-
-    @property
-    def norm(self) -> Norm:
-        """Error that was minimised, and that the bound and the gap are about."""
-        return self.plan.task.norm
-
-    @property
     def nominal(self) -> Self | None:
         """With several models: the plan for the nominal ones alone, to compare with."""
         task, nominal = self.plan.task, self.plan.nominal
         several = task.goal == "foot" or len(task.models[self.column]) > 1
         return type(self)(nominal, self.column) if nominal is not None and several else None
 
-    @cached_property
-    def requests(self) -> Array:
-        """Requests to the joint [rad], shape (n,); for a foot to all joints, (n, k)."""
-        return self._own(self.plan.requests)
-
-    @cached_property
-    def predicted(self) -> Array:
-        """Angles of the exact models under them, plus the disturbance [rad], like ``requests``."""
-        return self._own(self.plan.predicted)
-
-    @cached_property
-    def disturbance(self) -> Array | None:
-        """Disturbance of the models' angles in executed cycles [rad], like ``requests``.
-
-        None before any was measured: see :func:`planner.refine`.
-        """
-        added = self.plan.task.disturbance
-        return None if added is None else self._own(added)
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the errors [unit]."""
-        return float(self.plan.rms[self.column])
-
-    @property
-    def max_error(self) -> float:
-        """Largest error [unit]."""
-        return float(self.plan.max_error[self.column])
-
-    @property
-    def error(self) -> float:
-        """The error in the plan's norm [unit]; a foot's axes are weighted, the heaviest by 1."""
-        return float(self.plan.error[self.column])
-
-    @property
-    def errors_of_models(self) -> Array:
-        """The error of each model in the plan's norm [unit], the nominal one first, (models,)."""
-        return self.plan.errors_of_models[self.column]
-
-    @property
-    def over_models(self) -> ErrorsOfModels:
-        """The nominal, the mean and the worst of them [unit]."""
-        return self.plan.over_models[self.column]
-
-    @property
-    def lower_bound(self) -> float:
-        """Lower bound on the error of any requests: see :attr:`planner.Plan.lower_bounds`."""
-        return float(self.plan.lower_bounds[self.column])
-
-    @property
-    def gap(self) -> float:
-        """Relative distance from the lower bound; inf where only the bound is zero."""
-        return float(self.plan.gaps[self.column])
-
-    def _own(self, rows: Array) -> Array:
-        """The column of the joint, (n,); for a foot all columns."""
-        if self.plan.task.goal == "foot":
-            return rows
-        column = np.ascontiguousarray(rows[:, self.column])
-        freeze(column)
-        return column
-
-    @property
-    def learning(self) -> Learning | None:
-        """The executed cycles that the plan has learnt from; None where there are none."""
-        return self.plan.learning[self.column] if self.plan.learning else None
-
-    @property
-    def stopped(self) -> str:
-        """Why learning from executed cycles has ended; empty while it goes on, and before it."""
-        return "" if self.learning is None else self.learning.stopped
+    method = _Figure(lambda plan, _: plan.method, "The planning method.")
+    cyclic = _Figure(lambda plan, _: plan.cyclic, "Whether the path repeats for ever.")
+    norm = _Figure(
+        lambda plan, _: plan.task.norm,
+        "Error that was minimised, and that the bound and the gap are about.",
+    )
+    requests = _Figure(
+        lambda plan, j: _own(plan.requests, plan, j),
+        "Requests to the joint [rad], shape (n,); for a foot to all joints, (n, k).",
+    )
+    predicted = _Figure(
+        lambda plan, j: _own(plan.predicted, plan, j),
+        "Angles of the exact models under them, plus the disturbance [rad], like ``requests``.",
+    )
+    disturbance = _Figure(
+        lambda plan, j: (
+            None if plan.task.disturbance is None else _own(plan.task.disturbance, plan, j)
+        ),
+        "Disturbance of the models' angles in executed cycles [rad], like ``requests``; None before"
+        " any was measured: see :func:`planner.refine`.",
+    )
+    rms = _Figure(lambda plan, j: float(plan.rms[j]), "Root mean square of the errors [unit].")
+    max_error = _Figure(lambda plan, j: float(plan.max_error[j]), "Largest error [unit].")
+    error = _Figure(
+        lambda plan, j: float(plan.error[j]),
+        "The error in the plan's norm [unit]; a foot's axes are weighted, the heaviest by 1.",
+    )
+    errors_of_models = _Figure(
+        lambda plan, j: plan.errors_of_models[j],
+        "The error of each model in the plan's norm [unit], the nominal one first, (models,).",
+    )
+    over_models = _Figure(
+        lambda plan, j: plan.over_models[j], "The nominal, the mean and the worst of them [unit]."
+    )
+    lower_bound = _Figure(
+        lambda plan, j: float(plan.lower_bounds[j]),
+        "Lower bound on the error of any requests: see :attr:`planner.Plan.lower_bounds`.",
+    )
+    gap = _Figure(
+        lambda plan, j: float(plan.gaps[j]),
+        "Relative distance from the lower bound; inf where only the bound is zero.",
+    )
+    learning = _Figure(
+        lambda plan, j: plan.learning[j] if plan.learning else None,
+        "The executed cycles that the plan has learnt from; None where there are none.",
+    )
+    stopped = _Figure(
+        lambda plan, j: plan.learning[j].stopped if plan.learning else "",
+        "Why learning from executed cycles has ended; empty while it goes on, and before it.",
+    )
 
 
-@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Inversion(_View):
     """Requests for a desired trajectory of one joint, with the response of the exact model.
 
     A view of one joint of a :class:`planner.Plan`, which computes every figure.
     """
 
-    @property
-    def model(self) -> JointModel:
-        """The joint."""
-        return self.plan.models[self.column]
-
-    @property
-    def models(self) -> tuple[JointModel, ...]:
-        """All judged models, the nominal one first; () for the nominal one alone."""
-        models = self.plan.task.models[self.column]
-        return models if len(models) > 1 else ()
-
-    @property
-    def robust(self) -> Robust | None:
-        """Whether the "mean" or the "worst" of the models' errors was minimised, or neither."""
-        return self.plan.task.robust if self.models else None
-
-    @cached_property
-    def desired(self) -> Array:
-        """Desired angles [rad], shape (n,)."""
-        return self._own(self.plan.desired)
-
-    @cached_property
-    def errors(self) -> Array:
-        """Predicted minus desired angles [rad], shape (n,)."""
-        return self._own(self.plan.errors)
-
-    @property
-    def solver(self) -> Solver | None:
-        """Solver of an optimised plan; None for a closed form."""
-        return self.plan.solver
-
-    @property
-    def limits(self) -> tuple[float, float] | None:
-        """Smallest and largest request allowed [rad]; None where there was no limit."""
-        return self.plan.task.limits[self.column]
-
-    @property
-    def start(self) -> float | None:
-        """From rest: angle at which the joint rests before the first request [rad]."""
-        return self.plan.task.starts[self.column]
-
-    @property
-    def approximation(self) -> PiecewiseLinear | None:
-        """The piecewise linear trajectory behind a closed form, else None."""
-        return self.plan.approximations[self.column] if self.plan.approximations else None
-
-    @property
-    def lead(self) -> float | None:
-        """Of a time shift: how early the desired angles are requested [s], else None."""
-        return self.plan.leads[self.column] if self.plan.leads else None
-
-    @property
-    def load(self) -> Array | None:
-        """Torque at each sample [N m], (n,); None if no model feels it."""
-        return self.plan.task.loads[self.column]
-
-    @property
-    def load_of_pose(self) -> bool:
-        """Whether ``load`` is the load at the predicted angles.
-
-        Other requests would meet another load, so that there is no lower bound on their error: it
-        is 0, unless the nominal model feels no load.
-        """
-        return self.plan.task.load_of_pose and self.load is not None
-
-    @property
-    def expected(self) -> Expectation:
-        """Error to expect on the robot: see :attr:`planner.Plan.expected`."""
-        return self.plan.expected[self.column]
-
-    @property
-    def speeds(self) -> PathSpeeds:
-        """Speeds of the desired path, and the joint's top speeds."""
-        return self.plan.speeds[self.column]
-
-    @property
-    def within_tolerance(self) -> bool:
-        """Whether the plan keeps the tolerance, if there is one."""
-        return self.plan.task.tolerance is None or self.error <= self.plan.task.tolerance
-
-    @property
-    def largest_step(self) -> float:
-        """Largest change from one request to the next, cycles closed [rad]."""
-        return float(self.plan.largest_steps[self.column])
-
-    @property
-    def excess(self) -> float:
-        """How far the requests go beyond the range of the desired angles [rad]."""
-        return self.plan.motions[self.column].beyond
+    model = _Figure(lambda plan, j: plan.models[j], "The joint.")
+    models = _Figure(
+        lambda plan, j: plan.task.models[j] if len(plan.task.models[j]) > 1 else (),
+        "All judged models, the nominal one first; () for the nominal one alone.",
+    )
+    robust = _Figure(
+        lambda plan, j: plan.task.robust if len(plan.task.models[j]) > 1 else None,
+        'Whether the "mean" or the "worst" of the models\' errors was minimised, or neither.',
+    )
+    desired = _Figure(
+        lambda plan, j: _own(plan.desired, plan, j), "Desired angles [rad], shape (n,)."
+    )
+    errors = _Figure(
+        lambda plan, j: _own(plan.errors, plan, j), "Predicted minus desired angles [rad], (n,)."
+    )
+    solver = _Figure(
+        lambda plan, _: plan.solver, "Solver of an optimised plan; None for a closed form."
+    )
+    limits = _Figure(
+        lambda plan, j: plan.task.limits[j],
+        "Smallest and largest request allowed [rad]; None where there was no limit.",
+    )
+    start = _Figure(
+        lambda plan, j: plan.task.starts[j],
+        "From rest: angle at which the joint rests before the first request [rad].",
+    )
+    approximation = _Figure(
+        lambda plan, j: plan.approximations[j] if plan.approximations else None,
+        "The piecewise linear trajectory behind a closed form, else None.",
+    )
+    lead = _Figure(
+        lambda plan, j: plan.leads[j] if plan.leads else None,
+        "Of a time shift: how early the desired angles are requested [s], else None.",
+    )
+    load = _Figure(
+        lambda plan, j: plan.task.loads[j],
+        "Torque at each sample [N m], (n,); None if no model feels it.",
+    )
+    load_of_pose = _Figure(
+        lambda plan, j: plan.task.load_of_pose and plan.task.loads[j] is not None,
+        "Whether ``load`` is the load at the predicted angles. Other requests would meet another "
+        "load, so that there is no lower bound on their error: it is 0, unless the nominal model "
+        "feels no load.",
+    )
+    expected = _Figure(
+        lambda plan, j: plan.expected[j],
+        "Error to expect on the robot: see :attr:`planner.Plan.expected`.",
+    )
+    speeds = _Figure(
+        lambda plan, j: plan.speeds[j], "Speeds of the desired path, and the joint's top speeds."
+    )
+    within_tolerance = _Figure(
+        lambda plan, j: plan.task.tolerance is None or bool(plan.error[j] <= plan.task.tolerance),
+        "Whether the plan keeps the tolerance, if there is one.",
+    )
+    largest_step = _Figure(
+        lambda plan, j: plan.motions[j].largest_step,
+        "Largest change from one request to the next, cycles closed [rad].",
+    )
+    excess = _Figure(
+        lambda plan, j: plan.motions[j].beyond,
+        "How far the requests go beyond the range of the desired angles [rad].",
+    )
 
 
-@dataclass(frozen=True, eq=False, init=False, repr=False)
 class FootInversion(_View):
     """Requests for all joints of a leg, with the response of the exact models.
 
     A view of a :class:`planner.Plan` for a foot, which computes every figure.
     """
 
-    @property
-    def models(self) -> tuple[JointModel, ...]:
-        """The joints, in the leg's order."""
-        return self.plan.models
-
-    @property
-    def robust(self) -> Robust | None:
-        """Whether the "mean" or the "worst" of the models' errors was minimised, or neither."""
-        return self.plan.task.robust
-
-    @property
-    def leg(self) -> Leg:
-        """The leg."""
-        assert self.plan.task.leg is not None, "a foot belongs to a leg"
-        return self.plan.task.leg
-
-    @property
-    def desired_foot(self) -> Array:
-        """Desired foot positions in the leg's base frame [m], shape (n, 3)."""
-        return self.plan.task.desired_foot
-
-    @property
-    def weights(self) -> Array:
-        """Weight of each axis in the distance that counts, shape (3,)."""
-        return self.plan.task.weights
-
-    @property
-    def reachable(self) -> Mask:
-        """Which of the desired positions the leg can reach, shape (n,)."""
-        assert self.plan.task.reachable is not None, "set with the leg's inverse"
-        return self.plan.task.reachable
-
-    @property
-    def limits(self) -> tuple[Array, Array]:
-        """Smallest and largest request of each joint [rad], two arrays of shape (k,)."""
-        return self.plan.task.lower, self.plan.task.upper
-
-    @property
-    def start(self) -> Array | None:
-        """From rest: angles at which the joints rest before the first request [rad], (k,)."""
-        return self.plan.task.start
-
-    @property
-    def loads(self) -> tuple[Array | None, ...]:
-        """Torque on each joint at every sample [N m], (n,), or None where no model feels it."""
-        return self.plan.task.loads
-
-    @property
-    def load_of_pose(self) -> bool:
-        """Whether ``loads`` are the loads at the predicted angles.
-
-        There is no lower bound then, unless the nominal models feel no load.
-        """
-        return self.plan.task.load_of_pose
-
-    @property
-    def foot(self) -> Array:
-        """Predicted position of the foot [m], shape (n, 3)."""
-        return self.plan.foot
-
-    @property
-    def distances(self) -> Array:
-        """Distance of the foot from its desired position, all axes alike [m], shape (n,)."""
-        return self.plan.distances
+    models = _Figure(lambda plan, _: plan.models, "The joints, in the leg's order.")
+    robust = _Figure(
+        lambda plan, _: plan.task.robust,
+        'Whether the "mean" or the "worst" of the models\' errors was minimised, or neither.',
+    )
+    leg = _Figure(lambda plan, _: checked_leg(plan.task.leg), "The leg.")
+    desired_foot = _Figure(
+        lambda plan, _: plan.task.desired_foot,
+        "Desired foot positions in the leg's base frame [m], shape (n, 3).",
+    )
+    weights = _Figure(
+        lambda plan, _: plan.task.weights,
+        "Weight of each axis in the distance that counts, shape (3,).",
+    )
+    reachable = _Figure(
+        lambda plan, _: plan.task.reachable,
+        "Which of the desired positions the leg can reach, shape (n,).",
+    )
+    limits = _Figure(
+        lambda plan, _: (plan.task.lower, plan.task.upper),
+        "Smallest and largest request of each joint [rad], two arrays of shape (k,).",
+    )
+    start = _Figure(
+        lambda plan, _: plan.task.start,
+        "From rest: angles at which the joints rest before the first request [rad], (k,).",
+    )
+    loads = _Figure(
+        lambda plan, _: plan.task.loads,
+        "Torque on each joint at every sample [N m], (n,), or None where no model feels it.",
+    )
+    load_of_pose = _Figure(
+        lambda plan, _: plan.task.load_of_pose,
+        "Whether ``loads`` are the loads at the predicted angles. There is no lower bound then, "
+        "unless the nominal models feel no load.",
+    )
+    foot = _Figure(lambda plan, _: plan.foot, "Predicted position of the foot [m], shape (n, 3).")
+    distances = _Figure(
+        lambda plan, _: plan.distances,
+        "Distance of the foot from its desired position, all axes alike [m], shape (n,).",
+    )
+    largest_step = _Figure(
+        lambda plan, _: float(np.max(plan.largest_steps)),
+        "Largest change from one request of a joint to its next, cycles closed [rad].",
+    )
 
     def error_of(self, angles: Array) -> float:
         """The error of other angles in the plan's norm [m]; ``angles`` [rad], shape (n, k)."""
         return float(self.plan.task.errors_of(angles)[0])
-
-    @property
-    def largest_step(self) -> float:
-        """Largest change from one request of a joint to its next, cycles closed [rad]."""
-        return float(np.max(self.plan.largest_steps))
 
 
 UNFORESEEN = 0.2
