@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +13,9 @@ from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput, OutsideEquation13
 from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.planning.line_inverse import advanced_load, interpolated_offset, line_offset
 from tests.independent import windowed
-from tests.instances import TICK, random_model, random_model_outside_equation_13
+from tests.instances import TICK, random_model_outside_equation_13
 from tests.strategies import models
 
 STEADY = 1e-9
@@ -77,28 +75,6 @@ def test_the_papers_rule_warns_outside_equation_13(seed):
     )
     with pytest.warns(OutsideEquation13, match=re.escape(told)):
         line_offset(model, 0.5 * model.v_max, rule="paper")
-
-
-def test_neither_rule_warns_without_need():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        line_offset(ERS210A, ERS210A.v_max, rule="paper")
-        line_offset(random_model_outside_equation_13(np.random.default_rng(0)), 0.1)
-
-
-@pytest.mark.parametrize("hold", [1, 4])
-@pytest.mark.parametrize("share", [-0.9, -0.3, 0.0, 0.5, 0.85])
-@pytest.mark.parametrize("kind", ["whole", "fractional", "outside Equation 13"])
-def test_from_rest_the_joint_finds_its_way_to_the_line(kind, share, hold):
-    rng = np.random.default_rng(abs(hash((share, hold))) % 1000)
-    if kind == "outside Equation 13":
-        model = replace(random_model_outside_equation_13(rng), hold=hold, offset=0.2)
-    else:
-        model = random_model(rng, whole=kind == "whole", hold=hold, offset=True)
-    slope = share * model.v_max
-    line = slope * model.period * np.arange(1500)
-    angles = simulate(model, line + line_offset(model, slope), cyclic=False)
-    np.testing.assert_allclose(angles[-5:], line[-5:], rtol=0.0, atol=STEADY)
 
 
 @given(models(), st.floats(0.0, 1.0))

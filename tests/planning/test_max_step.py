@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,16 +42,7 @@ def random_instance(seed):
         "smoothness": [0.0, 0.005, 0.05][int(rng.integers(3))],
     }
     if rng.integers(2):
-        model = JointModel(
-            v_max=model.v_max,
-            theta_0=model.theta_0,
-            lag=model.lag,
-            acceleration_time=model.acceleration_time,
-            tick=model.tick,
-            hold=model.hold,
-            dead_band=float(rng.uniform(0.0, 0.5) * model.theta_0),
-            compliance=0.02,
-        )
+        model = replace(model, dead_band=rng.uniform(0.0, 0.5) * model.theta_0, compliance=0.02)
         options["load"] = rng.uniform(-1.0, 1.0, size=len(desired))
     if rng.integers(2):
         room = 0.02 + model.dead_band
@@ -57,10 +50,14 @@ def random_instance(seed):
     return model, desired, options
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_every_step_is_within_the_limit_whatever_else_is_asked_for(seed):
+@pytest.mark.parametrize("kind", ["plain", "inertia", "several"])
+@pytest.mark.parametrize("seed", range(6))
+def test_steps_and_requests_are_within_their_limits_whatever_else_is_asked_for(seed, kind):
     model, desired, options = random_instance(seed)
-    made = invert_optimal(model, desired, **options)
+    if kind == "inertia":
+        model = replace(model, time_constant=0.016)
+    models = [model, replace(model, lag=model.lag + 0.01)] if kind == "several" else model
+    made = invert_optimal(models, desired, **options)
     limit = options["max_step"]
     assert np.max(steps(made.requests, cyclic=made.cyclic)) <= limit * (1.0 + EXACT)
     assert made.largest_step <= limit * (1.0 + EXACT)

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import math
+import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import planner
 from planner.exceptions import InvalidInput
-from planner.files.paths import read_joint_path
 from planner.model.evidence import Evidence
+from planner.model.joint import JointModel
+from planner.planning.bounds.certify import lower_bound
+from planner.planning.inversion import invert_optimal
 from planner.planning.plan import Plan, request_motion
 from planner.planning.task import Task
+from tests.instances import saturating
+from tests.plans import inversion
 
 AIBO = planner.JointModel.ers210a()
 SLOW = planner.JointModel(v_max=2.0, theta_0=0.1, lag=0.03, acceleration_time=0.05)
@@ -71,14 +79,6 @@ def test_a_load_is_that_of_each_joint(load, method):
     for j in range(2):
         alone = invert(LOADED, DESIRED[:, j], load=TORQUES[:, j])
         np.testing.assert_array_equal(made.requests[:, j], alone.requests)
-
-
-def test_a_saved_plan_is_read_as_it_was(tmp_path, plan):
-    plan.save(tmp_path / "requests.csv")
-    read = read_joint_path(tmp_path / "requests.csv")
-    assert read.names == plan.names
-    np.testing.assert_allclose(read.values, plan.requests, rtol=0.0, atol=1e-13)  # 12 decimals
-    np.testing.assert_allclose(np.diff(read.times), AIBO.period, rtol=1e-9)
 
 
 WITHOUT_EFFECT = {
@@ -281,60 +281,40 @@ def unsearched(monkeypatch):
     return asked
 
 
-def test_every_option_of_a_plan_is_asked_of_the_search_and_kept_in_its_task(unsearched):
-    told = []
-    made = planner.plan(
-        [[LOADED, dataclasses.replace(LOADED, lag=0.05)], [SLOW]],
-        DESIRED,
-        names=["hip", "knee"],
-        cyclic=False,
-        limits=(-0.5, 0.6),
-        start=[0.01, 0.19],
-        max_step=[0.1, 0.2],
-        smoothness=0.02,
-        robust="worst",
-        norm="max",
-        tolerance=0.3,
-        solver="ipopt",
-        load=TORQUES,
-        progress=told.append,
-    )
+OPTIONS = {
+    "cyclic": False,
+    "limits": (-0.5, 0.6),
+    "start": 0.01,
+    "max_step": 0.1,
+    "smoothness": 0.02,
+    "robust": "worst",
+    "norm": "max",
+    "tolerance": 0.3,
+    "solver": "ipopt",
+    "load": 0.2,
+}
+
+
+@pytest.mark.parametrize("joints", [1, 2])
+def test_every_option_is_asked_of_the_search_and_kept_in_the_task_of_the_plan(joints, unsearched):
+    models, told = [LOADED, dataclasses.replace(LOADED, lag=0.05)], []
+    if joints == 1:
+        made = planner.invert_optimal(models, DESIRED[:, 0], **OPTIONS).plan
+    else:
+        asked = {"names": ["hip", "knee"], "progress": told.append, **OPTIONS}
+        made = planner.plan([models, [SLOW]], DESIRED, **asked)
+        assert told == ["hip", "knee"]
     ((task, solver),) = unsearched
     assert (made.task, made.solver, solver) == (task, "ipopt", "ipopt")
-    assert told == ["hip", "knee"]
-    assert (task.cyclic, task.norm, task.robust) == (False, "max", "worst")
-    assert (task.smoothness, task.tolerance) == (0.02, 0.3)
-    assert task.limits == ((-0.5, 0.6),) * 2
-    assert task.starts == (0.01, 0.19)
-    np.testing.assert_array_equal(task.max_step, [0.1, 0.2])
-    np.testing.assert_array_equal(task.load, TORQUES * [1.0, 0.0])
-    np.testing.assert_array_equal(made.nominal_requests, 2.0 * DESIRED)
+    kept = ("cyclic", "smoothness", "robust", "norm", "tolerance")
+    assert {name: getattr(task, name) for name in kept} == {name: OPTIONS[name] for name in kept}
+    assert task.limits == ((-0.5, 0.6),) * joints
+    assert task.starts == (0.01,) * joints
+    np.testing.assert_array_equal(task.max_step, [0.1] * joints)
+    np.testing.assert_array_equal(task.load, np.tile([0.2, 0.0][:joints], (60, 1)))
+    assert len(task.models[0]) == 2
+    np.testing.assert_array_equal(made.nominal_requests, 2.0 * DESIRED[:, :joints])
     assert (made.method, made.approximations, made.learning) == ("optimal", (), ())
-
-
-def test_every_option_of_one_joint_is_asked_of_the_search_too(unsearched):
-    made = planner.invert_optimal(
-        [LOADED, dataclasses.replace(LOADED, lag=0.05)],
-        DESIRED[:, 0],
-        cyclic=False,
-        limits=(-0.5, 0.6),
-        start=0.01,
-        max_step=0.1,
-        smoothness=0.02,
-        robust="worst",
-        norm="max",
-        tolerance=0.3,
-        solver="ipopt",
-        load=0.2,
-    )
-    ((task, solver),) = unsearched
-    assert made.plan.task is task
-    assert (made.solver, solver, made.method) == ("ipopt", "ipopt", "optimal")
-    assert (made.cyclic, made.norm, made.robust) == (False, "max", "worst")
-    assert (task.smoothness, task.tolerance, made.start) == (0.02, 0.3, 0.01)
-    assert (made.limits, task.max_step) == ((-0.5, 0.6), 0.1)
-    np.testing.assert_array_equal(made.load, 0.2)
-    assert [len(each) for each in task.models] == [2]
 
 
 def test_every_option_of_a_foot_is_asked_of_the_search_too(unsearched):
@@ -365,3 +345,64 @@ def test_every_option_of_a_foot_is_asked_of_the_search_too(unsearched):
     np.testing.assert_array_equal(made.disturbance, added)
     np.testing.assert_array_equal(made.desired_foot, foot)
     assert len(task.scenarios) == 2
+
+
+ERS210A = JointModel.ers210a()
+
+
+def plan_of(desired, requests, **options):
+    return inversion(ERS210A, desired, requests, method="closed_form", **options)
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("start", [None, 0.3])
+def test_the_gap_is_the_error_over_the_bound_in_the_plans_own_norm(norm, start):
+    cyclic = start is None
+    desired = saturating(np.random.default_rng(1), ERS210A)
+    requests = desired.copy()
+    requests[0] = desired[0] if start is None else start
+    plan = plan_of(desired, requests, norm=norm, cyclic=cyclic, start=start)
+    bound = lower_bound(ERS210A, desired, cyclic=cyclic, norm=norm, start=start)
+    assert plan.lower_bound == bound
+    error = plan.rms if norm == "rms" else plan.max_error
+    assert plan.gap == pytest.approx(error / bound - 1.0, rel=1e-12)
+    assert plan.gap >= 0.0
+
+
+def test_without_a_bound_the_gap_of_a_perfect_plan_is_0_and_of_any_other_infinite():
+    for request, gap in ((0.2, 0.0), (0.3, math.inf)):
+        plan = plan_of(np.full(9, 0.2), np.full(9, request))
+        assert (plan.lower_bound, plan.gap) == (0.0, gap)
+
+
+@pytest.mark.parametrize(
+    ("requests", "excess"),
+    [([0.0, 1.0, 0.5], 0.0), ([-0.2, 1.1, 0.5], 0.2), ([0.2, 1.3, 0.5], 0.3), ([0.5] * 3, 0.0)],
+)
+def test_the_excess_is_the_distance_beyond_the_desired_range(requests, excess):
+    plan = plan_of([0.0, 1.0, 0.5], requests, cyclic=False, start=0.0)
+    assert plan.excess == pytest.approx(excess)
+
+
+def test_what_cycles_have_added_counts_in_the_bound_and_ends_what_the_model_promised():
+    desired = saturating(np.random.default_rng(2), ERS210A)
+    disturbance = 0.1 * np.roll(desired, 5)
+    added = disturbance[:, np.newaxis]
+    plan = replace(plan_of(desired, desired), disturbance=added)
+    assert plan.lower_bound == lower_bound(ERS210A, desired - disturbance)
+    tested = inversion(ERS210A.with_evidence(Evidence(0.01)), desired, desired)
+    assert tested.expected.error > 0.01
+    assert math.isnan(replace(tested, disturbance=added).expected.error)
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda plan: pickle.loads(pickle.dumps(plan))]
+)
+def test_a_copy_of_a_plan_is_read_only_too(copied):
+    plan = invert_optimal(ERS210A, 0.3 * np.sin(np.linspace(0.0, 6.0, 30)), cyclic=False)
+    assert plan.predicted.size
+    again = copied(plan)
+    for name in ("desired", "requests", "predicted"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(plan, name))
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(again, name)[0] = 1.0

@@ -15,7 +15,6 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.candidate_models import drawn_models
 from planner.planning.inversion import invert_optimal, plan
-from tests.instances import REFERENCE_JOINTS
 
 ERS210A = JointModel.ers210a()
 
@@ -84,16 +83,6 @@ def test_the_mean_and_the_worst_of_several_models_are_better_than_under_a_plan_f
     assert worst.over_models.worst <= (0.8 if cyclic else 1.0) * np.max(before)
     assert worst.over_models.worst <= 1.01 * mean.over_models.worst
     assert (mean.robust, worst.robust) == ("mean", "worst")
-
-
-def test_limits_and_largest_steps_hold_for_several_models_too():
-    joint = REFERENCE_JOINTS[2]
-    made = invert_optimal(MODELS, joint.desired, limits=joint.limits, max_step=0.06)
-    assert made.largest_step <= 0.06 * (1.0 + 1e-12)
-    assert joint.limits[0] <= np.min(made.requests)
-    assert np.max(made.requests) <= joint.limits[1]
-    again = invert_optimal(MODELS, joint.desired, limits=joint.limits, max_step=0.06)
-    np.testing.assert_array_equal(again.requests, made.requests)
 
 
 def test_a_plan_for_an_identification_is_good_for_the_models_that_it_allows(identified):
@@ -214,13 +203,3 @@ def test_plan_takes_several_models_of_one_joint_or_of_each(identified):
     for method in ("closed_form", "shift"):
         with pytest.raises(InvalidInput, match="got several of a joint, which need method 'optim"):
             plan([MODELS[:2], ERS210A], both, method=method)
-
-
-def test_every_model_is_judged_under_the_load_that_it_feels():
-    models = [ERS210A, replace(ERS210A, compliance=0.05), replace(ERS210A, compliance=0.1)]
-    for load in (1.0, np.cos(SINE)):
-        made = invert_optimal(models, SINE, load=load)
-        for plan_ in (made, made.nominal):
-            expected = errors(models, plan_.requests, SINE, load=load)
-            np.testing.assert_allclose(plan_.errors_of_models, expected, rtol=0.0, atol=1e-12)
-    assert invert_optimal([ERS210A, OTHERS[0]], SINE, load=1.0).load is None  # neither feels it

@@ -10,7 +10,7 @@ import pytest
 from planner.model.joint import request_ages, weights_by_tick
 from planner.model.law import State
 from planner.planning import tick
-from planner.planning.tick import EXCEEDING, JOINT, RESTING, SAMPLE, STATE, Problem
+from planner.planning.tick import EXCEEDING, JOINT, RESTING, SAMPLE, Problem
 from tests.from_python import from_python
 from tests.instances import random_model
 from tests.model.rounded_periods import rounded_periods
@@ -134,18 +134,3 @@ def test_the_step_solves_the_normal_equations_of_the_requests_that_limits_leave_
         step[free] = np.linalg.solve(matrix[np.ix_(free, free)], gradient[free])
         assert np.max(np.abs(plan.step - step)) <= 1e-9 * np.max(np.abs(step))
     assert fixed
-
-
-@pytest.mark.parametrize("missed", [0, 1, 4])
-def test_a_plan_moves_on_by_every_period_that_has_elapsed(missed):
-    model = joint(0)
-    state, one = np.zeros(1, dtype=STATE), np.zeros(1, dtype=JOINT)
-    state["measured"] = np.nan
-    width = request_ages(model).width
-    sent, plan = np.arange(8.0), np.arange(10.0, 20.0)
-    from_python(tick.elapse)(
-        one[0], state[0], model.law, weights_by_tick(model)[0], sent, plan, 0.0, missed
-    )
-    np.testing.assert_array_equal(sent, np.minimum(np.arange(8.0) + missed, 7.0))
-    np.testing.assert_array_equal(plan, np.minimum(np.arange(10.0, 20.0) + missed + 1, 19.0))
-    assert width <= len(sent)

@@ -28,7 +28,7 @@ from planner.planning.bounds.reachable_set import (
     speed_conditions,
 )
 from planner.planning.task import NORMS
-from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
+from tests.instances import REFERENCE_JOINTS, random_model, saturating
 from tests.strategies import INTEGRALS, models, trajectories
 
 ERS210A = JointModel.ers210a()
@@ -272,15 +272,6 @@ def test_the_bound_does_not_change_with_shift_mirror_rotation_or_unit(cyclic, no
 
 
 @pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("level", LINEAR_LEVELS)
-def test_what_the_joint_can_do_has_no_bound_but_zero(level, norm):
-    rng = np.random.default_rng(6)
-    model = random_model(rng)
-    assert lower_bound(model, np.full(9, 1.5), level=level, norm=norm) == 0.0
-    assert lower_bound(model, attainable(rng, model), level=level, norm=norm) < 1e-8
-
-
-@pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("kind", ["cyclic", "from rest", "from a start"])
 @pytest.mark.parametrize(
     ("level", "inertia"),
@@ -410,20 +401,3 @@ def test_the_bound_for_every_start_is_that_of_the_best_start():
     for norm, each in (("max", errors.max(0)), ("rms", np.sqrt((errors**2).mean(0)))):
         bound = lower_bound(joint, desired, cyclic=False, norm=norm, level="exact", time_limit=2.0)
         assert each.min() - 1e-4 < bound <= each.min()
-
-
-@pytest.mark.parametrize("norm", NORMS)
-def test_multipliers_that_pull_between_samples_prove_less_but_never_too_much(norm):
-    model = replace(ERS210A, hold=3)
-    reachable = set_of(model, 8, cyclic=True, level="envelope")
-    desired = np.array([0.0, 1.0] * 4)
-    most = lower_bound(model, desired, norm=norm)
-    for multipliers in np.eye(reachable.matrix.shape[0]):
-        proved = certified_error(
-            reachable,
-            desired,
-            multipliers,
-            norm=norm,
-            slack=model.v_max * model.period,
-        )
-        assert proved <= most * (1.0 + OPTIMAL)

@@ -1,0 +1,298 @@
+"""The search behind the exact bound: no response that is better than what is known is ever lost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner import invert_optimal
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.bounds.certify import certify, lower_bound
+from planner.planning.bounds.exact import Node, branch, cut_off, exact_bound, tighten
+from planner.planning.bounds.reachable_set import BoundProblem
+from planner.planning.bounds.saturation_relaxation import (
+    UNBOUNDED,
+    RequestSet,
+    ScaledProblem,
+    conditions,
+    nearest_request,
+    separate,
+    solve_relaxation,
+    support,
+    without_load,
+)
+from tests.instances import REFERENCE_JOINTS, random_model, saturating
+from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
+from tests.strategies import models, trajectories
+
+ERS210A = JointModel.ers210a()
+
+ROUNDING = 1e-7
+"""Rounding of angles, contributions and cuts [v_max a tick]; the cycle closes to 1e-12 rad."""
+
+WITHIN = 1e-3
+"""What plans of the reference walk's joints may be above the bound."""
+
+
+def error(angles, desired, norm):
+    errors = np.abs(angles - desired)
+    return float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
+
+
+def unknowns(problem, model, requests, middle, *, cyclic, start):
+    """What the response to the requests is among the problem's unknowns, and its requests."""
+    every_tick = replace(model, hold=1)
+    held = np.repeat(requests, model.hold)[: problem.ticks]
+    angles = simulate(every_tick, held, cyclic=cyclic, start=start)
+    before = np.roll(angles, 1)
+    if not cyclic:
+        before[0] = requests[0] + model.offset if start is None else start
+    scaled = (np.asarray(requests) + model.offset - middle) / problem.unit
+    pairs = problem.pairs
+    at = (before[pairs.tick] - middle) / problem.unit
+    contributions = model.speed(problem.unit * (scaled[pairs.request] - at)) / model.v_max
+    return np.concatenate([(angles - middle) / problem.unit, contributions]), scaled
+
+
+def violation(problem, node, point, requests):
+    """By how much the response misses what the node says about it."""
+    matrix, limits = conditions(problem, node.ranges, node.cuts)
+    above = matrix @ point - limits
+    equations = problem.equations
+    worst = max(float(np.max(np.abs(above[:equations]))), float(np.max(above[equations:])))
+    for request, (lower, upper) in node.intervals.items():
+        worst = max(worst, lower - requests[request], requests[request] - upper)
+    return worst
+
+
+def without_dead_band(model):
+    """The joint without what the level "exact" was not derived for."""
+    return replace(model, dead_band=0.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "norm"),
+    [("cyclic", "rms"), ("from rest", "rms"), ("from a start", "max")],
+)
+@settings(max_examples=4)
+@given(
+    model=st.one_of(
+        models(holds=(1, 2)), models(holds=(1, 2), friction=True).map(without_dead_band)
+    ),
+    requests=trajectories(least=4, most=7, reach=0.5),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, model, requests, seed):
+    rng = np.random.default_rng(seed)
+    cyclic = kind == "cyclic"
+    start = float(requests[0] + model.offset) if kind == "from a start" else None
+    angles = simulate(model, requests, cyclic=cyclic, start=start)
+    desired = angles + rng.normal(size=len(angles)) * model.theta_0 * 10.0 ** rng.uniform(-2, 0)
+    known = 1.0001 * error(angles, desired, norm)
+    problem = ScaledProblem(BoundProblem(model, desired, cyclic, norm, start), known)
+    point, scaled = unknowns(
+        problem, model, requests, float(np.mean(desired)), cyclic=cyclic, start=start
+    )
+    ranges = problem.initial_ranges()
+    node = Node(0.0, dict(problem.fixed), ranges, [], solve_relaxation(problem, ranges, []))
+    assert violation(problem, node, point, scaled) <= ROUNDING
+    for _ in range(2):
+        assert tighten(problem, ranges, node.solution, range(problem.ticks))
+        node = cut_off(problem, node)
+        assert violation(problem, node, point, scaled) <= ROUNDING
+        assert node.bound * problem.unit <= error(angles, desired, norm) + ROUNDING
+    for _ in range(3):  # follow it down the tree
+        parts = branch(problem, node)
+        if not parts:
+            break  # no cut is left
+        misses = [violation(problem, part, point, scaled) for part in parts]
+        assert min(misses) <= ROUNDING
+        node = parts[int(np.argmin(misses))]
+        assert node.bound * problem.unit <= error(angles, desired, norm) + ROUNDING
+
+
+@pytest.mark.parametrize(("share", "norm"), [(0.99, "rms"), (3.0, "max")])
+def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
+    rng = np.random.default_rng(5)
+    model = random_model(rng, whole=False)
+    desired = saturating(rng, model, samples=24)
+    best = invert_optimal(model, desired, norm=norm).error
+    known = share * best
+    bound = exact_bound(BoundProblem(model, desired, True, norm, None), known, time_limit=0.3)
+    assert bound <= min(known, best)
+
+
+def test_what_no_response_goes_below_is_proved_to_the_full():
+    rng = np.random.default_rng(5)
+    model = random_model(rng, whole=False)
+    desired = saturating(rng, model, samples=24)
+    known = 0.5 * lower_bound(model, desired)
+    bound = exact_bound(BoundProblem(model, desired, True, "rms", None), known, time_limit=1.0)
+    assert bound == pytest.approx(known, rel=1e-3)
+
+
+def test_the_plan_of_the_reference_walk_is_within_a_thousandth_of_the_best():
+    joint = REFERENCE_JOINTS[0]
+    certificate = certify(ERS210A, joint.desired, level="exact", time_limit=2.0)
+    assert math.degrees(certificate.bound) >= joint.exact_bound_deg
+    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, smoothness=0.0)
+    assert 0.0 <= plan.rms / certificate.bound - 1.0 <= WITHIN
+    assert certificate.solver_gap <= WITHIN
+
+
+SUMMED = 1e-9
+"""Sums of at most a dozen terms of about one."""
+
+
+@pytest.mark.parametrize(
+    ("hold", "samples", "cyclic", "norm"), [(1, 16, True, "rms"), (2, 8, False, "max")]
+)
+def test_the_levels_are_ordered_and_no_plan_goes_below_them(samples, hold, cyclic, norm):
+    rng = np.random.default_rng([samples, hold, cyclic])
+    model = random_model(rng, whole=False, hold=hold)
+    desired = saturating(rng, model, samples=samples)
+    plan = invert_optimal(model, desired, cyclic=cyclic, norm=norm)
+    for start in {None, plan.start}:
+        options = {"cyclic": cyclic, "norm": norm, "start": start, "time_limit": 0.1}
+        bounds = [
+            lower_bound(model, desired, level=level, **options)
+            for level in ("slope", "envelope", "exact")
+        ]
+        assert bounds[0] <= bounds[1] * (1.0 + 1e-7) + 1e-12
+        assert bounds[1] <= bounds[2] <= plan.error
+
+
+@given(models(friction=True), trajectories(most=12), st.floats(-1.0, 1.0), st.booleans())
+def test_a_constant_load_is_part_of_the_offsets(model, requests, torque, cyclic):
+    loaded = BoundProblem(model, requests, cyclic, "rms", None, np.full(len(requests), torque))
+    same = without_load(loaded)
+    assert same.load is None
+    np.testing.assert_allclose(
+        simulate(same.model, requests, cyclic=cyclic),
+        simulate(model, requests, cyclic=cyclic, load=torque),
+        rtol=0.0,
+        atol=SUMMED,
+    )
+
+
+def test_the_search_proves_as_much_as_scip_and_scip_no_more_than_any_plan():
+    rng = np.random.default_rng(9)
+    model = random_model(rng, whole=False)
+    desired = saturating(rng, model, samples=10)
+    scip, known = mixed_integer_bound(model, desired)
+    search = lower_bound(model, desired, level="exact", time_limit=0.5)
+    assert known <= scip * (1.0 + 2.0 * SOLVER_TOLERANCE)
+    assert lower_bound(model, desired) <= scip
+    assert scip <= search * (1.0 + SOLVER_TOLERANCE)
+    assert search <= invert_optimal(model, desired).error
+
+
+def test_a_solver_that_runs_out_of_time_reports_its_gap_and_still_bounds():
+    model = random_model(np.random.default_rng(3))
+    desired = saturating(np.random.default_rng(4), model, samples=120)
+    certificate = certify(model, desired, level="exact", time_limit=0.3)
+    assert certificate.solver_gap > 0.0
+    assert certificate.bound >= lower_bound(model, desired)
+
+
+def test_a_mixture_of_requests_without_a_weight_is_branched_on():
+    model = JointModel(v_max=3.0, theta_0=0.1, lag=0.03, acceleration_time=0.01, tick=0.02)
+    desired = [0.0, 0.01, -0.01, 0.02, 0.0]
+    bound = lower_bound(model, desired, cyclic=False, level="exact", time_limit=1.0)
+    assert 6.0e-3 < bound < 6.08e-3  # [rad]; 5.42e-3 without cuts, and a response has 6.08e-3
+
+
+def random_set(rng, *, interval=True):
+    count = int(rng.integers(1, 10))
+    lower = np.cumsum(rng.normal(size=count))
+    upper = lower + rng.exponential(size=count) * rng.choice([0.0, 0.1, 1.0, 5.0])
+    ends = np.sort(rng.normal(size=2) * 3.0)
+    requests = RequestSet(float(rng.uniform(0.02, 1.9)), lower, upper)
+    if rng.random() < 0.5:
+        requests = requests._replace(excess=float(rng.uniform(-0.9, 0.9)))
+    kinds = [UNBOUNDED, tuple(ends), (ends[0], np.inf), (-np.inf, ends[1]), (ends[0], ends[0])]
+    return requests._replace(interval=kinds[rng.integers(len(kinds))]) if interval else requests
+
+
+def random_points(rng, requests, count=500):
+    """Calls of random requests at random angles of the place, ends of ranges included."""
+    reach = 2.0 / requests.gain
+    low = max(requests.interval[0], float(requests.lower.min()) - reach)
+    high = min(requests.interval[1], float(requests.upper.max()) + reach)
+    low, high = min(low, requests.interval[1]), max(high, requests.interval[0])
+    for request in np.append(rng.uniform(low, high, size=count), [low, high]):
+        share = np.clip(rng.uniform(-0.5, 1.5, size=len(requests.lower)), 0.0, 1.0)
+        angles = requests.lower + share * (requests.upper - requests.lower)
+        called = requests.gain * (request - angles)
+        yield np.clip(called, requests.excess - 1.0, requests.excess + 1.0), angles
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_no_request_and_no_angles_exceed_the_support(seed):
+    rng = np.random.default_rng(seed)
+    requests = random_set(rng)
+    nu, xi = rng.normal(size=(2, len(requests.lower)))
+    xi *= rng.choice([0.0, 0.1, 1.0])
+    most = support(nu, xi, requests)
+    for calls, angles in random_points(rng, requests):
+        assert nu @ calls - xi @ angles <= most.value + SUMMED
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_support_is_attained_at_a_point_of_the_set(seed):
+    rng = np.random.default_rng(seed)
+    requests = random_set(rng)
+    nu, xi = rng.normal(size=(2, len(requests.lower)))
+    most = support(nu, xi, requests)
+    np.testing.assert_allclose(nu @ most.contributions - xi @ most.angles, most.value, atol=SUMMED)
+    assert np.all(most.angles >= requests.lower)
+    assert np.all(most.angles <= requests.upper)
+    _, distance = nearest_request(
+        most.contributions,
+        most.angles,
+        requests._replace(lower=most.angles, upper=most.angles),
+    )
+    assert distance <= SUMMED
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_cut_takes_away_the_point_and_no_request(seed):
+    rng = np.random.default_rng(seed)
+    requests = random_set(rng)
+    calls = requests.excess + rng.uniform(-1.0, 1.0, size=len(requests.lower))
+    at = rng.uniform(requests.lower, requests.upper)
+    cut = separate(calls, at, requests)
+    if cut is None:
+        return
+    nu, xi, limit = cut
+    assert nu @ calls - xi @ at > limit
+    for others, angles in random_points(rng, requests):
+        assert nu @ others - xi @ angles <= limit
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_what_a_request_calls_for_is_never_cut_off(seed):
+    rng = np.random.default_rng(seed)
+    requests = random_set(rng)
+    for calls, angles in random_points(rng, requests, count=3):
+        assert separate(calls, angles, requests) is None
+
+
+def test_half_of_a_saturated_request_each_way_may_keep_its_call():
+    # Two requests, one far ahead and one far behind: their mixture calls for nothing, unchanged.
+    angles = np.array([0.0, 0.5, 1.0])
+    assert separate(np.zeros(3), angles, RequestSet(0.5, angles, angles)) is None
+
+
+def test_a_call_that_falls_late_must_have_been_saturated_before():
+    # Every pair of ticks alone allows it: the call does not rise, and falls no faster than the
+    # joint moves. Only far ahead is a call constant and then falls, and there it is 1, not 0.
+    angles = np.array([0.0, 0.5, 1.0])
+    cut = separate(np.array([0.0, 0.0, -0.25]), angles, RequestSet(0.5, angles, angles))
+    assert cut is not None
