@@ -268,7 +268,10 @@ def main() -> NoReturn:
         if isinstance(stream, TextIOWrapper):  # a terminal keeps its encoding
             encoding = stream.encoding if stream.isatty() else "utf-8"
             stream.reconfigure(encoding=encoding, errors="backslashreplace")
-    cli.main()
+    try:
+        cli.main()
+    finally:  # the end of the process would search all definitions of packages for garbage
+        gc.freeze()
     raise AssertionError("the command line returned")
 
 

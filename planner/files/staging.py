@@ -15,7 +15,6 @@ import errno
 import fcntl
 import json
 import os
-import secrets
 import shutil
 import stat
 from collections.abc import Iterator
@@ -230,7 +229,7 @@ def _beside(target: Path, age: str) -> Path:
 
     Chosen before anything is made, so that a signal at any moment finds the name to clear away.
     """
-    return target.with_name(f".{target.name}.{age}-{secrets.token_hex(8)}")
+    return target.with_name(f".{target.name}.{age}-{os.urandom(8).hex()}")
 
 
 @contextmanager

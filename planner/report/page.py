@@ -11,7 +11,6 @@ import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -165,6 +164,8 @@ def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
 
 def versions(*more: str) -> dict[str, str]:
     """Versions of this project, of Python, and of the libraries whose numbers these are."""
+    from importlib.metadata import PackageNotFoundError, version  # takes 10 ms
+
     by_package = {"request-planner": __version__, "python": platform.python_version()}
     for library in (*LIBRARIES, *more):
         try:

@@ -33,7 +33,6 @@ from planner.report.plan_page import (
     too_fast,
 )
 from planner.report.table import NOTHING, Column, Row, Table, percent
-from planner.report.wording import rendered_text
 from planner.trajectory import Array, error_norm, rms
 
 if TYPE_CHECKING:
@@ -239,48 +238,99 @@ def plan_text(
         robot = [expected_words(expected)] * has_estimate
         rows.append(Row(label, (*(f"{error:.3f}" for error in errors), *robot, *bounded)))
     titles = ["rms [deg]", "max [deg]", *["on the robot"] * has_estimate, bound_title(plan), "gap"]
-    moving = np.ptp(plan.desired, axis=0) > 0.0
+    lines = [
+        f"{len(plan.requests)} requests, one every {1e3 * plan.period:.6g} ms; {model}",
+        Table("joint", tuple(map(Column, titles)), tuple(rows)).text(),
+        "",
+        motions_of(plan).text(),
+    ]
+    if over_models := models_errors_table(plan, labels):
+        draws = max(map(len, task.models)) - 1
+        words = f"{task.norm} errors over the nominal model and {draws} drawn from its intervals:"
+        lines += ["", words, over_models.text()]
+    if legs:
+        feet = feet_table({name: plan.of_leg(leg) for name, leg in legs.items()})
+        lines += ["", feet.text(), ""]
+    if of_foot:
+        lines += _foot_lines(plan)
+    if plan.method == "shift":
+        pairs = zip(plan.names, plan.leads, strict=True)
+        lines.append(
+            f"early by: {', '.join(f'{name} {1e3 * lead:.0f} ms' for name, lead in pairs)}"
+        )
+    else:
+        lines.append(_shift_line(plan, labels, shift, of_foot=of_foot))
+    if fast := too_fast(plan):
+        worst = ", ".join(
+            f"{each['name']} ({percent(each['share'], 0)} of the path, up to {each['load']:.3g} "
+            "times the top speed)"
+            for each in fast[:4]
+        )
+        more = f" and {len(fast) - 4} more" if len(fast) > 4 else ""
+        lines.append(
+            f"no requests follow exactly where the path is faster than the joint: {worst}{more}"
+        )
+    if has_estimate:
+        has_range = any(np.isfinite(each.high) for each in plan.expected)
+        words = ", and the range of 90 % of such motions" if has_range else ""
+        lines.append(f"on the robot: rms error to expect, by what the models were tested on{words}")
+    lines += advice(plan)
+    open_speeds = open_top_speeds(plan)
+    unknown = [
+        name
+        for name, speeds in zip(plan.names, plan.speeds, strict=True)
+        if name in open_speeds and speeds.too_fast.any()
+    ]
+    if unknown:
+        lines.append(f"lower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})")
+    if words := no_bound(plan):
+        lines.append(f"there is no lower bound {words}")
+    if np.any(np.isfinite(task.max_step)):
+        lines.append("lower bounds are for requests with steps of any size")
+    if unreachable:
+        lines.append(f"{unreachable} samples were out of the leg's reach")
+    return "\n".join(lines)
+
+
+def _foot_lines(plan: Plan) -> list[str]:
+    """The errors of the foot, and their lower bound."""
+    errors, on_robot = size(plan.distances, 100.0), ""
+    if plan.expected_foot is not None:
+        on_robot = f"; on the robot {100.0 * plan.expected_foot:.3f} cm rms to expect"
+    lines = [f"foot: {errors.rms:.3f} cm rms from its path, {errors.max:.3f} cm at most{on_robot}"]
+    if plan.of_foot is not None and plan.foot_bound:
+        norm = "rms" if plan.task.norm == "rms" else "at most"
+        weighted = " as weighted" if len(set(plan.of_foot.weights)) > 1 else ""
+        lines.append(
+            f"no requests within the limits bring it below {100.0 * plan.foot_bound:.3f} cm {norm}"
+            f"{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
+        )
+    return lines
+
+
+def _shift_line(plan: Plan, labels: Sequence[str], shift: Plan, *, of_foot: bool) -> str:
+    """The errors of the best time shift."""
+    errors, leads = (
+        [np.degrees(rms(column)) for column in shift.errors.T],
+        1e3 * np.asarray(shift.leads),
+    )
+    if len(labels) > 6:  # too many to list
+        moving = np.ptp(plan.desired, axis=0) > 0.0
+        ends = leads[moving if moving.any() else ...]
+        words = f"at most {max(errors):.3f} ({min(ends):.0f} to {max(ends):.0f} ms early)"
+    else:
+        words = ", ".join(
+            f"{label} {error:.3f}"
+            + ("" if np.isnan(robot.error) else f", on the robot {np.degrees(robot.error):.3f}")
+            + f" ({lead:.0f} ms early)"
+            for label, error, robot, lead in zip(labels, errors, shift.expected, leads, strict=True)
+        )
+    if of_foot:
+        words += f"; foot {100.0 * rms(shift.distances):.3f} cm"
     better = any(
         early.error < CLEARLY * planned.error
         for planned, early in zip(plan.expected, shift.expected, strict=True)
     )
-    return rendered_text(
-        "plan.txt",
-        plan=plan,
-        model=model,
-        joints=Table("joint", tuple(map(Column, titles)), tuple(rows)),
-        motions=motions_of(plan),
-        over_models=models_errors_table(plan, labels),
-        draws=max(map(len, task.models)) - 1,
-        feet=legs and feet_table({name: plan.of_leg(leg) for name, leg in legs.items()}),
-        of_foot=of_foot,
-        foot=of_foot and size(plan.distances, 100.0),
-        weighted=plan.of_foot is not None and len(set(plan.of_foot.weights)) > 1,
-        shifts=[
-            {
-                "label": label,
-                "error": np.degrees(rms(errors)),
-                "expected": np.degrees(expected.error),
-                "lead": 1e3 * lead,
-            }
-            for label, errors, expected, lead in zip(
-                labels, shift.errors.T, shift.expected, shift.leads, strict=True
-            )
-        ],
-        leads=1e3 * np.asarray(shift.leads)[moving if moving.any() else ...],
-        shifted_foot=of_foot and 100.0 * rms(shift.distances),
-        shift_better=better and not (shift_recommended(plan, shift) or has_refused(plan)),
-        has_estimate=has_estimate,
-        has_range=any(np.isfinite(each.high) for each in plan.expected),
-        advice=advice(plan),
-        fast=too_fast(plan),
-        unknown=[
-            name
-            for name, speeds in zip(plan.names, plan.speeds, strict=True)
-            if name in open_top_speeds(plan) and speeds.too_fast.any()
-        ],
-        open=OPEN_TOP_SPEED,
-        no_bound=no_bound(plan),
-        has_max_step=np.any(np.isfinite(task.max_step)),
-        unreachable=unreachable,
-    )
+    if better and not (shift_recommended(plan, shift) or has_refused(plan)):
+        words += "; on the robot that is better for some joints: see --method shift"
+    return f"desired angles sent early instead, rms [deg]: {words}"

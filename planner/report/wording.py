@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     import jinja2
 
 
-def environment() -> jinja2.Environment:
-    """Environment of the templates: their folder, filters and globals; it draws tables."""
+def environment(*, plain: bool = False) -> jinja2.Environment:
+    """Environment of the templates: their folder, filters and, of pages, macros; it draws tables.
+
+    ``plain`` text is not escaped.
+    """
     import jinja2
 
     def drawn(value: Any) -> Any:
@@ -26,7 +29,7 @@ def environment() -> jinja2.Environment:
 
     templates = jinja2.Environment(
         loader=jinja2.PackageLoader("planner.report"),
-        autoescape=True,
+        autoescape=not plain,
         undefined=jinja2.StrictUndefined,
         finalize=drawn,
         trim_blocks=True,
@@ -48,7 +51,8 @@ def environment() -> jinja2.Environment:
     }
     templates.filters |= words
     templates.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
-    templates.globals |= vars(templates.get_template("macros.html").module)
+    if not plain:
+        templates.globals |= vars(templates.get_template("macros.html").module)
     return templates
 
 
@@ -59,7 +63,7 @@ def rendered_text(template: str, **values: Any) -> str:
 
 @cache
 def _plain() -> jinja2.Environment:
-    return environment().overlay(autoescape=False)
+    return environment(plain=True)
 
 
 def phrase(template: str, block: str, **values: Any) -> str:
