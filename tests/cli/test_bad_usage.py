@@ -5,6 +5,13 @@ from __future__ import annotations
 import shlex
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.cli.declared import NUMBER, tables, understand
+from planner.cli.settings import Run
+from planner.exceptions import InvalidFile
+from planner.files.text import Toml
 
 MODEL = "v_max = 5.0\ntheta_0 = 0.2\nlag = 0.03\nacceleration_time = 0.05\n"
 GOOD = "t_s,hip_deg,knee_deg\n0,1,20\n0.008,2,30\n0.016,3,10\n0.024,1,10\n"
@@ -58,20 +65,12 @@ LOOPS = {
     f"a link to itself, in {line.split()[0]}": line
     for line in (
         "plan loop",
-        "fit loop",
-        "simulate loop",
         "identify loop",
-        "replay loop --model from-log",
-        "refine loop d.csv --desired d.csv",
-        "compare loop",
-        "export loop --format csv",
         "run loop --out out",
-        "sweep loop --out out",
-        "view loop --leg reference --html out",
         "gait --leg ./loop.urdf --base a --foot b",
     )
 }
-"""Every command that reads a file, and one that is a link to itself."""
+"""One for each kind of file."""
 
 EXCITE = "excite --limits-deg -30:40 --duration-s 8 --rate-hz 50"
 EXPORT = "export desired.csv"
@@ -82,9 +81,7 @@ BAD = {
     "a foot path to export": "export foot.csv --format csv",
     "a model as a log": "identify soft.toml",
     "a bus that is none": "calibrate --bus modbus --ids 1",
-    "a virtual servo of no kind": "calibrate --bus virtual:ax-12 --ids 1",
     "a kind that speaks otherwise": "virtual-bus --kind xl-320 --protocol feetech",
-    "a bus with a kind that it has not": "calibrate --bus feetech:so101 --ids 1",
     "a robot without a name": "calibrate --bus lerobot: --ids 1",
     "a rate too low for the test motion": "calibrate --bus virtual --ids 1 --yes --rate-hz 15",
     "a port of no bus": "calibrate --bus virtual --port p --ids 1",
@@ -95,11 +92,8 @@ BAD = {
     "limits of many turns": "excite --limits-deg -2000:2000",
     "smoothness in percent": "plan desired.csv --smoothness 5",
     "a page beside JSON on standard output": "plan desired.csv -o r.csv --report - --json",
-    "a log beside JSON on standard output": "excite --limits-deg 0:9 -o r --expected-log - --json",
     "a rate beyond any joint": "plan desired.csv --rate-hz 1e9",
-    "identifiers backwards": "calibrate --bus virtual --ids 6-1",
     "a joint without a servo": "calibrate --bus virtual --ids 1 --joint knee",
-    "a reversed joint without a servo": "calibrate --bus virtual --ids 1 --reverse knee",
     "a model that was not tested": "check --bus virtual --model ankle.toml",
     "models without servos": "play d.csv --bus virtual --model held.toml",
     "a servo of another joint": "play d.csv --bus virtual --model ankle.toml",
@@ -117,24 +111,20 @@ BAD = {
     "a joint held nowhere": "gait --leg robot.urdf --base hip --foot foot --lock wrist",
     "a joint held beyond its range": "gait --leg hip.urdf --base a --foot b --lock hip=1e9",
     "a pose far beyond any turn": "gait --leg front-left --near front_left_knee=1e9",
-    "a pose without a number": "gait --leg front-left --near knee=bent",
     "speeds of no robot": "plan desired.csv --model urdf",
     "joints that the leg has not": "plan desired.csv --leg reference",
     "joints of a foot path": "plan foot.csv --leg front-left --joint knee",
     "an option that the method ignores": "plan desired.csv --segments 6",
     "one limit where there are two": "excite --limits-deg 45 -o steps.csv",
-    "limits upside down": "plan desired.csv --limits-deg 10:-10",
     "limits of a joint without a name": "plan desired.csv --limits-deg =0:1",
     "limits of nobody": "plan desired.csv --limits-deg ankle=0:1",
     "no such model": "simulate desired.csv --model robot.toml",
     "a joint at another rate": "simulate desired.csv --model slow.toml",
     "joints at different rates": "simulate desired.csv --model mixed.toml",
     "a start for a cycle": "simulate desired.csv --start-deg 3",
-    "a start of nobody": "plan desired.csv --no-cyclic --start-deg ankle=3",
     "a start beyond the limits": "plan desired.csv --no-cyclic --start-deg knee=90 "
     "--limits-deg -60:60",
     "a plan for the foot of a joint path": "plan desired.csv --method foot-optimal",
-    "weights of axes for joints": "plan desired.csv --weights 1 1 2",
     "a tolerance of the joints for the foot": "plan foot.csv --leg front-left --method "
     "foot-optimal --tolerance-deg 1",
     "a foot path where there are no legs": "simulate foot.csv",
@@ -143,35 +133,25 @@ BAD = {
     "an error below zero": "fit desired.csv --max-error -1",
     "a period of hours": "gait --period 1001",
     "the fastest of no tolerance": "gait --leg front-left --fastest",
-    "a tolerance of no search": "gait --leg front-left --tolerance-cm 1",
-    "a pose of four legs": "gait --pattern trot --near front_left_knee=60",
     "a view of requests by a method": "view foot.csv --leg front-left --html a --requests r "
     "--method optimal",
     "a folder that is not ours": "reproduce --out .",
     "a path in place of which its requests would be written": "plan d.csv -o d.csv",
-    "a model in place of which a page would be written": "plan d.csv --model slow.toml "
-    "--report slow.toml",
     "an input by another name": "plan linked.csv -o d.csv",
     "two outputs on standard output": "fit d.csv --joint hip --knots -",
-    "a page and data on standard output": "plan d.csv --json --report -",
     "two outputs in one file": "plan d.csv -o new.csv --report new.csv",
     "an unknown option value": "plan d.csv --method magic",
-    "segments that are no number": "plan d.csv --method closed-form --segments many",
     "more segments than samples": "plan d.csv --method closed-form --segments 99",
     "a joint that is not there": "plan d.csv --joint ankle",
-    "a tolerance of NaN": "plan d.csv --tolerance-deg nan",
     "actual angles that are the requests": "identify copied.csv",
     "a unit of nobody": "identify log.csv --unit deg,hpi=rad",
     "a model without a file": "plan d.csv --model ers201a",
-    "limits of NaN": "plan d.csv --limits-deg nan:3",
     "limits beside the path": "plan d.csv --limits-deg 80:90",
     "an argument too many": "plan d.csv e.csv",
     "a folder for a file": "plan folder",
-    "an empty output": "gait -o ''",
     "an output below a file": "gait -o d.csv/a.csv",
     "a model with a typo": "simulate d.csv --model typo.toml",
     "a model held for ever": "simulate d.csv --model held.toml",
-    "fit without a joint": "fit",
     "fit of a share of a range": "fit jaw.csv --model slow.toml",
     "fit with two sizes": "fit d.csv --max-error 1 --max-rms 1",
     "fit with a knot outside": "fit d.csv --knot-s 9",
@@ -183,47 +163,33 @@ BAD = {
     "a hold of nothing": "identify log.csv --hold 0",
     "no such column of a log": "identify log.csv --requested wanted",
     "an export of no format": "export d.csv -o a.csv",
-    "an export at no rate": "export d.csv --format csv --rate-hz 0 -o a.csv",
     "an export with too few names": "export d.csv --format csv --joint-names a -o a.csv",
-    "an excitation of no range": "excite --limits-deg 9:-9",
-    "an excitation of no kind": "excite --limits-deg -9:9 --kind noise",
     "a leg without a file": "gait --leg no.urdf --base a --foot b",
     "a leg of another XML": "gait --leg page.urdf --base a --foot b",
     "a leg whose joints have no limits": "plan foot.csv --leg no_range.urdf --base a --foot b",
-    "a ground fraction of one": "gait --ground-fraction 1",
-    "an excitation without a range": "excite",
     "a centre beyond the range": f"{EXCITE} --centre-deg 50",
     "an excitation at no rate": "excite --limits-deg -30:40 --rate-hz 0",
     "cycles of a chirp": f"{EXCITE} --kind chirp --cycles 2",
     "a step beyond the range": f"{EXCITE} --amplitude-deg 90",
     "an excitation of no time": "excite --limits-deg -30:40 --rate-hz 50 --duration-s 0.1",
-    "a replay at no speed": "replay log.csv --speed 0",
     "a required knot between samples": "fit desired.csv --required-s 0.7=0 --exact --segments 4",
     "required angles too far apart": "fit desired.csv --required-s 0=0 --required-s 0.016=90",
     "knots of two joints": "fit desired.csv --knots k.csv",
     "fit exactly for nothing": "fit desired.csv --exact",
-    "a page and a model on standard output": "identify log.csv --report -",
     "a joint that the log does not have": "identify log.csv --joint hip",
     "velocities of a table": f"{EXPORT} --format csv --velocities",
     "ticks without the unit": f"{EXPORT} --format csv --zero-tick 3",
     "half a tick": f"{EXPORT} --format csv --unit ticks --zero-tick knee=1.5",
-    "a zero of no joint": f"{EXPORT} --format csv --unit ticks --zero-tick ankle=3",
-    "a direction of no joint": f"{EXPORT} --format csv --unit ticks --reverse ankle",
     "a lead that ROS cannot hold": f"{EXPORT} --format yaml --lead-s 3e9",
-    "a lead beyond counting": f"{EXPORT} --format bag --lead-s 1e20 -o new",
     "a topic without a name": f"{EXPORT} --format mcap --topic / -o new",
     "a bag on standard output": f"{EXPORT} --format bag",
     "lines without a rate": f"{EXPORT} --format csv --between linear",
     "requests without times": "export short.csv --format csv",
-    "requests with two periods": f"{EXPORT} --format csv --period-s 0.02",
     "a rate that leaves requests out": f"{EXPORT} --format csv --rate-hz 50",
     "a run file that is empty": "run empty.toml",
-    "a run that reads nothing": "run lost.toml",
     "a run without a name for its folder": "run named",
     "workers here and there": "replay log.csv log.csv --model from-log --workers 2 --scheduler tcp://a:1",
     "a sweep from a pipe": "sweep -",
-    "a sweep without a name for its folder": "sweep gaits",
-    "a sweep here and there": "sweep gaits.toml --workers 2 --scheduler tcp://a:1",
     "a point without a folder": "sweep gaits.toml --at length=0.02",
     "a point without all of its values": "sweep gaits.toml --at height=0.02 --out it",
     "a log of other requests": "refine d.csv others.csv --desired d.csv --joint hip",
@@ -248,10 +214,6 @@ BAD = {
     "a sensor finer than atoms": "excite --limits-deg -9:9 --resolution-deg 1e-320",
     "a command that writes from right to left": "'\u202enalp'",
     "a word without end": f"plan d.csv --norm {'x' * 5000}",
-    "a comparison with a level that there is not": "compare desired.csv --level sharp",
-    "a page of a plan in no folder": "plan desired.csv --report nowhere/plan.html",
-    "a comparison with limits that exclude the path": "compare desired.csv --joint hip "
-    "--limits-deg -5:5",
 }
 """Command lines with something wrong; the snapshot holds what is said of each."""
 
@@ -292,3 +254,108 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_computed
     result = run("plan", desired, place, "nowhere/file")
     assert result.exit_code == 2
     assert "nowhere/file: cannot be written (no such file or directory)" in result.stderr
+
+
+WALK = '[leg]\nname = "reference"\nunreachable = "clamp"\n[path.half_ellipse]\n'
+JOINTS = '[path]\nfile = "desired.csv"\n'
+
+WRONG = {
+    "no TOML": "[path\n",
+    "a misspelt key": JOINTS + '[plan]\nmethd = "optimal"\n',
+    "a key of another table": JOINTS + "weights = [1, 1, 1]\n",
+    "a misspelt table": JOINTS + "[plann]\n",
+    "a misspelt choice": JOINTS + '[plan]\nmethod = "optiml"\n',
+    "an abbreviated choice": JOINTS + '[plan]\nmethod = "opt"\n',
+    "a number as text": WALK + 'samples = "88"\n',
+    "a word for a number": WALK + 'samples = "many"\n',
+    "a number for a table of joints": JOINTS + "[limits]\njoints = 3\n",
+    "a number out of range": WALK + "ground_fraction = 1.5\n",
+    "a number beyond floats": WALK + f"ground_fraction = 1{'0' * 400}\n",
+    "no number": WALK + "height = nan\n",
+    "a value for a table": "plan = 3\n",
+    "one export that is no list": JOINTS + '[export]\nformat = "csv"\n',
+    "an export without a file": JOINTS + '[[export]]\nformat = "csv"\n',
+    "the second of two exports": JOINTS
+    + '[[export]]\nformat = "csv"\nfile = "a.csv"\n'
+    + '[[export]]\nformat = "csv"\nfile = "b.csv"\nlead_s = 1\n',
+    "ticks of no ticks": JOINTS
+    + '[[export]]\nformat = "csv"\nfile = "a.csv"\nzero_ticks = {knee = 1}\n',
+    "a file outside the folder": JOINTS + '[output]\nrequests = "../requests.csv"\n',
+    "a file that is the folder": JOINTS + '[output]\nrequests = "./"\n',
+    "a file at the root": JOINTS + '[[export]]\nformat = "csv"\nfile = "/tmp/a.csv"\n',
+    "two files of one name": JOINTS + '[output]\nangles = "Requests.csv"\n',
+    "the name of the results": JOINTS + '[output]\nangles = "results.json"\n',
+    "a file inside a file": JOINTS + '[[export]]\nformat = "csv"\nfile = "requests.csv/a.csv"\n',
+    "a file where a folder is": JOINTS
+    + '[[export]]\nformat = "csv"\nfile = "a/a.csv"\n[[export]]\nformat = "csv"\nfile = "a"\n',
+    "no path": "",
+    "two paths": WALK + '[path]\nfile = "desired.csv"\n',
+    "a half ellipse without a leg": "[path.half_ellipse]\n",
+    "two legs": '[leg]\nurdf = "a.urdf"\n' + 'name = "reference"\n' + JOINTS,
+    "a name beyond any name": f'[path]\nfile = "{"x" * 1001}"\n',
+    "limits of nobody": JOINTS + "[limits.joints]\nkne = [0, 1]\n",
+    "limits of a joint upside down": JOINTS + "[limits.joints]\nhip = [0, 1]\nknee = [1, 0]\n",
+    "joints of a half ellipse": WALK + '[path]\njoints = ["knee"]\n',
+    "a joint that slides on no leg": "[leg.lock_m]\nslide = 0.1\n" + JOINTS,
+    "a start for a cycle": JOINTS + "[start]\ndeg = 3\n",
+    "a key that the method ignores": JOINTS + "[plan]\nsegments = 6\n",
+    "a robust plan without intervals": JOINTS + '[plan]\nrobust = "mean"\n',
+    "ticks of nobody": JOINTS
+    + '[[export]]\nformat = "csv"\nfile = "a"\nunit = "ticks"\nzero_ticks = {kne = 1}\n',
+}
+
+
+def test_a_bad_run_file_is_one_line_and_status_2(run, desired, tmp_path, snapshot):
+    text = desired.read_text()
+    (tmp_path / "some.csv").write_text(text.replace("hip", "rotator"))
+    said = []
+    for name, content in WRONG.items():
+        (tmp_path / "it.toml").write_text(content)
+        before = sorted(tmp_path.rglob("*"))
+        result = run("run", "it.toml", "--out", "out")
+        assert (result.exit_code, result.stdout) == (2, ""), name
+        assert result.stderr.startswith("request-planner: it.toml"), name
+        assert result.stderr.count("\n") == 1, name
+        assert sorted(tmp_path.rglob("*")) == before, name
+        said.append(f"{name}: {result.stderr.removeprefix('request-planner: ')}")
+    snapshot.check("bad_runs", "".join(said))
+
+
+VALUES = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**30), 10**30)
+    | st.floats()
+    | st.text(max_size=8)
+    | st.dates(),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=2)
+    ),
+    max_leaves=4,
+)
+"""What TOML can hold, and None, which stands for a key that is not there."""
+
+KEYS = [(*table.place, key) for table in tables(Run) for key in table.keys]
+
+
+def refused(file):
+    """What is said against a file; nothing if it is taken."""
+    try:
+        understand(file, Run)
+    except InvalidFile as error:
+        return str(error)
+    return ""
+
+
+@given(place=st.sampled_from(KEYS), value=VALUES)
+def test_any_value_of_any_key_is_taken_or_refused_in_a_line(place, value):
+    whole = {} if value is None else {place[-1]: value}
+    for part in reversed(place[:-1]):
+        whole = (
+            ([whole] if place[0] == "export" else {"knee": whole})
+            if part == NUMBER
+            else {part: whole}
+        )
+    said = refused(Toml("it.toml", "", whole))
+    assert said.isprintable()
+    assert len(said) < 1000

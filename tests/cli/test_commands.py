@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import planner
 from kinematics import UnsupportedLeg
+from planner import JointModel
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import (
     InvalidInput,
@@ -18,6 +22,9 @@ from planner.exceptions import (
     PlannerError,
     SolverFailed,
 )
+from planner.files.paths import read_foot_path, read_joint_path, write_joint_path
+from planner.report import scene as report
+from tests.cli.test_servos import ARM
 
 ENDS = {
     "an error of ours": (PlannerError("no fit"), 1, "hip: no fit"),
@@ -118,3 +125,155 @@ def test_whether_a_simulation_repeats_follows_from_the_desired_path(run, tmp_pat
     ask = ("simulate", "sent.csv", "--json")
     assert json.loads(run(*ask).stdout)["cyclic"] is False
     assert json.loads(run(*ask, "--desired", "wanted.csv").stdout)["cyclic"] is True
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        ("--max-step-deg", 0.9),
+        ("--max-step-deg", 0.9, "--max-request-speed-deg-s", 1000),
+        ("--max-step-deg", 8, "--max-request-speed-deg-s", 112.5),
+    ],
+)
+def test_the_smaller_limit_on_steps_is_kept(run, foot, limits):
+    ask = ("plan", foot, "--leg", "front-left", "--method", "optimal", *limits)
+    assert run(*ask, "-o", "requests.csv").exit_code == 0
+    requests = np.degrees(read_joint_path("requests.csv").values)
+    steps = np.abs(np.diff(requests, axis=0, append=requests[:1]))
+    assert 0.85 < np.max(steps) <= 0.9 * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("unit", "rows", "other", "doubted"),
+    [
+        ("deg", 88, 1.0, True),
+        ("rad", 88, 1.0, False),
+        ("deg", 9, 1.0, False),
+    ],
+)
+def test_small_motions_in_degrees_are_doubted_unless_one_is_large_or_there_are_few_rows(
+    run, tmp_path, unit, rows, other, doubted
+):
+    motion = 0.03 * np.cos(2.0 * np.pi * np.arange(rows) / rows)
+    lines = [f"{angle!r},{other * angle!r}" for angle in motion.tolist()]
+    (tmp_path / "small.csv").write_text("\n".join([f"knee_{unit},hip_{unit}", *lines]))
+    said = run("plan", "small.csv", "--method", "shift", "-o", "-").stderr
+    doubt = "the angles span only 0.06 degrees: are they radians? then rename knee_deg to knee_rad"
+    assert (doubt in said) is doubted
+
+
+def test_an_error_below_its_own_bound_is_reported_and_nothing_is_written(run, desired, monkeypatch):
+    monkeypatch.setattr("planner.planning.plan.Plan.lower_bounds", np.full(2, 0.5))
+    result = run("plan", desired, "-o", "requests.csv")
+    assert result.exit_code == 1
+    assert "hip: an error of " in result.stderr
+    assert "is below its own lower bound of 28.6479 deg; please report this" in result.stderr
+    assert not desired.with_name("requests.csv").exists()
+
+
+def test_a_page_goes_to_standard_output_when_asked(run, desired):
+    result = run("plan", desired, "--method", "shift", "-o", "requests.csv", "--report", "-")
+    assert result.stdout.startswith("<!doctype html>")
+    assert {file.name for file in desired.parent.iterdir()} == {desired.name, "requests.csv"}
+
+
+@pytest.mark.parametrize(("rate", "lost"), [(3, True), (50, False)])
+def test_a_motion_that_a_low_rate_loses_is_said(run, tmp_path, rate, lost):
+    """At 3 requests a second a motion of 3 Hz has the same angle at every request."""
+    seconds = 0.008 * np.arange(251)
+    rows = [f"{t:.3f},{20.0 * math.sin(6.0 * math.pi * t):.6f}" for t in seconds]
+    (tmp_path / "fast.csv").write_text("\n".join(["time_s,knee_deg", *rows]) + "\n")
+    result = run("plan", tmp_path / "fast.csv", "--rate-hz", rate, "-o", tmp_path / "r.csv")
+    assert result.exit_code == 0
+    said = re.search(r"path of knee is missed by (\d+) % of its motion", result.stderr)
+    assert ("errors are those from the path that is left" in result.stderr) == (said is not None)
+    assert (said is not None and int(said[1]) >= 99) == lost
+
+
+def joint(result, name):
+    assert result.exit_code == 0, result.stderr
+    return json.loads(result.stdout)["joints"][name]
+
+
+def test_lines_are_no_faster_than_a_joint_whose_requests_are_held(run, desired):
+    """Two ticks to a request: by the tick alone they would be twice as fast."""
+    model = JointModel(v_max=1.0, theta_0=0.1, lag=0.01, acceleration_time=0.02, tick=0.004, hold=2)
+    model.to_toml("held.toml")
+    with Path("held.toml").open("a") as file:
+        file.write("[knee]\nv_max = 0.5\n")
+    result = run("fit", desired, "--model", "held.toml", "--segments", "4", "--json")
+    for name, fastest in (("hip", 1.0), ("knee", 0.5)):
+        answer = joint(result, name)
+        knots, values = np.array(answer["knots"]), np.radians(answer["values_deg"])
+        speeds = np.diff(np.append(values, values[0])) / np.diff(np.append(knots, knots[0] + 88))
+        assert np.max(np.abs(speeds)) / 0.008 == pytest.approx(fastest, rel=1e-6)
+
+
+SAME = 1e-9
+"""Files carry 12 decimals of a degree, and a joint's answer does not magnify that much [rad, m]."""
+
+
+@pytest.fixture
+def meshcat():
+    return pytest.importorskip("meshcat", reason="needs the extra meshcat")
+
+
+@pytest.fixture
+def shown(meshcat, monkeypatch):  # noqa: ARG001
+    """What the pages of the test show, page by page."""
+    pages = []
+
+    def keep(_, motions, **__):
+        pages.append(motions)
+        return ""
+
+    monkeypatch.setattr(report, "scene_page", keep)
+    return pages
+
+
+def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
+    run("plan", foot, "--leg", "front-left", "-o", "requests.csv")
+    made = read_joint_path("requests.csv")
+    write_joint_path("other.csv", made.names[::-1], made.values[:, ::-1], period=0.008)
+    shared = ("view", foot, "--leg", "front-left", "--html", "page.html")
+    run(*shared, "--requests", "other.csv")  # whose columns stand in another order
+    run(*shared, "--method", "optimal")
+    run(*shared, "--method", "closed-form")
+    (desired, direct, planned), (*_, same), (*_, other) = shown
+    requests = made.values
+    for motion, sent in ((direct, desired.angles), (planned, requests)):
+        for j in range(3):
+            answer = planner.simulate(planner.JointModel.ers210a(), sent[:, j])
+            assert np.max(np.abs(motion.angles[:, j] - answer)) <= SAME
+    assert np.max(np.abs(desired.foot - read_foot_path(foot).values)) <= SAME
+    assert np.max(np.abs(same.angles - planned.angles)) <= SAME
+    assert np.max(np.abs(other.angles - planned.angles)) > 1e-3
+
+
+@pytest.fixture
+def requests(tmp_path):
+    rows = np.radians(np.column_stack([np.arange(10.0), 20.0 - np.arange(10.0)]))
+    write_joint_path(tmp_path / "requests.csv", ["hip", "knee"], rows, period=0.008)
+    return tmp_path / "requests.csv"
+
+
+def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_joints(
+    run, requests, tmp_path
+):
+    blocks = [
+        ARM.replace("joint_1", name)
+        .replace("direction = 1", f"direction = {way}")
+        .replace("zero_tick = 2048", f"zero_tick = {zero}")
+        for name, way, zero in (("wrist", 1, 1), ("knee", -1, 1000), ("hip", 1, 2000))
+    ]
+    (tmp_path / "arm.toml").write_text("".join(blocks))
+    shared = ("export", requests, "--format", "csv", "--unit", "ticks", "--model", "arm.toml")
+    rows = run(*shared).stdout.splitlines()
+    assert rows[:3] == ["t_s,hip_ticks,knee_ticks", "0.0,2000,772", "0.008,2011,784"]
+    named = run(*shared, "--joint-names", "a,b").stdout.splitlines()
+    assert named == ["t_s,a_ticks,b_ticks", *rows[1:]]
+    (tmp_path / "arm.toml").write_text("".join(blocks).replace("4096", "8192"))
+    finer = [line.split(",") for line in run(*shared).stdout.splitlines()[1:3]]
+    assert [row[1:] for row in finer] == [["2000", "545"], ["2023", "568"]]
+    (tmp_path / "arm.toml").write_text("".join([blocks[1].replace("4096", "4000"), blocks[2]]))
+    assert "servos of 4000, 4096 ticks a turn, expected one" in run(*shared).stderr

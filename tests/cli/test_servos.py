@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from types import SimpleNamespace
@@ -25,7 +26,7 @@ from planner.robot import measure
 from planner.robot.arm import Arm
 from planner.robot.play import Playback
 from planner.virtual import servo_bus
-from planner.virtual.servo_bus import Faults, VirtualPort, VirtualServos
+from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 from tests.report.test_made_up_pages import calibrated as made_up
 
 CALIBRATE = import_module("planner.cli.calibrate")
@@ -120,16 +121,6 @@ def test_one_command_measures_compares_and_recommends(calibrated):
     page = (folder / "page.html").read_text()
     assert "joint_1: The function f" in page
     assert "best shift" in page
-
-
-def test_every_motion_was_kept_as_a_log_that_identify_reads(calibrated):
-    folder, document = calibrated
-    ways = document["joints"]["joint_1"]["candidates"]
-    kept = {log.name for log in (folder / "arm_logs").iterdir()}
-    assert kept == {"joint_1.csv", *(f"joint_1_{way}.csv" for way in ways)}
-    (log,) = read_logs([str(folder / "arm_logs" / "joint_1.csv")])
-    assert len(log.times) == 1200
-    assert np.degrees(np.max(np.abs(log.requests))) <= 27.1
 
 
 def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, monkeypatch):
@@ -248,18 +239,6 @@ def test_a_log_tells_what_was_requested_from_what_was_measured(run, arm, tmp_pat
     (log,) = read_logs([str(tmp_path / "log.csv")])
     assert log.requests == pytest.approx(0.5)
     assert np.max(np.abs(log.angles)) < 0.1
-
-
-def test_what_a_hand_shows_is_a_path_that_plan_takes_although_answers_are_lost(
-    run, arm, faulty, tmp_path
-):
-    faulty(drop=0.2)
-    shown = ("record", "--bus", "virtual", "--model", arm, "--duration-s", "2", "--by-hand")
-    assert run(*shown, "-o", "shown.csv").exit_code == 0
-    assert 20 < len((tmp_path / "shown.csv").read_text().splitlines()) < 100
-    asked = ("plan", "shown.csv", "--no-cyclic", "--model", arm, "--rate-hz", "50")
-    result = run(*asked, "--method", "shift", "-o", "requests.csv")
-    assert result.exit_code == 0, result.stderr
 
 
 def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
@@ -566,3 +545,59 @@ def test_a_check_compares_the_parts_of_a_motion_that_the_logs_of_the_model_teste
     assert error == pytest.approx(0.03 if gentle else 0.5, rel=0.02)
     assert expected == pytest.approx(0.016 if gentle else 0.04, rel=0.2)
     assert share == pytest.approx(beyond, abs=0.01)
+
+
+ASKED = {
+    "": (6, "sts3215", Faults(), None),
+    "--servos 2 --step-ms 20": (2, "sts3215", Faults(), 0.02),
+    "--protocol dynamixel": (6, "xl430", Faults(), None),
+    "--protocol xl320": (6, "xl-320", Faults(), None),
+    "--kind mx-64 --protocol dynamixel": (6, "mx-64", Faults(), None),
+    "--fault drop=1 --fault disconnect=0 --fault power-off=3.5": (
+        6,
+        "sts3215",
+        Faults(drop=1.0, disconnect=0.0, power_off=3.5),
+        None,
+    ),
+    "--fault stall=1@5 --fault stall=6@0.5 --fault overheat=3@7 --fault saturate=2@1": (
+        6,
+        "sts3215",
+        Faults(stall={1: 5.0, 6: 0.5}, overheat={3: 7.0}, saturate={2: 1.0}),
+        None,
+    ),
+}
+"""What is asked for; the servos, their kind, their faults, and the time of a step [s]."""
+
+
+@pytest.mark.parametrize("asked", ASKED, ids=lambda asked: asked or "nothing")
+def test_the_servos_that_are_asked_for_are_served_at_the_port_that_is_printed(
+    run, monkeypatch, asked
+):
+    made, served = [], []
+
+    def servos(*given, **more):
+        made.append((*given, more))
+        return SimpleNamespace(run=lambda _: None)
+
+    @contextmanager
+    def terminal():
+        yield 7, "/dev/pts/9"
+
+    monkeypatch.setattr(servo_bus, "VirtualServos", servos)
+    monkeypatch.setattr(servo_bus, "terminal", terminal)
+    monkeypatch.setattr(servo_bus, "serve", lambda _, end: served.append(end))
+    result = run("virtual-bus", *asked.split())
+    count, kind, faults, step = ASKED[asked]
+    assert result.stdout == "/dev/pts/9\n"
+    assert served == [7]
+    assert made == [(count, KINDS[kind], {"faults": faults, "step": pytest.approx(step)})]
+
+
+@pytest.mark.parametrize(
+    "fault", ["drop=1.01", "drop=-0.1", "disconnect=-1", "power-off=inf", "stall=0@1", "stall=7@1"]
+)
+def test_a_fault_that_cannot_be_is_refused_before_anything_is_served(run, monkeypatch, fault):
+    monkeypatch.setattr(servo_bus, "VirtualServos", None)
+    result = run("virtual-bus", "--fault", fault)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.startswith("request-planner: --fault: got ")
