@@ -81,18 +81,20 @@ def foot_bound(task: Task, angles: Array) -> float:
         angles = angles - turn * np.floor((np.min(angles, axis=0) - lower[0]) / turn)
     scales = task.axis_scales / plan_error
     distance = Distance(leg.chain, lower, upper, task.desired_foot, scales)
-    ends = np.min(lower, axis=0), np.max(upper, axis=0)
-    joints = zip(models, angles.T, task.starts, task.loads, *ends, strict=True)
+    ranges = zip(np.min(lower, axis=0), np.max(upper, axis=0), strict=True)
+    joints = zip(models, angles.T, task.starts, task.loads, ranges, strict=True)
     sets = [
         reachable_set(
-            BoundProblem(model, column, task.cyclic, task.norm, start, load),
-            "envelope",
-            (low, high),
+            BoundProblem(model, column, task.cyclic, task.norm, start, load), "envelope", ends
         )
-        for model, column, start, load, low, high in joints
+        for model, column, start, load, ends in joints
     ]
     relaxation = LagrangianRelaxation.of(distance, sets, task.norm)
-    away = largest_distances(models, len(angles), cyclic=task.cyclic, loads=task.loads)
+    # How far every joint's angle can be from the one at the middle sample
+    apart = np.abs(np.arange(len(angles)) - len(angles) // 2)
+    if task.cyclic:
+        apart = np.minimum(apart, len(angles) - apart)
+    away = np.outer(apart, list(map(farthest_per_period, models, task.loads)))
     squared = _branch_and_bound(relaxation, away, np.clip(angles, lower, upper))
     return plan_error * math.sqrt(min(squared, 1.0))
 
@@ -402,18 +404,16 @@ def attainable_angles(
     turn of the lower limit, or of -pi; the speed then bounds the greatest angle.
     """
     loads = [None] * len(models) if loads is None else loads
-    farthest = _farthest(models, loads)
-    thresholds = [model.theta_0 / (1.0 + model.most_pose_sag) for model in models]
-    beyond = np.array([model.v_max_per_tick for model in models])
-    beyond = np.maximum(beyond - thresholds, 0.0)
-    beyond *= farthest / np.array([model.v_max_per_period for model in models])
-    bands = [model.dead_band / (1.0 - model.most_pose_sag) for model in models]
-    beyond = np.maximum(beyond, bands)
-    free = [
-        model.has_inertia or overcome(model, load)
-        for model, load in zip(models, loads, strict=True)
-    ]
-    beyond[free] = math.inf
+    farthest = np.array(list(map(farthest_per_period, models, loads)))
+    beyond = np.full(len(models), math.inf)
+    for j, (model, load) in enumerate(zip(models, loads, strict=True)):
+        pose, top, period = model.most_pose_sag, model.v_max_per_tick, model.v_max_per_period
+        low, high = model.speed_limits(0.0 if load is None else load)
+        weakest = float(min(np.min(high), np.min(-low)))
+        overcome = pose > 0.0 and model.v_max / model.theta_0 * pose >= weakest
+        if not (model.has_inertia or overcome):
+            over = max(top - model.theta_0 / (1.0 + pose), 0.0) * farthest[j] / period
+            beyond[j] = max(over, model.dead_band / (1.0 - pose))
     lowest, highest = (np.atleast_2d(rest_angles(models, end, loads)) for end in limits)
     lower, upper = np.min(lowest, axis=0) - beyond, np.max(highest, axis=0) + beyond
     if start is not None:
@@ -426,26 +426,3 @@ def attainable_angles(
     lower = np.where(np.isinf(lower), upper - span, lower)
     upper = np.minimum(upper, lower + span)
     return np.tile(lower, (samples, 1)), np.tile(upper, (samples, 1))
-
-
-def overcome(model: JointModel, load: Array | None) -> bool:
-    """Whether gravity by the pose may exceed the joint's torque at some angle."""
-    low, high = model.speed_limits(0.0 if load is None else load)
-    by_pose = model.v_max / model.theta_0 * model.most_pose_sag
-    return by_pose > 0.0 and by_pose >= float(min(np.min(high), np.min(-low)))
-
-
-def _farthest(models: Sequence[JointModel], loads: Loads) -> Array:
-    """How far each joint moves between two requests at most [rad], (k,)."""
-    return np.array([farthest_per_period(m, load) for m, load in zip(models, loads, strict=True)])
-
-
-def largest_distances(
-    models: Sequence[JointModel], samples: int, *, cyclic: bool, loads: Loads
-) -> Array:
-    """How far every joint's angle can be from the one at the middle sample [rad], (n, k)."""
-    apart = np.abs(np.arange(samples) - samples // 2)
-    if cyclic:
-        apart = np.minimum(apart, samples - apart)
-    farthest: Array = apart[:, np.newaxis] * _farthest(models, loads)
-    return farthest

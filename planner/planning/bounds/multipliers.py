@@ -43,11 +43,11 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     """
     if problem.model.exceeds_v_max:
         return 0.0
-    bound = bound_of(reachable_set(problem, level), problem)
-    if problem.model.most_pose_sag == 0.0 or problem.model.has_inertia:
-        return bound
-    levels: tuple[Level, ...] = ("slope",) if level == "slope" else ("slope", "envelope")
-    return max(bound, *(bound_of(linearised_set(problem, each), problem) for each in levels))
+    sets = [reachable_set(problem, level)]
+    if problem.model.most_pose_sag > 0.0 and not problem.model.has_inertia:
+        levels: tuple[Level, ...] = ("slope",) if level == "slope" else ("slope", "envelope")
+        sets += [linearised_set(problem, each) for each in levels]
+    return max(bound_of(each, problem) for each in sets)
 
 
 def bound_of(reachable: ReachableSet, problem: BoundProblem) -> float:
@@ -87,7 +87,8 @@ def nearest_motion(
     are second differences: motions of 100 to 2,000 samples with inertia took 70 to 200 iterations,
     now 16 to 39. The answer has a multiplier for each row of the set.
     """
-    of_angles, steps, sampled = reachable.of_angles, reachable.steps, reachable.sampled
+    (of_angles, of_speeds), steps = reachable.parts, reachable.steps
+    sampled = reachable.sampled
     speeds, ticks = steps.shape
     knots = np.union1d(sampled, of_angles.indices)
     # The speeds between two knots sum to the difference of their angles.
@@ -100,7 +101,7 @@ def nearest_motion(
     matrix = sparse.block_array(
         [
             [moved * (unit / speed), -sums],
-            [of_angles[:, knots] * (unit / speed), reachable.of_speeds],
+            [of_angles[:, knots] * (unit / speed), of_speeds],
         ]
     )
     limits = (reachable.limits - middle * of_angles.sum(axis=1)) / speed

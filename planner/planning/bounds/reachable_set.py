@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -12,6 +13,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from planner.model.joint import JointModel
+from planner.model.law import Law
 from planner.model.response import load_by_period
 from planner.planning.task import Norm
 from planner.trajectory import Array
@@ -49,10 +51,9 @@ class Curvature(NamedTuple):
 class ReachableSet:
     """A set that contains every trajectory the joint can make: ``matrix @ angles <= limits``."""
 
-    # what the angles at the ticks count in each row, shape (rows, ticks)
-    of_angles: sparse.csr_array
-    # what the speeds between ticks count, ``steps @ angles``, shape (rows, speeds)
-    of_speeds: sparse.csr_array
+    # what the angles at the ticks and then the speeds between them count in each row, shape (rows,
+    # ticks + speeds)
+    rows: sparse.csr_array
     steps: sparse.csr_array  # the speeds of angles [rad/tick], shape (speeds, ticks)
     limits: Array  # b [rad], shape (rows,)
     # indices of the angles that are compared with the desired ones, shape (n,)
@@ -60,21 +61,17 @@ class ReachableSet:
     # rows that are linearised at the desired angles; None where all hold exactly
     curvature: Curvature | None = None
 
+    @property
+    def parts(self) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """What the angles and what the speeds count."""
+        ticks = self.steps.shape[1]
+        return self.rows[:, :ticks], self.rows[:, ticks:]
+
     @cached_property
     def matrix(self) -> sparse.csr_array:
         """G, shape (rows, ticks)."""
-        return sparse.csr_array(self.of_angles + self.of_speeds @ self.steps)
-
-    def with_rows(
-        self, of_angles: sparse.csr_array, of_speeds: sparse.csr_array, limits: Array
-    ) -> ReachableSet:
-        """The set with further conditions."""
-        return replace(
-            self,
-            of_angles=sparse.csr_array(sparse.vstack([self.of_angles, of_angles])),
-            of_speeds=sparse.csr_array(sparse.vstack([self.of_speeds, of_speeds])),
-            limits=np.concatenate([self.limits, limits]),
-        )
+        of_angles, of_speeds = self.parts
+        return sparse.csr_array(of_angles + of_speeds @ self.steps)
 
 
 def reachable_set(
@@ -86,40 +83,36 @@ def reachable_set(
     angles do not count; ``angles`` are the least and greatest one that the joint attains [rad], for
     the sag by the pose, None for any.
     """
-    model, start = problem.model, problem.start
-    level = proved_level(model, level)
+    model, start, cyclic = problem.model, problem.start, problem.cyclic
+    level, pose = proved_level(model, level), pose_sags(model, angles)
     ticks = ticks_of(problem)
     load = load_by_tick(problem, ticks)
-    moved = np.arange(0 if problem.cyclic else 1, ticks)
-    speeds = sparse.eye_array(len(moved), format="csr")
+    moved = np.arange(0 if cyclic else 1, ticks)
     every = sparse.eye_array(ticks, format="csr")
-    pose = pose_sags(model, angles)
+    unknowns = sparse.eye_array(ticks + len(moved), format="csr")
+    speeds = unknowns[ticks:]
     low, high = speed_ranges(model, load, pose)
     # With inertia 2a keeps every speed within condition 1 if the first one is.
     needed = 1 if level != "slope" and model.has_inertia else len(moved)
     rows = [speeds[:needed], -speeds[:needed]]
     limits = [high[moved][:needed], -low[moved][:needed]]
     if level != "slope":
-        for side in sides(model, load[moved], pose, cyclic=problem.cyclic):
-            for condition in speed_conditions(model, side):
-                changes, at = _speed_rows(speeds, condition, cyclic=problem.cyclic)
-                rows.append(side.sign * changes)
-                limits.append(np.broadcast_to(condition.most, side.faster.shape)[at])
-    of_speeds = sparse.csr_array(sparse.vstack(rows))
-    conditions = ReachableSet(
-        sparse.csr_array((of_speeds.shape[0], ticks)),
-        of_speeds,
+        for sign, now, before, most in speed_conditions(model, load[moved], pose, cyclic=cyclic):
+            at = np.arange(0 if cyclic or before == 0.0 else 1, len(most))
+            kept = sparse.diags_array(now[at]) @ speeds[at] + before * speeds[at - 1]
+            rows.append(sign * (speeds[(at + 1) % len(moved)] - kept))
+            limits.append(most[at])
+    if start is not None:
+        farthest = distance_from_rest(model, load, level)
+        near = unknowns[: len(farthest)]
+        rows += [near, -near]
+        limits += [farthest + start, farthest - start]
+    return ReachableSet(
+        sparse.csr_array(sparse.vstack(rows)),
         sparse.csr_array(every[moved] - every[moved - 1]),  # a cycle's first is x[0] - x[-1]
         np.concatenate(limits),
         np.arange(0, ticks, model.hold),
     )
-    if start is None:
-        return conditions
-    farthest = distance_from_rest(model, load, level)
-    near_start = every[: len(farthest)]
-    of_no_speed = sparse.csr_array((len(farthest), len(moved)))
-    conditions = conditions.with_rows(near_start, of_no_speed, farthest + start)
-    return conditions.with_rows(-near_start, of_no_speed, farthest - start)
 
 
 def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
@@ -130,33 +123,34 @@ def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
     Without these the bounds of 24 random cycles are 0.3 of what they are, in the median.
     """
     reachable, model = reachable_set(problem, level), problem.model
-    if model.most_pose_sag == 0.0 or model.has_inertia:
-        return reachable
     ticks, gain, hold = ticks_of(problem), model.gain_per_tick, model.hold
     moved = np.arange(0 if problem.cyclic else 1, ticks)
-    low, high = (limit * model.tick for limit in model.speed_limits(load_by_tick(problem, ticks)))
     before = (moved - 1) % ticks  # the tick whose angle gravity depends on
     at = problem.desired[before // hold]
-    sag = gain * model.gravity(at)
     slope = gain * (model.sag_sin * np.cos(at) - model.sag_cos * np.sin(at))
-    shape = (len(moved), ticks)
-    by_angle = sparse.csr_array((slope, (np.arange(len(moved)), before)), shape=shape)
-    speeds = sparse.eye_array(len(moved), format="csr")
-    shift = sag - slope * at
+    shift = gain * model.gravity(at) - slope * at
+    unknowns = sparse.eye_array(ticks + len(moved), format="csr")
+    speeds = unknowns[ticks:] - sparse.diags_array(slope) @ unknowns[before]
     most, friction = gain * model.most_pose_sag, model.law.friction
-    upper, lower = (limit[moved] for limit in (high, -low))
-    upper, lower = (each + np.clip(most - each, 0.0, 2.0 * friction) for each in (upper, lower))
-    count = len(reachable.limits)
+    rows, limits = [reachable.rows], [reachable.limits]
+    ends = model.speed_limits(load_by_tick(problem, ticks)[moved])
+    for sign, limit in zip((-1.0, 1.0), ends, strict=True):
+        top = sign * model.tick * limit
+        rows.append(sign * speeds)
+        limits.append(top + np.clip(most - top, 0.0, 2.0 * friction) + sign * shift)
     farthest = farthest_per_period(model, problem.load) / hold
     curvature = Curvature(
-        count + np.arange(2 * len(moved)),
-        np.full(2 * len(moved), gain * model.most_pose_sag / 2.0),
+        len(reachable.limits) + np.arange(2 * len(moved)),
+        np.full(2 * len(moved), most / 2.0),
         np.tile(before // hold, 2),
         np.tile(before % hold * farthest, 2),
     )
-    reachable = reachable.with_rows(-by_angle, speeds, upper + shift)
-    reachable = reachable.with_rows(by_angle, -speeds, lower - shift)
-    return replace(reachable, curvature=curvature)
+    return replace(
+        reachable,
+        rows=sparse.csr_array(sparse.vstack(rows)),
+        limits=np.concatenate(limits),
+        curvature=curvature,
+    )
 
 
 def pose_sags(model: JointModel, angles: tuple[float, float] | None = None) -> tuple[float, float]:
@@ -230,128 +224,87 @@ def _speed_limits(model: JointModel, load: Array, pose: tuple[float, float]) -> 
     return low, np.maximum(high + model.gain_per_tick * pose[1], least)
 
 
-class Side(NamedTuple):
-    """Speeds and drive of a joint in one direction, for each pair of ticks t, t + 1, shape (m,)."""
-
-    sign: float  # the direction; speeds, sags and drives are positive in it
-    slowest: Array  # least speed at t [rad/tick]
-    fastest: Array  # largest speed at t [rad/tick]
-    faster: Array  # change of the top speed from t to t + 1 [rad/tick]
-    sagged: Array  # change of the sag under the load [rad]
-    drive: Array  # largest drive at t + 1 [rad/tick]
-
-
-def sides(
+def speed_conditions(
     model: JointModel, load: Array, pose: tuple[float, float], *, cyclic: bool
-) -> tuple[Side, Side]:
-    """Both directions of a joint under the load in the ticks whose speeds are known [N m], (m,).
+) -> Iterator[tuple[float, Array, float, Array]]:
+    """Bounds on the speed after a tick: condition 2 or, with inertia, 2a and where derived 2b.
 
-    Unless the first of these follows the last, there is one pair less.
+    Under the load in the ticks whose speeds are known [N m], (m,), for each pair of ticks t, t + 1;
+    unless the first of these follows the last, there is one pair less.
+
+    Yields:
+        A direction, 1 or -1, and the numbers of ``w(t+1) <= now * w(t) + before * w(t-1) + most``,
+        where speeds are positive in it: ``now`` [-] and ``most`` [rad/tick] for each pair.
     """
-    first = slice(None if cyclic else -1)
-    next_load = np.roll(load, -1)
+    law, first, next_load = model.law, slice(None if cyclic else -1), np.roll(load, -1)
     low, high = (limit[first] for limit in speed_ranges(model, load, pose))
     next_low, next_high = (limit[first] for limit in _speed_limits(model, next_load, pose))
-    faster = model.speed_per_torque * model.tick * (next_load - load)[first]
-    sagged = model.compliance * (next_load - load)[first]
-    friction = model.law.friction
-    return (
-        Side(1.0, low, high, faster, sagged, next_high + friction),
-        Side(-1.0, -high, -low, -faster, -sagged, friction - next_low),
-    )
+    for sign, slowest, fastest, drive in (
+        (1.0, low, high, next_high + law.friction),
+        (-1.0, -high, -low, law.friction - next_low),
+    ):
+        slope, most = drive_change(model, slowest, fastest, sign * (next_load - load)[first])
+        if not model.has_inertia:
+            yield sign, 1.0 - slope, 0.0, most
+            continue
+        for now, constant in _motor_conditions(law, slowest, fastest, drive):
+            yield sign, now, 0.0, constant
+        # Condition 2b is derived where the acceleration limit is below what the window allows, and
+        # no integral term moves the drive.
+        limited = law.acceleration + law.braking <= np.min(most - slope * fastest)
+        limited = limited or np.isinf(law.acceleration)
+        if limited and model.position_integral_rate == 0.0:
+            kept, released = 1.0 - law.share, 2.0 * law.braking
+            now = 1.0 + kept - law.share * slope + released / -slowest
+            yield sign, now, -kept, law.share * most + released
 
 
-class SpeedCondition(NamedTuple):
-    """``w(t+1) <= now * w(t) + before * w(t-1) + most`` in one direction."""
-
-    now: Array | float  # factor of the speed at t [-], a number or one for each pair of ticks
-    before: float  # factor of the speed at t - 1 [-]; 0 where it does not count
-    most: Array | float  # constant term [rad/tick], a number or one for each pair of ticks
-
-
-def speed_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
-    """Bounds on the speed after a tick: condition 2 or, with inertia, 2a and where derived 2b."""
-    slope, most = drive_change(model, side)
-    if not model.has_inertia:
-        return [SpeedCondition(1.0 - slope, 0.0, most)]
-    conditions = _motor_conditions(model, side)
-    law = model.law
-    friction = law.braking
-    # Condition 2b is derived where the acceleration limit is below what the window allows, and
-    # no integral term moves the drive.
-    least = np.min(most - slope * side.fastest)
-    limited = law.acceleration + friction <= least or np.isinf(law.acceleration)
-    if limited and model.position_integral_rate == 0.0:
-        kept = 1.0 - law.share
-        released = 2.0 * friction / -side.slowest
-        now = 1.0 + kept - law.share * slope + released
-        conditions.append(SpeedCondition(now, -kept, law.share * most + 2.0 * friction))
-    return conditions
-
-
-def drive_change(model: JointModel, side: Side) -> tuple[Array, Array]:
+def drive_change(
+    model: JointModel, slowest: Array, fastest: Array, change: Array
+) -> tuple[Array, Array]:
     """Slope s and constant p of ``p - s * w(t)``, an upper bound on the drive's gain in a tick.
 
     It is the right-hand side of (7a), in which the chord between the least and the greatest speed
     replaces ``max(0, c - w)``, with c the change of the sag under the load, and ``p |w|``, the
-    largest change of the sag by the pose, p being its largest slope.
+    largest change of the sag by the pose, p being its largest slope. ``change`` is that of the
+    torque in the direction of the speeds [N m].
     """
     weights, gain, by_pose = model.window.weights, model.gain_per_tick, model.most_pose_sag
     replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
     common = float(np.minimum(weights[1:], weights[:-1]).sum())
-    slowest, fastest = side.slowest, side.fastest
-    most = np.maximum(side.sagged - slowest, 0.0)
-    least = np.maximum(side.sagged - fastest, 0.0)
-    slope = gain * common * (most - least) / (fastest - slowest)
-    changed = common * np.maximum(side.faster, 0.0) + replaced * side.faster / 2.0
-    constant = replaced * model.law.top + gain * common * most + slope * slowest + changed
-    if by_pose > 0.0:
-        turned = gain * by_pose * (np.abs(slowest) - np.abs(fastest)) / (fastest - slowest)
-        slope = slope + turned
-        constant = constant + gain * by_pose * np.abs(slowest) + turned * slowest
-    return slope, constant
+    sagged, faster = model.compliance * change, model.speed_per_torque * model.tick * change
+    most = np.maximum(sagged - slowest, 0.0)
+    least = np.maximum(sagged - fastest, 0.0)
+    turned = by_pose * (np.abs(slowest) - np.abs(fastest))
+    slope = gain * (common * (most - least) + turned) / (fastest - slowest)
+    constant = gain * (common * most + by_pose * np.abs(slowest)) + slope * slowest
+    changed = common * np.maximum(faster, 0.0) + replaced * (model.law.top + faster / 2.0)
+    return slope, constant + changed
 
 
-def _motor_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
+def _motor_conditions(
+    law: Law, slowest: Array, fastest: Array, drive: Array
+) -> list[tuple[Array, Array]]:
     """Condition 2a: the speed after a tick at the largest drive and the acceleration limit."""
-    law = model.law
     friction = law.braking
-    drive = side.drive if law.share < 1.0 else side.drive - law.friction  # less the dead zone
-    drive = np.maximum(drive, side.fastest - law.acceleration / law.share)
-    lines = [(1.0 - law.share, law.share * drive)]
+    drive = drive if law.share < 1.0 else drive - law.friction  # less the dead zone
+    drive = np.maximum(drive, fastest - law.acceleration / law.share)
+    ones = np.ones_like(drive)
+    lines = [((1.0 - law.share) * ones, law.share * drive)]
     if np.isfinite(law.acceleration):
-        lines.append((1.0, np.full_like(drive, law.acceleration)))
+        lines.append((ones, law.acceleration * ones))
     if friction == 0.0:
-        return [SpeedCondition(now, 0.0, most) for now, most in lines]
+        return lines
     least, largest = (
-        np.min([now * speed + most for now, most in lines], axis=0)
-        for speed in (side.slowest, side.fastest)
+        np.min([now * speed + most for now, most in lines], axis=0) for speed in (slowest, fastest)
     )
     # The concave hull of the friction's shrink between the two: through (-friction, 0), slope 1,
     # and from there, or from the least, to the largest.
     corner = np.clip(-friction, least, largest)
     below, above = (np.sign(u) * np.maximum(np.abs(u) - friction, 0.0) for u in (corner, largest))
     ratio = (above - below) / np.maximum(largest - corner, np.finfo(np.float64).tiny)
-    hull = [(np.ones_like(ratio), np.full_like(ratio, friction)), (ratio, below - ratio * corner)]
-    return [
-        SpeedCondition(factor * now, 0.0, factor * most + added)
-        for factor, added in hull
-        for now, most in lines
-    ]
-
-
-def _speed_rows(
-    speeds: sparse.csr_array, condition: SpeedCondition, *, cyclic: bool
-) -> tuple[sparse.csr_array, slice]:
-    """Rows w[t+1] - now * w[t] - before * w[t-1], and which pairs of ticks they are about."""
-    count = speeds.shape[0]
-    first = 0 if cyclic or condition.before == 0.0 else 1
-    at = np.arange(first, count if cyclic else count - 1)
-    now = np.broadcast_to(condition.now, (count if cyclic else count - 1,))[at]
-    rows = speeds[(at + 1) % count] - sparse.diags_array(now) @ speeds[at]
-    if condition.before != 0.0:
-        rows -= condition.before * speeds[at - 1]
-    return sparse.csr_array(rows), slice(first, None)
+    hull = [(ones, friction * ones), (ratio, below - ratio * corner)]
+    return [(factor * now, factor * most + added) for factor, added in hull for now, most in lines]
 
 
 def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
