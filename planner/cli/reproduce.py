@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from planner.report.figure import Figure
 
-STEPS = {"model": 15, "virtual": 26}
+STEPS = {"model": 16, "virtual": 27}
 """Number of steps that are reported, by robot."""
 
 
@@ -106,10 +106,11 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Experiment:
 
     reproduction = reproduce(progress=progress)
     progress("the report")
-    period, names = reproduction.model.period, reproduction.walk.joint_names
+    period, names = reproduction.models[0].period, reproduction.walk.joint_names
     for name, angles in joint_paths(reproduction).items():
         write_joint_path(folder / f"{name}.csv", names, angles, period=period)
-    for name, path in {"desired": reproduction.walk.desired_foot, **reproduction.foot}.items():
+    feet = {method: plan.foot for method, plan in reproduction.plans.items()}
+    for name, path in {"desired": reproduction.walk.desired_foot, **feet}.items():
         write_foot_path(folder / f"foot_{name}.csv", path, period=period)
     return paper_results(reproduction), paper_figures(reproduction), []
 

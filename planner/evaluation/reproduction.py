@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.evaluation.checks import beyond_limits
 from planner.gait.half_ellipse import ReferenceWalk, reference_walk
 from planner.identification.excitation import step_test
 from planner.model.joint import JointModel
-from planner.model.response import simulate, simulate_joints
-from planner.planning.closed_form import invert_closed_form
-from planner.planning.inversion import invert_foot, invert_optimal
+from planner.model.response import simulate
+from planner.planning.inversion import planned
 from planner.planning.line_inverse import Rule
-from planner.planning.result import FootInversion, Inversion
+from planner.planning.plan import Plan
+from planner.planning.task import Task
 from planner.trajectory import Array, Distance, angle_distance, foot_distance
 
 JOINTS = ("rotator", "abductor", "knee")
@@ -146,64 +145,38 @@ class PlannedWalk:
     Methods are "direct", the desired angles requested as they are; "shift", the best time shift of
     them; "closed_form_plain", the inversion as in the paper, which knows no limits; "closed_form",
     the same with the knots moved until the joint itself tracks best; "optimal", within the joints'
-    limits; and "foot_optimal", for all joints at once. Angles are in radians, shape (n, k).
+    limits; and "foot_optimal", for all joints at once.
 
     Attributes:
-        models: The model of each joint, in the leg's order.
         segments: Lines of each approximation.
         walk: The reference walk with its leg.
-        direct: Angles when the desired angles are requested.
         lead: Samples by which the best time shift is early.
-        plans: The plans of the joints, one by one, for methods that plan them so.
-        foot_plan: The plan for all joints at once, which keeps the foot close to its path.
+        plans: The plan of all joints by method.
+        seconds: Time that each part took [s].
     """
 
-    models: tuple[JointModel, ...]
     segments: int
     walk: ReferenceWalk
-    direct: Array
     lead: int
-    plans: Mapping[str, tuple[Inversion, ...]]
-    foot_plan: FootInversion
+    plans: Mapping[str, Plan]
+    seconds: Mapping[str, float]
 
-    @cached_property
-    def requests(self) -> dict[str, Array]:
-        """Requests of all joints by method."""
-        return self._by_method(self.walk.desired, "requests")
-
-    @cached_property
-    def angles(self) -> dict[str, Array]:
-        """Angles that the models predict under them."""
-        return self._by_method(self.direct, "predicted")
-
-    def _by_method(self, direct: Array, of_plans: str) -> dict[str, Array]:
-        return {
-            "direct": direct,
-            "shift": np.roll(direct, -self.lead, axis=0),
-            **{
-                method: np.column_stack([getattr(each, of_plans) for each in own])
-                for method, own in self.plans.items()
-            },
-            "foot_optimal": getattr(self.foot_plan, of_plans),
-        }
+    @property
+    def models(self) -> tuple[JointModel, ...]:
+        """The model of each joint, in the leg's order."""
+        return self.plans["direct"].models
 
     @cached_property
     def approximations(self) -> dict[str, Array]:
         """Piecewise linear approximations behind the closed forms at the samples: Pwl."""
-        curves = {method: [each.approximation for each in self.plans[method]] for method in REFINE}
         return {
-            method: np.column_stack([curve.angles for curve in own if curve is not None])
-            for method, own in curves.items()
+            method: np.column_stack([curve.angles for curve in self.plans[method].approximations])
+            for method in REFINE
         }
 
     def goal(self, pair: str) -> Array:
         """What the angles of a row of Table 2 are compared with: Des or Pwl."""
         return self.approximations[PAIRS[pair]] if pair.startswith("Pwl") else self.walk.desired
-
-    def excess(self, method: str, j: int) -> float:
-        """How far a method's farthest request is beyond the limits of a joint [rad], or 0."""
-        lower, upper = self.walk.leg.limits
-        return max(beyond_limits(self.requests[method][:, j], (lower[j], upper[j])), 0.0)
 
     @cached_property
     def legs(self) -> dict[str, Array]:
@@ -211,22 +184,18 @@ class PlannedWalk:
 
         In metres, each of shape (n, joints + 1, 3).
         """
-        angles = {"desired": self.walk.desired, **self.angles}
+        predicted = {method: plan.predicted for method, plan in self.plans.items()}
+        angles = {"desired": self.walk.desired, **predicted}
         return {method: self.walk.leg.joint_positions(each) for method, each in angles.items()}
-
-    @property
-    def foot(self) -> dict[str, Array]:
-        """Path of the foot under each method [m], shape (n, 3)."""
-        return {method: self.legs[method][:, -1] for method in self.angles}
 
     @property
     def table2(self) -> dict[str, dict[str, Distance]]:
         """Distances between angle trajectories by joint and comparison [degrees]: Table 2."""
         return {
             name: {
-                pair: angle_distance(self.angles[method][:, j], self.goal(pair)[:, j]).in_units_of(
-                    math.radians(1.0)
-                )
+                pair: angle_distance(
+                    self.plans[method].predicted[:, j], self.goal(pair)[:, j]
+                ).in_units_of(math.radians(1.0))
                 for pair, method in PAIRS.items()
             }
             for j, name in enumerate(self.walk.joint_names)
@@ -236,32 +205,22 @@ class PlannedWalk:
     def foot_table(self) -> dict[str, Distance]:
         """Distances of the foot from its desired path by method [cm]."""
         return {
-            method: foot_distance(path, self.walk.desired_foot).in_units_of(0.01)
-            for method, path in self.foot.items()
+            method: foot_distance(plan.foot, self.walk.desired_foot).in_units_of(0.01)
+            for method, plan in self.plans.items()
         }
-
-
-@dataclass(frozen=True, eq=False)
-class Reproduction(PlannedWalk):
-    """Results of the experiment on one model for all joints.
-
-    Attributes:
-        steps: The step tests, by amplitude [degrees].
-        seconds: Time that each part took [s].
-    """
-
-    steps: Mapping[float, StepResponse]
-    seconds: Mapping[str, float]
-
-    @property
-    def model(self) -> JointModel:
-        """The model of every joint."""
-        return self.models[0]
 
     @property
     def baseline_deviation(self) -> float:
         """Mean relative deviation of the ten baseline figures from the paper's."""
         return float(np.mean(deviations(self.table2, self.foot_table)))
+
+    @cached_property
+    def steps(self) -> dict[float, StepResponse]:
+        """The step tests of the first joint, by amplitude [degrees]."""
+        return {
+            amplitude: measure_step_response(self.models[0], float(np.radians(amplitude)))
+            for amplitude in STEP_AMPLITUDES
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,7 +279,7 @@ def reproduce(
     *,
     segments: int = SEGMENTS,
     progress: Callable[[str], None] = lambda _: None,
-) -> Reproduction:
+) -> PlannedWalk:
     """Run the paper's experiment on its own model.
 
     Args:
@@ -328,53 +287,51 @@ def reproduce(
         segments: Lines of each approximation.
         progress: Called with the name of each part before it is computed.
     """
-    model = JointModel.ers210a() if model is None else model
     clock = Clock(progress)
-    planned = plan_walk((model,) * len(JOINTS), segments=segments, clock=clock)
+    models = (JointModel.ers210a() if model is None else model,) * len(JOINTS)
+    planned_walk = plan_walk(models, segments=segments, clock=clock)
     clock.start("step_tests", "the step tests")
-    steps = {
-        amplitude: measure_step_response(model, float(np.radians(amplitude)))
-        for amplitude in STEP_AMPLITUDES
-    }
+    _ = planned_walk.steps
     clock.stop()
-    return Reproduction(
-        **{each.name: getattr(planned, each.name) for each in fields(PlannedWalk)},
-        steps=steps,
-        seconds=clock.seconds,
-    )
+    return planned_walk
 
 
 def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> PlannedWalk:
-    """Plan the reference walk by every method, and predict the angles and the foot's path."""
-    models = tuple(models)
+    """Plan the reference walk by every method, and compute the lower bounds."""
     clock.start("walk", "the walk")
     walk = reference_walk()
+    limits, names = walk.leg.limits, walk.joint_names
+
+    def task_for(desired: Array, **more: Any) -> Task:
+        """The task for the joints one by one, with their leg and its foot."""
+        task = Task.of(models, desired, names=names, **more)
+        return replace(task, leg=walk.leg, foot=walk.desired_foot)
+
+    def of_joints(part: str, words: str) -> Callable[[str], None]:
+        return lambda name: clock.start(part, f"{words} for the {name}")
+
     clock.start("baselines", "the baselines")
-    direct = simulate_joints(models, walk.desired, cyclic=True)
-    lead = best_lead(direct, walk_distance(walk))
+    task = task_for(walk.desired)
+    plans = {"direct": Plan(task=task, requests=walk.desired)}
+    lead = best_lead(plans["direct"].predicted, walk_distance(walk))
+    plans["shift"] = Plan(task=task, requests=np.roll(walk.desired, -lead, axis=0))
+    for method, refine in REFINE.items():
+        lines = {"segments": segments, "rule": RULE, "refine": refine}
+        words = "the refined closed form" if refine else "the closed form"
+        progress = of_joints("closed_form", words)
+        plans[method] = planned(task, method="closed_form", lines=lines, progress=progress)
+    # A joint that sags cannot rest at a limit of its requests: clip to the angles where it can.
+    ends = [model.rest(pair) for model, pair in zip(models, np.transpose(limits), strict=True)]
+    resting = task_for(np.clip(walk.desired, *np.transpose(ends)), limits=limits)
+    plans["optimal"] = planned(resting, progress=of_joints("optimal", "the optimised requests"))
     clock.start("foot_optimal", "the optimised requests for the foot")
-    foot_plan = invert_foot(models, walk.leg, walk.desired_foot)
+    plans["foot_optimal"] = planned(Task.of(models, walk.desired_foot, leg=walk.leg))
+    clock.start("bounds", "the lower bounds for the joints")
+    _ = [plans[method].lower_bounds for method in (*REFINE, "optimal")]  # kept from now on
     clock.start("foot_bound", "the lower bound for the foot")
-    _ = foot_plan.lower_bound
-    plans = []
-    for j, (name, model) in enumerate(zip(walk.joint_names, models, strict=True)):
-        desired = walk.desired[:, j]
-        limits = (float(walk.leg.limits.lower[j]), float(walk.leg.limits.upper[j]))
-        clock.start("closed_form", f"the closed form for the {name}")
-        own = {
-            method: invert_closed_form(model, desired, segments=segments, rule=RULE, refine=refine)
-            for method, refine in REFINE.items()
-        }
-        clock.start("optimal", f"the optimised requests for the {name}")
-        # A joint that sags cannot rest at a limit of its requests: clip to the angles where it can.
-        resting = np.clip(desired, *model.rest(limits))
-        own["optimal"] = invert_optimal(model, resting, limits=limits)
-        clock.start("bounds", f"the lower bound for the {name}")
-        _ = [each.lower_bound for each in own.values()]  # computed when first asked for
-        plans.append(own)
+    _ = plans["foot_optimal"].lower_bounds
     clock.stop()
-    by_method = {method: tuple(own[method] for own in plans) for method in plans[0]}
-    return PlannedWalk(models, segments, walk, direct, lead, by_method, foot_plan)
+    return PlannedWalk(segments, walk, lead, plans, clock.seconds)
 
 
 def best_lead(unshifted: Array, distance: Callable[[Array], Distance]) -> int:

@@ -27,7 +27,8 @@ from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.identification.result import Identification
 from planner.learning.refine import refine
-from planner.planning.result import FootInversion, Learning
+from planner.planning.plan import Plan
+from planner.planning.result import Learning
 from planner.trajectory import Array, Distance, angle_distance
 from planner.virtual.robot import Constants, VirtualRobot
 
@@ -153,7 +154,9 @@ class VirtualOutcome:
         """
         run = self.runs["direct"]
         return {
-            name: angle_distance(run.angles[:, :, j].mean(axis=0), self.planned.direct[:, j]).rms
+            name: angle_distance(
+                run.angles[:, :, j].mean(axis=0), self.planned.plans["direct"].predicted[:, j]
+            ).rms
             for j, name in enumerate(self.planned.walk.joint_names)
         }
 
@@ -199,21 +202,21 @@ def play_experiment(
     clock.stop()
     planned = plan_walk([each.model for each in identifications], segments=segments, clock=clock)
     runs = {}
-    for method, requests in planned.requests.items():
+    for method, plan in planned.plans.items():
         if method != "shift":  # the best one is found on the robot
             clock.start("execution", f"{cycles} cycles of the walk: {method.replace('_', ' ')}")
-            runs[method] = execute(robot, requests, cycles=cycles)
+            runs[method] = execute(robot, plan.requests, cycles=cycles)
     lead = best_lead(runs["direct"].sensed.mean(axis=0), walk_distance(walk))
     runs["shift"] = execute(robot, np.roll(walk.desired, -lead, axis=0), cycles=cycles)
     clock.start("learning", f"{TRIALS} trials of learning")
-    trials, learning = learn(robot, planned.foot_plan)
+    trials, learning = learn(robot, planned.plans["foot_optimal"])
     clock.stop()
     return VirtualOutcome(
         constants=robot.constants,
         seed=seed,
         identifications=tuple(identifications),
         planned=planned,
-        runs={method: runs[method] for method in planned.requests},
+        runs={method: runs[method] for method in planned.plans},
         trials=trials,
         learning=learning,
         shift_samples=lead,
@@ -257,7 +260,7 @@ def _identified(logs: list[Log], *, tick: float) -> Identification:
 
 
 def learn(
-    robot: VirtualRobot, plan: FootInversion, *, trials: int = TRIALS
+    robot: VirtualRobot, plan: Plan, *, trials: int = TRIALS
 ) -> tuple[tuple[Run, ...], Learning]:
     """Execute a plan and refine it by the sensors' readings, in turn: the runs, and the learning.
 
@@ -267,8 +270,7 @@ def learn(
     for _ in range(trials):
         runs.append(execute(robot, plan.requests, cycles=MEASURED_CYCLES))
         plan = refine(plan, runs[-1].sensed, reidentify=False)
-    assert plan.learning is not None, "refine returned it"
-    return tuple(runs), plan.learning
+    return tuple(runs), plan.learning[0]
 
 
 def execute(robot: VirtualRobot, requests: Array, *, cycles: int) -> Run:

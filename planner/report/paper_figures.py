@@ -30,7 +30,7 @@ from planner.report.wording import words_of
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
-    from planner.evaluation.reproduction import PlannedWalk, Reproduction
+    from planner.evaluation.reproduction import PlannedWalk
     from planner.evaluation.virtual_experiment import VirtualOutcome
 
 ROLES = {
@@ -58,14 +58,13 @@ SHADE = 0.16
 ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
 
 
-def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
+def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
     """Every figure, in the order of the paper's."""
-    timeline, desired = timeline_of(reproduction), Drawn(reproduction.walk.desired, style.DESIRED)
-    requests, angles, plain = reproduction.requests, reproduction.angles, "closed_form_plain"
+    timeline, desired = timeline_of(planned), Drawn(planned.walk.desired, style.DESIRED)
+    plans, plain = planned.plans, "closed_form_plain"
 
     def lines(j: int) -> list[Curve]:
-        fit = reproduction.plans[plain][j].approximation
-        assert fit is not None, "a closed form has an approximation"
+        fit = plans[plain].approximations[j]
         fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
         knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
         role = style.APPROXIMATION
@@ -75,46 +74,48 @@ def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
         ]
 
     def joints(name: str, *drawn: Drawn, **more: Any) -> Figure:
-        return joints_figure(reproduction, name, [desired, *drawn], **more)
+        return joints_figure(planned, name, [desired, *drawn], **more)
 
     def beyond(name: str, method: str) -> Figure:
-        requested = Drawn(requests[method], style.REQUESTED)
-        return joints(name, requested, Drawn(angles[method], ROLES[method], "actual"))
+        requested = Drawn(plans[method].requests, style.REQUESTED)
+        return joints(name, requested, Drawn(plans[method].predicted, ROLES[method], "actual"))
 
     paths = [
-        timeline.path(reproduction.foot[method], role)
+        timeline.path(plans[method].foot, role)
         for method, role in ROLES.items()
         if method not in HIDDEN
     ]
     return (
-        direct_foot_figure(reproduction),
+        direct_foot_figure(planned),
         joints_figure(
-            reproduction,
+            planned,
             "figure2_joints_direct",
             [
                 desired._replace(label="requested = desired"),
-                Drawn(angles["direct"], style.DIRECT, "actual"),
+                Drawn(plans["direct"].predicted, style.DIRECT, "actual"),
             ],
         ),
-        *(_step_test(reproduction, k, each) for k, each in enumerate(STEP_AMPLITUDES, 3)),
-        _speed(reproduction),
+        *(_step_test(planned, k, each) for k, each in enumerate(STEP_AMPLITUDES, 3)),
+        _speed(planned),
         joints("figure6_approximation", more=lines),
         joints(
             "figure7_trajectories",
-            Drawn(requests[plain], style.REQUESTED),
-            Drawn(reproduction.approximations[plain], style.APPROXIMATION),
-            Drawn(angles[plain], style.CLOSED_FORM, "actual"),
+            Drawn(plans[plain].requests, style.REQUESTED),
+            Drawn(planned.approximations[plain], style.APPROXIMATION),
+            Drawn(plans[plain].predicted, style.CLOSED_FORM, "actual"),
         ),
-        foot_paths_figure("figure8_foot_paths", reproduction, paths, reproduction.legs),
+        foot_paths_figure("figure8_foot_paths", planned, paths, planned.legs),
         joints(
             "joints_by_method",
             *(
-                Drawn(angles[method], role, hidden=method == "optimal")
+                Drawn(plans[method].predicted, role, hidden=method == "optimal")
                 for method, role in ROLES.items()
                 if method != "shift"
             ),
-            Drawn(requests["foot_optimal"], style.REQUESTED, "requests, foot-optimised", True),
-            below=[distance_panel(reproduction, reproduction.foot)],
+            Drawn(
+                plans["foot_optimal"].requests, style.REQUESTED, "requests, foot-optimised", True
+            ),
+            below=[distance_panel(planned, {method: plan.foot for method, plan in plans.items()})],
         ),
         beyond("optimised_trajectories", "optimal"),
         beyond("foot_optimised_trajectories", "foot_optimal"),
@@ -124,12 +125,12 @@ def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
 # The foot.
 
 
-def direct_foot_figure(reproduction: Reproduction) -> Figure:
+def direct_foot_figure(planned: PlannedWalk) -> Figure:
     """Figure 1: the foot's paths from the side, joined at the same instants by thin lines."""
-    desired, actual = reproduction.walk.desired_foot, reproduction.foot["direct"]
+    desired, actual = planned.walk.desired_foot, planned.plans["direct"].foot
     pairs = 100.0 * np.stack([desired[::TIED], actual[::TIED]], axis=1)
     ties = style.GRID._replace(label="the same instants", width=1.2)
-    draw = timeline_of(reproduction).path
+    draw = timeline_of(planned).path
     curves = (
         Curve(ties, joined(pairs[:, :, 0]), joined(pairs[:, :, 2])),
         draw(desired, style.DESIRED),
@@ -241,14 +242,14 @@ def joints_figure(
 # The model.
 
 
-def _step_test(reproduction: Reproduction, number: int, amplitude: float) -> Figure:
+def _step_test(planned: PlannedWalk, number: int, amplitude: float) -> Figure:
     """Figures 3 and 4: the answer to a step test, its lag and its acceleration time shaded."""
-    response = reproduction.steps[amplitude]
-    timeline = Timeline(reproduction.model.period, len(response.angles))
+    response = planned.steps[amplitude]
+    timeline = Timeline(planned.models[0].period, len(response.angles))
     begun = response.step + response.lag
     full = begun + response.acceleration
     start, middle, end = (timeline.step * sample for sample in (response.step, begun, full))
-    speed = math.degrees(response.v_max) * reproduction.model.period
+    speed = math.degrees(response.v_max) * planned.models[0].period
     top = 1.24 * amplitude
     panel = Panel(
         Axis("angle", "deg", (-0.12 * amplitude, top)),
@@ -271,9 +272,9 @@ def _step_test(reproduction: Reproduction, number: int, amplitude: float) -> Fig
     return timeline.figure(f"figure{number}_step_{amplitude:g}", [panel], words)
 
 
-def _speed(reproduction: Reproduction) -> Figure:
+def _speed(planned: PlannedWalk) -> Figure:
     """Figure 5."""
-    model = reproduction.model
+    model = planned.models[0]
     theta_0, v_max = math.degrees(model.theta_0), math.degrees(model.v_max_per_tick)
     errors = np.linspace(-2.2, 2.2, 89) * theta_0
     speeds = model.tick * np.degrees(model.speed(np.radians(errors)))
@@ -383,12 +384,12 @@ def _virtual_joints(outcome: VirtualOutcome) -> list[Figure]:
         joints(
             "joints_direct",
             Drawn(walked["direct"], style.DIRECT, f"actual, {len(walked['direct'])} cycles"),
-            Drawn(planned.direct, PREDICTED),
+            Drawn(planned.plans["direct"].predicted, PREDICTED),
             label="requested = desired",
         ),
         joints(
             "trajectories",
-            Drawn(planned.requests[plain], style.REQUESTED),
+            Drawn(planned.plans[plain].requests, style.REQUESTED),
             Drawn(planned.approximations[plain], style.APPROXIMATION),
             Drawn(walked[plain], style.PLAIN, "actual"),
         ),
@@ -396,7 +397,7 @@ def _virtual_joints(outcome: VirtualOutcome) -> list[Figure]:
             "foot_optimised_trajectories",
             Drawn(outcome.runs["foot_optimal"].requests, style.REQUESTED),
             Drawn(walked["foot_optimal"], style.FOOT_OPTIMAL, "actual"),
-            Drawn(planned.angles["foot_optimal"], PREDICTED),
+            Drawn(planned.plans["foot_optimal"].predicted, PREDICTED),
             words="virtual_foot_optimised_trajectories",
         ),
         joints(
@@ -417,7 +418,7 @@ def _learning(outcome: VirtualOutcome) -> Figure:
     errors = np.array([each.mean.rms for each in outcome.learnt_foot])
     trials = np.arange(1.0, len(errors) + 1.0)
     ends = np.array([0.8, len(errors) + 0.2])
-    bound = 100.0 * outcome.planned.foot_plan.lower_bound
+    bound = 100.0 * float(outcome.planned.plans["foot_optimal"].lower_bounds[0])
     deviations = np.array([each.deviation.rms for each in outcome.learnt_foot])
     low, high = min(bound, float(np.min(errors - deviations))), float(np.max(errors + deviations))
     room = 0.2 * (high - low)

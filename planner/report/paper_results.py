@@ -18,7 +18,6 @@ from planner.evaluation.reproduction import (
     SOURCE,
     OverCycles,
     PlannedWalk,
-    Reproduction,
     deviations,
     published,
     published_foot,
@@ -46,7 +45,7 @@ VIRTUAL_NOTE = (
 )
 
 
-def paper_results(reproduction: Reproduction) -> dict[str, Any]:
+def paper_results(planned: PlannedWalk) -> dict[str, Any]:
     """The document that ``reproduce`` writes and prints, in degrees, centimetres and seconds.
 
     Every distance is a pair of plain numbers with the paper's own beside it, or None where the
@@ -63,29 +62,29 @@ def paper_results(reproduction: Reproduction) -> dict[str, Any]:
                 comparison: distance_entry(distance, published(joint, comparison))
                 for comparison, distance in comparisons.items()
             }
-            for joint, comparisons in reproduction.table2.items()
+            for joint, comparisons in planned.table2.items()
         },
         "foot": {
             method: distance_entry(distance, published_foot(method))
-            for method, distance in reproduction.foot_table.items()
+            for method, distance in planned.foot_table.items()
         },
-        "best_shift_samples": reproduction.lead,
-        "baseline_deviation": reproduction.baseline_deviation,
-        **_bounds(reproduction),
+        "best_shift_samples": planned.lead,
+        "baseline_deviation": planned.baseline_deviation,
+        **_bounds(planned),
         "step_tests": {
             f"{amplitude:g}": {
                 "lag_ticks": response.lag,
                 "acceleration_ticks": response.acceleration,
-                "v_max_deg_per_tick": math.degrees(response.v_max) * reproduction.model.period,
+                "v_max_deg_per_tick": math.degrees(response.v_max) * planned.models[0].period,
             }
-            for amplitude, response in reproduction.steps.items()
+            for amplitude, response in planned.steps.items()
         },
         "parameters": {
-            "model": reproduction.model.parameters(),
-            **_plan_parameters(reproduction),
+            "model": planned.models[0].parameters(),
+            **_plan_parameters(planned),
         },
         "versions": versions(),
-        "seconds": {**reproduction.seconds, "total": sum(reproduction.seconds.values())},
+        "seconds": {**planned.seconds, "total": sum(planned.seconds.values())},
     }
 
 
@@ -132,21 +131,26 @@ def _plan_parameters(planned: PlannedWalk) -> dict[str, Any]:
 
 def _bounds(planned: PlannedWalk) -> dict[str, Any]:
     """Lower bounds with the plans' gaps, and limits with the excess of requests over them."""
-    names, plans, limits = planned.walk.joint_names, planned.plans, planned.walk.leg.limits
+    plans, foot, limits = planned.plans, planned.plans["foot_optimal"], planned.walk.leg.limits
+    beyond = {
+        method: np.maximum(limits.lower - plan.requests, plan.requests - limits.upper).max(axis=0)
+        for method, plan in plans.items()
+        if method not in ("direct", "shift")
+    }
     return {
         "bounds": {
             name: {
-                "rms": math.degrees(plans["optimal"][j].lower_bound),
-                "gap": plans["optimal"][j].gap,
-                "closed_form_plain_gap": plans["closed_form_plain"][j].gap,
-                "closed_form_gap": plans["closed_form"][j].gap,
+                "rms": math.degrees(plans["optimal"].lower_bounds[j]),
+                "gap": float(plans["optimal"].gaps[j]),
+                "closed_form_plain_gap": float(plans["closed_form_plain"].gaps[j]),
+                "closed_form_gap": float(plans["closed_form"].gaps[j]),
                 "level": "envelope",
             }
-            for j, name in enumerate(names)
+            for j, name in enumerate(planned.walk.joint_names)
         },
         "foot_bound": {
-            "L2": 100.0 * planned.foot_plan.lower_bound,
-            "gap": planned.foot_plan.gap,
+            "L2": 100.0 * float(foot.lower_bounds[0]),
+            "gap": float(foot.gaps[0]),
             "level": "envelope",
         },
         "limits": {
@@ -154,11 +158,10 @@ def _bounds(planned: PlannedWalk) -> dict[str, Any]:
                 "lower": math.degrees(limits.lower[j]),
                 "upper": math.degrees(limits.upper[j]),
                 "excess": {
-                    method: math.degrees(planned.excess(method, j))
-                    for method in (*plans, "foot_optimal")
+                    method: math.degrees(max(most[j], 0.0)) for method, most in beyond.items()
                 },
             }
-            for j, name in enumerate(names)
+            for j, name in enumerate(planned.walk.joint_names)
         },
     }
 
@@ -298,15 +301,15 @@ def _in_paper_units(values: dict[str, float], period: float) -> dict[str, float]
     }
 
 
-def joint_paths(reproduction: Reproduction) -> dict[str, Array]:
+def joint_paths(planned: PlannedWalk) -> dict[str, Array]:
     """Angles and requests of all joints [rad], each (n, k), by the name of their file."""
-    requests, angles = reproduction.requests, reproduction.angles
+    plans = planned.plans
     return {
-        "desired": reproduction.walk.desired,
-        "approximation_plain": reproduction.approximations["closed_form_plain"],
-        "approximation": reproduction.approximations["closed_form"],
-        **{f"requests_{name}": each for name, each in requests.items() if name != "direct"},
-        **{f"angles_{name}": each for name, each in angles.items()},
+        "desired": planned.walk.desired,
+        "approximation_plain": planned.approximations["closed_form_plain"],
+        "approximation": planned.approximations["closed_form"],
+        **{f"requests_{name}": plan.requests for name, plan in plans.items() if name != "direct"},
+        **{f"angles_{name}": plan.predicted for name, plan in plans.items()},
     }
 
 

@@ -31,7 +31,10 @@ def check(folder, kept):
 def test_tables_of_the_experiment_hold_its_angles_and_positions(reproduced):
     answer, folder = reproduced.answer, reproduced.folder
     check(folder, joint_paths(answer))
-    feet = {"desired": answer.walk.desired_foot, **answer.foot}
+    feet = {
+        "desired": answer.walk.desired_foot,
+        **{name: plan.foot for name, plan in answer.plans.items()},
+    }
     for name, positions in feet.items():
         written = read_foot_path(folder / f"foot_{name}.csv").values
         assert written == pytest.approx(positions, abs=WRITTEN), name

@@ -44,9 +44,9 @@ def test_all_plans_beat_both_baselines_in_the_foot(reproduction):
 
 
 def test_the_closed_form_as_in_the_paper_is_that_of_its_six_lines_without_refinement(reproduction):
-    for joint in reproduction.plans["closed_form_plain"]:
+    for joint in reproduction.plans["closed_form_plain"].inversions:
         plain = planner.invert_closed_form(
-            reproduction.model, joint.desired, segments=6, rule="paper", refine=False
+            reproduction.models[0], joint.desired, segments=6, rule="paper", refine=False
         )
         assert np.array_equal(joint.requests, plain.requests)
     printed = f"{reproduction.foot_table['closed_form_plain'].rms:.2f}"
@@ -58,20 +58,21 @@ def test_the_plan_for_the_foot_keeps_it_closest_and_inside_the_limits(reproducti
     assert foot.rms <= 0.62
     assert foot.max <= 1.35
     lower, upper = reproduction.walk.leg.limits
-    assert np.all(reproduction.foot_plan.requests >= lower)
-    assert np.all(reproduction.foot_plan.requests <= upper)
+    requests = reproduction.plans["foot_optimal"].requests
+    assert np.all((lower <= requests) & (requests <= upper))
 
 
 def test_no_plan_beats_its_bound_and_the_optimised_one_is_worse_by_its_share_at_most(reproduction):
     plans = reproduction.plans
-    for closed_form, optimal in zip(plans["closed_form"], plans["optimal"], strict=True):
+    both = (plans[method].inversions for method in ("closed_form", "optimal"))
+    for closed_form, optimal in zip(*both, strict=True):
         most = 1.0051 * closed_form.rms  # an encoder's step beside the noise's share
         assert optimal.lower_bound <= optimal.rms <= most
 
 
 def test_every_distance_follows_from_the_requests_by_simulation(reproduction):
-    for name, joint in zip(paper.JOINTS, reproduction.plans["closed_form"], strict=True):
-        angles = simulate(reproduction.model, joint.requests)
+    for name, joint in zip(paper.JOINTS, reproduction.plans["closed_form"].inversions, strict=True):
+        angles = simulate(reproduction.models[0], joint.requests)
         error = math.degrees(float(np.sqrt(np.mean((angles - joint.desired) ** 2))))
         assert reproduction.table2[name]["Des,MB"].rms == pytest.approx(error, abs=1e-9)
 

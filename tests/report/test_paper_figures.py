@@ -42,7 +42,7 @@ def test_the_foot_of_the_moving_leg_goes_along_the_drawn_paths(figures):
 
 
 def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):
-    period = 1000.0 * reproduction.model.period
+    period = 1000.0 * reproduction.models[0].period
     for number, amplitude in enumerate(STEP_AMPLITUDES, 3):
         (panel,) = figures[f"figure{number}_step_{amplitude:g}"].panels
         response = reproduction.steps[amplitude]

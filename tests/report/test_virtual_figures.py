@@ -45,4 +45,6 @@ def test_every_cycle_of_every_joint_is_drawn_under_its_method(outcome, figures):
             assert values(mean) == pytest.approx(values(actual).mean(axis=0, keepdims=True))
             told = next(each for each in panel.curves if each.name == "predicted")
             assert values(actual) == pytest.approx(np.degrees(outcome.runs[method].angles[..., j]))
-            assert values(told) == pytest.approx(np.degrees([outcome.planned.angles[method][:, j]]))
+            assert values(told) == pytest.approx(
+                np.degrees([outcome.planned.plans[method].predicted[:, j]])
+            )

@@ -138,7 +138,7 @@ def test_the_page_states_the_figures_of_the_foot(results):
 def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(played):
     """The plan is within two per cent of it already; no trial makes that worse by its noise."""
     errors = [each.mean.rms for each in played.learnt_foot]
-    bound = 100.0 * played.planned.foot_plan.lower_bound
+    bound = 100.0 * float(played.planned.plans["foot_optimal"].lower_bounds[0])
     last = played.learning
     assert len(errors) == 10
     assert max(errors) < errors[0] + 100.0 * last.floor[1]
