@@ -47,21 +47,21 @@ def plan(*, run: Run, path: str, output: str, report: str | None) -> Answer:  # 
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
-    from planner.cli.planning import answer_of, judged, plan_of, plan_report, prepare
+    from planner.cli.planning import answer_of, plan_of, plan_report, prepare
 
     desired = prepare(run)
     options.warn_of(desired.remarks)
     with Progress(len(desired.names)) as progress:
         result = plan_of(desired, progress)
-    missed, remarks = judged(desired, result)
+    answer, remarks = answer_of(desired, result)
     options.warn_of(remarks)
-    page = ""
+    page, missed = "", "; ".join(answer.missed or ())
     if report is not None:
-        files = [("requests", output)]
-        page = plan_report(desired, result, missed=missed, page=report, written=files)
+        page = plan_report(desired, answer, page=report, written=[("requests", output)])
     return Answer(
-        *answer_of(desired, result, missed),
+        answer.document(),
+        answer.text(),
         lambda file: desired.write(file, result.requests, result.task.load),
         pages=[(report, page)],
-        failure=f"{'; '.join(missed)}; the requests are written all the same" if missed else "",
+        failure=f"{missed}; the requests are written all the same" if missed else "",
     )

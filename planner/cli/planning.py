@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
 from planner.planning.task import Task, checked_leg, limits_of_each
-from planner.report.plan_results import against_tolerances, plan_results, plan_text
+from planner.report.plan_results import PlanAnswer, against_tolerances
 from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
@@ -192,55 +192,39 @@ def task_of(desired: Desired) -> Task:
 # The answer: JSON for machines, text and pages for people.
 
 
-def judged(desired: Desired, plan: Plan) -> tuple[list[str], list[Remark]]:
-    """The tolerances that a plan misses, in words, and remarks on it."""
-    tolerance = desired.settings.tolerance
+def answer_of(desired: Desired, plan: Plan) -> tuple[PlanAnswer, list[Remark]]:
+    """The plan with how the settings asked for it, and remarks on it."""
+    tolerance, units = desired.settings.tolerance, desired.planned_units
     missed, doubted = against_tolerances(
-        plan, desired.planned_units, degrees=tolerance.deg, centimetres=tolerance.cm
+        plan, units, degrees=tolerance.deg, centimetres=tolerance.cm
     )
-    return missed, [*beyond_limits(desired, plan), *map(Remark, doubted)]
-
-
-def answer_of(desired: Desired, plan: Plan, missed: Sequence[str]) -> tuple[dict[str, Any], str]:
-    """The plan for machines, and for people."""
-    run = desired.settings
-    shared: dict[str, Any] = {
-        "method": run.plan.method,
-        "legs": desired.legs,
-        "of_foot": desired.foot is not None,
-        "unreachable": desired.unreachable,
-    }
-    has_tolerance = run.tolerance.deg is not None or run.tolerance.cm is not None
-    kept = not missed if has_tolerance else None
-    document = plan_results(
-        plan, desired.planned_units, robust=run.plan.robust, kept=kept, **shared
+    answer = PlanAnswer(
+        plan=plan,
+        method=desired.settings.plan.method,
+        model=model_words(desired.settings.model),
+        units=units,
+        legs=desired.legs,
+        of_foot=desired.foot is not None,
+        unreachable=desired.unreachable,
+        missed=None if tolerance.deg is None and tolerance.cm is None else missed,
     )
-    return document, plan_text(plan, desired.labels, model=model_words(run.model), **shared)
+    return answer, [*beyond_limits(desired, plan), *map(Remark, doubted)]
 
 
 def plan_report(
-    desired: Desired,
-    plan: Plan,
-    *,
-    missed: Sequence[str],
-    page: Path | str,
-    written: Written = (),
+    desired: Desired, answer: PlanAnswer, *, page: Path | str, written: Written = ()
 ) -> str:
     """The page about a plan, as HTML, with links to the files that were ``written``."""
     from planner.report.plan_page import plan_page
 
-    subjects = desired.legs or desired.names
     about = plan_page(
-        plan,
-        title=leg_title(desired.settings.leg) or ", ".join(subjects),
-        method=desired.settings.plan.method,
+        answer,
+        title=leg_title(desired.settings.leg) or ", ".join(desired.legs or desired.names),
         foot_given=desired.foot_given,
-        unreachable=desired.unreachable,
-        legs=desired.legs,
-        missed=missed,
         notes=notes_of(desired),
     )
-    return about.html(page, origins_of(desired, plan.task.leg), [*inputs_of(desired), *written])
+    leg = answer.plan.task.leg
+    return about.html(page, origins_of(desired, leg), [*inputs_of(desired), *written])
 
 
 def notes_of(desired: Desired) -> list[str]:

@@ -277,7 +277,7 @@ def refined(
 def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> list[Trials]:
     """The errors of each joint, or of the foot, in the user's units."""
     from planner.report.learning_page import Trials
-    from planner.report.plan_page import no_bound
+    from planner.report.plan_results import no_bound
 
     rows = []
     file_models = dict(zip(desired.names, desired.models, strict=True))

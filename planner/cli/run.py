@@ -140,7 +140,7 @@ def _check_names(run: Run) -> None:
 
 def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
     """Plan, and write the folder of the results, ``results.json`` among them."""
-    from planner.cli.planning import answer_of, judged, plan_of, plan_report
+    from planner.cli.planning import answer_of, plan_of, plan_report
     from planner.files.paths import write_foot_path
     from planner.report.page import versions
     from planner.robot.schedule import Schedule
@@ -157,7 +157,7 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
             return place if name else None
 
         plan = plan_of(desired, progress)
-        missed, remarks = judged(desired, plan)
+        answer, remarks = answer_of(desired, plan)
         progress("the files")
         for name, angles, loads in (
             (run.output.requests, plan.requests, plan.task.load),
@@ -179,12 +179,11 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
         if page := placed(run.output.report):
             files: list[tuple[str, Path | str | None]] = [("run", file.path)]
             files += [(Path(name).stem, folder / name) for name in [*list_files(folder), MANIFEST]]
-            write_text(page, plan_report(desired, plan, missed=missed, page=page, written=files))
-        document, summary = answer_of(desired, plan, missed)
+            write_text(page, plan_report(desired, answer, page=page, written=files))
         results = {
             "made_by": "request-planner run",
             "settings": flat(run),
-            **document,
+            **answer.document(),
             "exports": exports,
             "versions": versions(),
             "files": list_files(folder),
@@ -192,7 +191,7 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
         write_text(folder / MANIFEST, to_json(results))
     for remark in (*desired.remarks, *remarks):
         warn(str(remark))
-    if missed:
-        failure = f"{'; '.join(missed)}; the files are written all the same"
+    if answer.missed:
+        failure = f"{'; '.join(answer.missed)}; the files are written all the same"
     words += f"\n{len(results['files']) + 1} files in {out}"
-    return Answer(results, summary + words, failure=failure)
+    return Answer(results, answer.text() + words, failure=failure)

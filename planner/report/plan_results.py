@@ -1,18 +1,19 @@
-"""A plan in numbers for machines, and as text."""
+"""The answer about a plan: its numbers, computed once, for machines and people and for its page."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.model.evidence import OPEN_TOP_SPEED
+from planner.model.evidence import ENCODER_STEP, OPEN_TOP_SPEED, Expectation, untested_words
 from planner.model.joint import JointModel
-from planner.planning.plan import Plan
-from planner.planning.result import FootInversion, Inversion
-from planner.planning.task import NORMS
+from planner.planning.plan import DEGREE, Plan, RequestMotion
+from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import (
     CLEARLY,
     has_refused,
@@ -20,68 +21,316 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.plan_page import (
-    advice,
-    bound_title,
-    expected_words,
-    feet_table,
-    models_errors_table,
-    motions_of,
-    no_bound,
-    open_top_speeds,
-    size,
-    too_fast,
-)
-from planner.report.table import NOTHING, Column, Row, Table, percent
-from planner.trajectory import Array, error_norm, rms
+from planner.report.table import NO_BOUND, NOTHING, Column, Row, Table, by_columns, number, percent
+from planner.trajectory import Array, Distance, error_norm, rms
 
 if TYPE_CHECKING:
     from kinematics import Leg
 
 
-def plan_results(
-    plan: Plan,
-    units: Sequence[str],
-    *,
-    method: str,
-    legs: Mapping[str, Leg],
-    of_foot: bool,
-    unreachable: int,
-    robust: str | None,
-    kept: bool | None,
-) -> dict[str, Any]:
-    """A plan for machines; fields that a plan for the foot does not have are null.
+AT_LIMIT = math.radians(1e-6)
+"""A request this close to a limit is at it [rad]."""
 
-    Args:
+
+class JointNumbers(NamedTuple):
+    """Numbers of one joint of a plan, angles in its unit: degrees, or percent of its range."""
+
+    name: str
+    unit: str  # "deg" or "percent"
+    planned: Distance  # error by the plan
+    direct: Distance  # error when the desired angles are requested as they are
+    early: float  # root mean square error under the best time shift
+    lead: float  # of that shift [s]
+    expected: Expectation  # error to expect on the robot [rad]
+    expected_early: float  # under the shift; NaN where that is unknown
+    bound: float  # lower bound on the error of any requests; NaN where there is none
+    gap: float  # relative distance of the error from it
+    speed: float  # of the path where that is largest for the joint [unit/s]
+    top: float  # the joint's top speed there [unit/s]
+    share: float  # of the path beyond the top speed [-]
+    at_limit: int  # requests at a limit or beyond it
+    beyond: float  # how far requests go beyond the limits
+    motion: RequestMotion  # how its requests move [rad]
+
+    @property
+    def label(self) -> str:
+        """The joint, with its unit where that is not degrees."""
+        return self.name if self.unit == "deg" else f"{self.name} [% of its range]"
+
+    @property
+    def load(self) -> float:
+        """That speed over the top speed [-]."""
+        return self.speed / self.top
+
+
+class FootNumbers(NamedTuple):
+    """Errors of a foot [cm]: by the plan, without one, and under the best time shift."""
+
+    planned: Distance
+    direct: Distance
+    early: Distance
+    expected: float | None  # to expect on the robot, rms; None where it is unknown
+    expected_early: float | None  # under the shift
+
+
+def size(errors: Array, factor: float = DEGREE) -> Distance:
+    """The errors times a factor in two numbers."""
+    return Distance(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
+
+
+def foot_numbers(feet: Sequence[Plan]) -> FootNumbers:
+    """The numbers of a foot, or of several together."""
+    shifts = [shifted(foot.task) for foot in feet]
+    planned, direct, early = (
+        size(np.concatenate(each), 100.0)
+        for each in (
+            [foot.distances for foot in feet],
+            [foot.direct_distances for foot in feet],
+            [shift.distances for shift in shifts],
+        )
+    )
+    expected, expected_early = (
+        None if len(feet) > 1 or each[0].expected_foot is None else 100.0 * each[0].expected_foot
+        for each in (feet, shifts)
+    )
+    return FootNumbers(planned, direct, early, expected, expected_early)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanAnswer:
+    """A plan and how it was asked for: all that JSON, text and page say about it.
+
+    Attributes:
         plan: The plan.
-        units: Of each joint, "deg" or "percent".
         method: The method as the user names it.
-        legs: The legs of a whole robot, by name.
+        model: Where the models come from, in words.
+        units: Of each joint, "deg" or "percent"; () if all are degrees.
+        legs: The legs of a whole robot whose joints are all planned, by name.
         of_foot: Whether the path is that of a foot.
         unreachable: Samples out of the leg's reach.
-        robust: Which error over several models was made small.
-        kept: Whether the plan keeps the tolerances; None without any.
+        missed: Tolerances that the plan misses, in words; None where there are none to keep.
     """
-    task = plan.task
-    joints, shift = {}, shifted(task)
-    for j, (name, unit) in enumerate(zip(plan.names, units, strict=True)):
+
+    plan: Plan
+    method: str
+    model: str = ""
+    units: Sequence[str] = ()
+    legs: Mapping[str, Leg] = field(default_factory=dict)
+    of_foot: bool = False
+    unreachable: int = 0
+    missed: Sequence[str] | None = None
+
+    @cached_property
+    def shift(self) -> Plan:
+        """The best time shift for the same task."""
+        return shifted(self.plan.task)
+
+    @cached_property
+    def joints(self) -> list[JointNumbers]:
+        """The numbers of every joint."""
+        plan, shift, task = self.plan, self.shift, self.plan.task
+        excess = np.maximum(task.lower - plan.requests, plan.requests - task.upper)
+        most, numbers = excess.max(axis=0), list[JointNumbers]()
+        bounded = plan.task.goal == "angles" and self.method != "foot-optimal"
+        for j, (name, model) in enumerate(zip(plan.names, plan.models, strict=True)):
+            has_bound = bounded and not (task.load_of_pose or model.exceeds_v_max)
+            speed, top = np.degrees(plan.speeds[j].highest)
+            numbers.append(
+                JointNumbers(
+                    name=name,
+                    unit=self.units[j] if self.units else "deg",
+                    planned=size(np.ascontiguousarray(plan.errors[:, j])),
+                    direct=size(np.ascontiguousarray(plan.direct[:, j] - plan.desired[:, j])),
+                    early=math.degrees(rms(shift.errors[:, j])),
+                    lead=shift.leads[j],
+                    expected=plan.expected[j],
+                    expected_early=math.degrees(shift.expected[j].error),
+                    bound=math.degrees(plan.lower_bounds[j]) if has_bound else math.nan,
+                    gap=float(plan.gaps[j]) if has_bound else math.nan,
+                    speed=float(speed),
+                    top=float(top),
+                    share=float(plan.too_fast[j]),
+                    at_limit=int(np.sum(excess[:, j] >= -AT_LIMIT)),
+                    beyond=math.degrees(most[j]) if most[j] > AT_LIMIT else 0.0,
+                    motion=plan.motions[j],
+                )
+            )
+        return numbers
+
+    @cached_property
+    def parts(self) -> dict[str, Plan]:
+        """The plans of the legs, by name."""
+        return {name: self.plan.of_leg(leg) for name, leg in self.legs.items()}
+
+    @cached_property
+    def feet(self) -> dict[str, FootNumbers]:
+        """The numbers of every foot of the legs, by name."""
+        return {name: foot_numbers([part]) for name, part in self.parts.items()}
+
+    @cached_property
+    def foot(self) -> FootNumbers | None:
+        """The numbers of the foot, or of all feet together; None where there is none."""
+        feet = list(self.parts.values()) or ([self.plan] if self.plan.task.leg else [])
+        return foot_numbers(feet) if feet else None
+
+    @property
+    def draws(self) -> int:
+        """Number of models beside the nominal one."""
+        return max(map(len, self.plan.task.models)) - 1
+
+    @property
+    def has_expected(self) -> bool:
+        """Whether an error to expect on the robot is known, of any joint."""
+        return any(math.isfinite(each.expected.error) for each in self.joints)
+
+    @cached_property
+    def recommended(self) -> str:
+        """Why the best time shift is recommended instead of the plan; "" where it is not."""
+        return "" if self.plan.method == "shift" else shift_recommended(self.plan, self.shift)
+
+    @cached_property
+    def refining(self) -> str:
+        """Why the requests are better refined by a measured cycle; "" where they need not be."""
+        return "" if self.plan.method == "shift" else refining_recommended(self.plan, self.shift)
+
+    @property
+    def advice(self) -> list[str]:
+        """What to know and to do before the requests are sent to the robot."""
+        lines = [untested_words(self.plan.names, self.plan.expected)]
+        if self.recommended:
+            lines.append(f"recommended: --method shift, as {self.recommended}")
+        if self.refining:
+            refine = "play the requests and refine them (request-planner refine)"
+            lines.append(f"recommended: {refine}: {self.refining}")
+        return list(filter(None, [*lines, start_words(self.plan)]))
+
+    @property
+    def fast(self) -> list[JointNumbers]:
+        """The joints that cannot follow, the worst first; less leaves no error worth a remark."""
+        fast = (each for each in self.joints if each.share >= 0.005 or each.load > 1.01)
+        return sorted(fast, key=lambda each: -each.load)
+
+    @property
+    def open_top_speeds(self) -> list[str]:
+        """The joints whose top speed their logs leave open: bounds are of their models only."""
+        pairs = zip(self.plan.names, self.plan.models, strict=True)
+        return [name for name, m in pairs if m.evidence and m.evidence.leaves_top_speed_open]
+
+    # The tables.
+
+    @property
+    def bound_title(self) -> str:
+        """The title of lower bounds: of what error, where that is not the rms error."""
+        return "lower bound (max)" if self.plan.task.norm == "max" else "lower bound"
+
+    @property
+    def robot_cells(self) -> list[str]:
+        """Error to expect of each joint on the robot, rms, with its range in a note."""
+        cells = []
+        for each in self.joints:
+            error, *ends = np.degrees([each.expected.error, each.expected.low, each.expected.high])
+            low, high = (f"{end:.3g}" for end in ends)
+            known = f"{error:.3f}" if low == high else f"{error:.3f}\n{low} to {high}"
+            cells.append(NOTHING if math.isnan(error) else known)
+        return cells
+
+    @property
+    def motions(self) -> Table:
+        """How the requests of every joint move; see :func:`motions_table`."""
+        return motions_table((each.name, each.motion, DEGREE) for each in self.joints)
+
+    @property
+    def over_models(self) -> Table | None:
+        """Errors of a robust plan over the models that joints may have, and of the nominal plan."""
+        unit, factor, labels = "deg", DEGREE, [each.label for each in self.joints]
+        results: Sequence[Inversion | FootInversion] = self.plan.inversions
+        if self.plan.of_foot is not None:
+            unit, factor, labels, results = "cm", 100.0, ["foot"], [self.plan.of_foot]
+        rows = []
+        for label, robust in zip(labels, results, strict=True):
+            if robust.nominal is None:
+                return None
+            for result, kind in ((robust, robust.robust), (robust.nominal, "nominal model")):
+                errors = tuple(f"{factor * error:.3f}" for error in result.over_models)
+                rows.append(Row(f"{label}, for the {kind}", errors))
+        columns = tuple(Column(f"{which} [{unit}]") for which in ErrorsOfModels._fields)
+        return Table("plan", columns, tuple(rows), label="Errors over the models")
+
+    @property
+    def feet_table(self) -> Table:
+        """How far the foot of each leg of a robot is from its path."""
+        feet, norms = self.feet.values(), ("rms", "at most")
+
+        def cells(of: str) -> list[tuple[str, ...]]:
+            return [tuple(f"{error:.3f}" for error in getattr(each, of)) for each in feet]
+
+        robot = [f"{each.expected:.3f}" for each in feet if each.expected is not None]
+        return by_columns(
+            "foot",
+            self.feet,
+            [
+                (Column("plan [cm]", norms), cells("planned")),
+                (Column("without a plan [cm]", norms), cells("direct")),
+                (Column("best shift [cm]", norms), cells("early")),
+                len(robot) == len(feet) and ("on the robot, rms [cm]", robot),
+            ],
+            label="Feet",
+        )
+
+    # For machines, and for people on a terminal.
+
+    def document(self) -> dict[str, Any]:
+        """The plan for machines; fields that a plan for the foot does not have are null."""
+        plan, task = self.plan, self.plan.task
+        step = float(np.min(task.max_step))
+        feet = {
+            name: {
+                **_named(each.planned, "cm"),
+                "expected_rms_cm": each.expected,
+                "without_plan_rms_cm": each.direct.rms,
+                "best_shift_rms_cm": each.early.rms,
+            }
+            for name, each in self.feet.items()
+        }
+        return {
+            "method": self.method,
+            "recommended_method": None
+            if has_refused(plan)
+            else "shift"
+            if self.recommended
+            else self.method,
+            "refining_recommended": bool(self.refining),
+            "cyclic": plan.cyclic,
+            "period_s": plan.period,
+            "robust": task.robust,
+            "max_step_deg": None if math.isinf(step) else math.degrees(step),
+            "unreachable_samples": self.unreachable,
+            "lower_bound_withdrawn": no_bound(plan) or None,
+            "joints": {each.name: self._joint(j, each) for j, each in enumerate(self.joints)},
+            "foot": self._foot() if self.of_foot else None,
+            **({"legs": feet} if feet else {}),
+            "within_tolerance": None if self.missed is None else not self.missed,
+        }
+
+    def _joint(self, j: int, numbers: JointNumbers) -> dict[str, Any]:
+        """A joint for machines."""
+        plan, unit, expected, motion = self.plan, numbers.unit, numbers.expected, numbers.motion
         inversion = plan.inversions[j] if plan.inversions else None
-        ends = np.degrees([plan.expected[j].low, plan.expected[j].high]).tolist()
-        motion = plan.motions[j]
-        joints[name] = {
-            **errors_results(np.degrees(plan.errors[:, j]), unit),
+        ends = np.degrees([expected.low, expected.high]).tolist()
+        return {
+            **_named(numbers.planned, unit),
             "norm": inversion and inversion.norm,
             "solver": inversion and inversion.solver,
-            f"expected_rms_{unit}": math.degrees(plan.expected[j].error),
+            f"expected_rms_{unit}": math.degrees(expected.error),
             f"expected_range_{unit}": ends if np.isfinite(ends).all() else None,
-            "untested": list(plan.expected[j].untested),
-            f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
+            "untested": list(expected.untested),
+            f"lower_bound_{unit}": inversion and math.degrees(inversion.lower_bound),
             "gap": inversion and inversion.gap,
-            "over_models": inversion and _over_models(inversion, unit, math.degrees(1.0)),
+            "over_models": inversion and _over_models(inversion, unit, DEGREE),
             "best_shift": {
-                "lead_s": shift.leads[j],
-                f"rms_{unit}": float(np.degrees(rms(shift.errors[:, j]))),
-                f"expected_rms_{unit}": math.degrees(shift.expected[j].error),
+                "lead_s": numbers.lead,
+                f"rms_{unit}": numbers.early,
+                f"expected_rms_{unit}": numbers.expected_early,
             },
             **verdict_results(plan.models[j]),
             f"largest_step_{unit}": math.degrees(motion.largest_step),
@@ -91,51 +340,185 @@ def plan_results(
             f"beyond_desired_{unit}": math.degrees(motion.beyond),
             f"requests_{unit}": np.degrees(plan.requests[:, j]).tolist(),
             f"predicted_{unit}": np.degrees(plan.predicted[:, j]).tolist(),
-            **({} if task.load is None else {"load_Nm": task.load[:, j].tolist()}),
+            **({} if plan.task.load is None else {"load_Nm": plan.task.load[:, j].tolist()}),
         }
-    foot = None
-    if of_foot:
-        bound, foot_inversion = plan.foot_bound, plan.of_foot
-        foot = {
-            **errors_results(100.0 * plan.distances, "cm"),
-            "expected_rms_cm": plan.expected_foot and 100.0 * plan.expected_foot,
-            "norm": foot_inversion and foot_inversion.norm,
+
+    def _foot(self) -> dict[str, Any]:
+        """The foot for machines."""
+        numbers, bound, inversion = self.foot, self.plan.foot_bound, self.plan.of_foot
+        assert numbers is not None, "a foot belongs to a leg"
+        return {
+            **_named(numbers.planned, "cm"),
+            "expected_rms_cm": numbers.expected,
+            "norm": inversion and inversion.norm,
             "best_shift": {
-                "rms_cm": 100.0 * rms(shift.distances),
-                "expected_rms_cm": shift.expected_foot and 100.0 * shift.expected_foot,
+                "rms_cm": numbers.early.rms,
+                "expected_rms_cm": numbers.expected_early,
             },
             "lower_bound_cm": None if bound is None else 100.0 * bound,
-            "gap": None if bound is None else foot_inversion and foot_inversion.gap,
-            "over_models": foot_inversion and _over_models(foot_inversion, "cm", 100.0),
-            "predicted_m": plan.foot.tolist(),
+            "gap": None if bound is None else inversion and inversion.gap,
+            "over_models": inversion and _over_models(inversion, "cm", 100.0),
+            "predicted_m": self.plan.foot.tolist(),
         }
-    feet = {}
-    for name, leg in legs.items():
-        part = plan.of_leg(leg)
-        leg_shift = shifted(part.task)
-        feet[name] = {
-            **errors_results(100.0 * part.distances, "cm"),
-            "expected_rms_cm": part.expected_foot and 100.0 * part.expected_foot,
-            "without_plan_rms_cm": 100.0 * rms(part.direct_distances),
-            "best_shift_rms_cm": 100.0 * rms(leg_shift.distances),
-        }
-    recommended = "shift" if shift_recommended(plan, shift) else method
-    step = float(np.min(task.max_step))
-    return {
-        "method": method,
-        "recommended_method": None if has_refused(plan) else recommended,
-        "refining_recommended": bool(refining_recommended(plan, shift)),
-        "cyclic": plan.cyclic,
-        "period_s": plan.period,
-        "robust": robust,
-        "max_step_deg": None if math.isinf(step) else math.degrees(step),
-        "unreachable_samples": unreachable,
-        "lower_bound_withdrawn": no_bound(plan) or None,
-        "joints": joints,
-        "foot": foot,
-        **({"legs": feet} if legs else {}),
-        "within_tolerance": kept,
+
+    def text(self) -> str:
+        """The plan for people."""
+        joints, plan = self.joints, self.plan
+        table = by_columns(
+            "joint",
+            [each.label for each in joints],
+            [
+                ("rms [deg]", [f"{each.planned.rms:.3f}" for each in joints]),
+                ("max [deg]", [f"{each.planned.max:.3f}" for each in joints]),
+                self.has_expected and ("on the robot", self.robot_cells),
+                (self.bound_title, [number(each.bound, 3) for each in joints]),
+                ("gap", [NOTHING if np.isnan(each.gap) else percent(each.gap) for each in joints]),
+            ],
+        )
+        lines = [
+            f"{len(plan.requests)} requests, one every {1e3 * plan.period:.6g} ms; {self.model}",
+            table.text(),
+            "",
+            self.motions.text(),
+        ]
+        if over_models := self.over_models:
+            words = (
+                f"{plan.task.norm} errors over the nominal model and {self.draws} drawn from its"
+            )
+            lines += ["", f"{words} intervals:", over_models.text()]
+        if self.feet:
+            lines += ["", self.feet_table.text(), ""]
+        if self.of_foot:
+            lines += self._foot_lines()
+        if plan.method == "shift":
+            early = (f"{each.name} {1e3 * each.lead:.0f} ms" for each in joints)
+            lines.append(f"early by: {', '.join(early)}")
+        else:
+            lines.append(f"desired angles sent early instead, rms [deg]: {self._shift_words()}")
+        if fast := self.fast:
+            worst = ", ".join(
+                f"{each.name} ({percent(each.share, 0)} of the path, up to {each.load:.3g} times "
+                "the top speed)"
+                for each in fast[:4]
+            )
+            more = f" and {len(fast) - 4} more" if len(fast) > 4 else ""
+            words = "no requests follow exactly where the path is faster than the joint"
+            lines.append(f"{words}: {worst}{more}")
+        if self.has_expected:
+            has_range = any(np.isfinite(each.expected.high) for each in joints)
+            more = ", and the range of 90 % of such motions" if has_range else ""
+            words = "on the robot: rms error to expect, by what the models were tested on"
+            lines.append(f"{words}{more}")
+        lines += self.advice
+        unknown = [each.name for each in joints if each.share and each.name in self.open_top_speeds]
+        if unknown:
+            lines.append(f"lower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})")
+        if words := no_bound(plan):
+            lines.append(f"there is no lower bound {words}")
+        if np.any(np.isfinite(plan.task.max_step)):
+            lines.append("lower bounds are for requests with steps of any size")
+        if self.unreachable:
+            lines.append(f"{self.unreachable} samples were out of the leg's reach")
+        return "\n".join(lines)
+
+    def _foot_lines(self) -> list[str]:
+        """The errors of the foot, and their lower bound."""
+        plan, numbers, robot = self.plan, self.foot, ""
+        assert numbers is not None, "a foot belongs to a leg"
+        if numbers.expected is not None:
+            robot = f"; on the robot {numbers.expected:.3f} cm rms to expect"
+        rms_error, most = numbers.planned
+        lines = [f"foot: {rms_error:.3f} cm rms from its path, {most:.3f} cm at most{robot}"]
+        if plan.of_foot is not None and plan.foot_bound:
+            norm = "rms" if plan.task.norm == "rms" else "at most"
+            weighted = " as weighted" if len(set(plan.of_foot.weights)) > 1 else ""
+            lines.append(
+                f"no requests within the limits bring it below {100.0 * plan.foot_bound:.3f} cm "
+                f"{norm}{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
+            )
+        return lines
+
+    def _shift_words(self) -> str:
+        """The errors of the best time shift."""
+        joints = self.joints
+        if len(joints) > 6:  # too many to list
+            moving = np.ptp(self.plan.desired, axis=0) > 0.0
+            leads = 1e3 * np.array([each.lead for each in joints])[moving if moving.any() else ...]
+            most = max(each.early for each in joints)
+            words = f"at most {most:.3f} ({min(leads):.0f} to {max(leads):.0f} ms early)"
+        else:
+            words = ", ".join(
+                f"{j.label} {j.early:.3f}"
+                + ("" if np.isnan(j.expected_early) else f", on the robot {j.expected_early:.3f}")
+                + f" ({1e3 * j.lead:.0f} ms early)"
+                for j in joints
+            )
+        if self.of_foot and self.foot is not None:
+            words += f"; foot {self.foot.early.rms:.3f} cm"
+        better = any(j.expected_early < CLEARLY * math.degrees(j.expected.error) for j in joints)
+        if better and not (self.recommended or has_refused(self.plan)):
+            words += "; on the robot that is better for some joints: see --method shift"
+        return words
+
+
+def _named(errors: Distance, unit: str) -> dict[str, float]:
+    return {f"rms_{unit}": errors.rms, f"max_{unit}": errors.max}
+
+
+def no_bound(plan: Plan) -> str:
+    """For what there is no lower bound, and why; empty where there is one."""
+    if plan.task.load_of_pose:
+        return NO_BOUND
+    pairs = zip(plan.names, plan.models, strict=True)
+    faster = [name or "the joint" for name, model in pairs if model.exceeds_v_max]
+    if not faster:
+        return ""
+    return f"for {', '.join(faster)}: with the integral of a speed loop v_max may be exceeded"
+
+
+def start_words(plan: Plan) -> str:
+    """How to bring joints to the start of a plan from rest; "" where it makes no difference.
+
+    The first request holds a joint at its start in the middle of its dead band. A joint that comes
+    to rest under it stops short of its start by that band, on either side. An integral term
+    overcomes the friction. It is said where that is more than the error to expect, and than a step
+    of an encoder.
+    """
+    if plan.cyclic:
+        return ""
+    off = {
+        name or "the joint": math.degrees(model.steady.dead_band)
+        for name, model, expected, own in zip(
+            plan.names, plan.models, plan.expected, map(rms, plan.errors.T), strict=True
+        )
+        if model.steady.dead_band > max(np.nan_to_num(expected.error, nan=own), ENCODER_STEP)
     }
+    if not off:
+        return ""
+    joints = ", ".join(f"{name} by up to {size:.2g} degrees" for name, size in off.items())
+    return (
+        f"by dry friction a joint may rest beside the start that the plan assumes ({joints}): lead "
+        "it there slowly, from below to a request as much above the first one, or from above to "
+        "one as much below"
+    )
+
+
+def motions_table(motions: Iterable[tuple[str, RequestMotion, float]]) -> Table:
+    """How requests move, beside the desired path: by joint, with the factor to degrees."""
+    names, each, factors = zip(*motions, strict=True)
+    pairs = [*zip(each, factors, strict=True)]
+    return by_columns(
+        "requests",
+        names,
+        [
+            ("largest step [deg]", [f"{factor * m.largest_step:.2f}" for m, factor in pairs]),
+            ("reversals/s", [f"{m.reversals_per_s:.1f}" for m in each]),
+            ("length [deg]", [f"{factor * m.path_length:.1f}" for m, factor in pairs]),
+            ("desired", [f"{factor * m.desired_length:.1f}" for m, factor in pairs]),
+            ("outside desired [deg]", [f"{factor * m.beyond:.2f}" for m, factor in pairs]),
+        ],
+        label="How the requests move",
+    )
 
 
 def _over_models(
@@ -163,10 +546,7 @@ def verdict_results(model: JointModel) -> dict[str, str]:
 
 def errors_results(errors: Array, unit: str, factor: float = 1.0) -> dict[str, float]:
     """Root mean square and largest of some errors, times a factor, for machines."""
-    return {
-        f"rms_{unit}": factor * error_norm(errors, "rms"),
-        f"max_{unit}": factor * error_norm(errors, "max"),
-    }
+    return _named(size(errors, factor), unit)
 
 
 def against_tolerances(
@@ -202,135 +582,3 @@ def against_tolerances(
 def off_by(subject: str, error: float, unit: str, norm: str, expected: float) -> str:
     """A missed tolerance in words."""
     return f"{subject} is off by {error:.4g} {unit} ({norm}), expected at most {expected:g}"
-
-
-def plan_text(
-    plan: Plan,
-    labels: Sequence[str],
-    *,
-    model: str,
-    legs: Mapping[str, Leg],
-    method: str,
-    of_foot: bool,
-    unreachable: int,
-) -> str:
-    """A plan in text.
-
-    Args:
-        plan: The plan.
-        labels: The joints, with their units where these are not degrees.
-        model: Where the models come from, in words.
-        legs: The legs of a whole robot, by name.
-        method: The method as the user names it.
-        of_foot: Whether the path is that of a foot.
-        unreachable: Samples out of the leg's reach.
-    """
-    task, shift = plan.task, shifted(plan.task)
-    has_estimate = any(np.isfinite(each.error) for each in plan.expected)
-    unbounded = method == "foot-optimal" or task.load_of_pose
-    rows = []
-    for j, (label, expected) in enumerate(zip(labels, plan.expected, strict=True)):
-        errors = [error_norm(np.degrees(plan.errors[:, j]), norm) for norm in NORMS]
-        bounded = (NOTHING, NOTHING)
-        if plan.inversions and not (unbounded or plan.models[j].exceeds_v_max):
-            inversion = plan.inversions[j]
-            bounded = (f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap))
-        robot = [expected_words(expected)] * has_estimate
-        rows.append(Row(label, (*(f"{error:.3f}" for error in errors), *robot, *bounded)))
-    titles = ["rms [deg]", "max [deg]", *["on the robot"] * has_estimate, bound_title(plan), "gap"]
-    lines = [
-        f"{len(plan.requests)} requests, one every {1e3 * plan.period:.6g} ms; {model}",
-        Table("joint", tuple(map(Column, titles)), tuple(rows)).text(),
-        "",
-        motions_of(plan).text(),
-    ]
-    if over_models := models_errors_table(plan, labels):
-        draws = max(map(len, task.models)) - 1
-        words = f"{task.norm} errors over the nominal model and {draws} drawn from its intervals:"
-        lines += ["", words, over_models.text()]
-    if legs:
-        feet = feet_table({name: plan.of_leg(leg) for name, leg in legs.items()})
-        lines += ["", feet.text(), ""]
-    if of_foot:
-        lines += _foot_lines(plan)
-    if plan.method == "shift":
-        pairs = zip(plan.names, plan.leads, strict=True)
-        lines.append(
-            f"early by: {', '.join(f'{name} {1e3 * lead:.0f} ms' for name, lead in pairs)}"
-        )
-    else:
-        lines.append(_shift_line(plan, labels, shift, of_foot=of_foot))
-    if fast := too_fast(plan):
-        worst = ", ".join(
-            f"{each['name']} ({percent(each['share'], 0)} of the path, up to {each['load']:.3g} "
-            "times the top speed)"
-            for each in fast[:4]
-        )
-        more = f" and {len(fast) - 4} more" if len(fast) > 4 else ""
-        lines.append(
-            f"no requests follow exactly where the path is faster than the joint: {worst}{more}"
-        )
-    if has_estimate:
-        has_range = any(np.isfinite(each.high) for each in plan.expected)
-        words = ", and the range of 90 % of such motions" if has_range else ""
-        lines.append(f"on the robot: rms error to expect, by what the models were tested on{words}")
-    lines += advice(plan)
-    open_speeds = open_top_speeds(plan)
-    unknown = [
-        name
-        for name, speeds in zip(plan.names, plan.speeds, strict=True)
-        if name in open_speeds and speeds.too_fast.any()
-    ]
-    if unknown:
-        lines.append(f"lower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})")
-    if words := no_bound(plan):
-        lines.append(f"there is no lower bound {words}")
-    if np.any(np.isfinite(task.max_step)):
-        lines.append("lower bounds are for requests with steps of any size")
-    if unreachable:
-        lines.append(f"{unreachable} samples were out of the leg's reach")
-    return "\n".join(lines)
-
-
-def _foot_lines(plan: Plan) -> list[str]:
-    """The errors of the foot, and their lower bound."""
-    errors, on_robot = size(plan.distances, 100.0), ""
-    if plan.expected_foot is not None:
-        on_robot = f"; on the robot {100.0 * plan.expected_foot:.3f} cm rms to expect"
-    lines = [f"foot: {errors.rms:.3f} cm rms from its path, {errors.max:.3f} cm at most{on_robot}"]
-    if plan.of_foot is not None and plan.foot_bound:
-        norm = "rms" if plan.task.norm == "rms" else "at most"
-        weighted = " as weighted" if len(set(plan.of_foot.weights)) > 1 else ""
-        lines.append(
-            f"no requests within the limits bring it below {100.0 * plan.foot_bound:.3f} cm {norm}"
-            f"{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
-        )
-    return lines
-
-
-def _shift_line(plan: Plan, labels: Sequence[str], shift: Plan, *, of_foot: bool) -> str:
-    """The errors of the best time shift."""
-    errors, leads = (
-        [np.degrees(rms(column)) for column in shift.errors.T],
-        1e3 * np.asarray(shift.leads),
-    )
-    if len(labels) > 6:  # too many to list
-        moving = np.ptp(plan.desired, axis=0) > 0.0
-        ends = leads[moving if moving.any() else ...]
-        words = f"at most {max(errors):.3f} ({min(ends):.0f} to {max(ends):.0f} ms early)"
-    else:
-        words = ", ".join(
-            f"{label} {error:.3f}"
-            + ("" if np.isnan(robot.error) else f", on the robot {np.degrees(robot.error):.3f}")
-            + f" ({lead:.0f} ms early)"
-            for label, error, robot, lead in zip(labels, errors, shift.expected, leads, strict=True)
-        )
-    if of_foot:
-        words += f"; foot {100.0 * rms(shift.distances):.3f} cm"
-    better = any(
-        early.error < CLEARLY * planned.error
-        for planned, early in zip(plan.expected, shift.expected, strict=True)
-    )
-    if better and not (shift_recommended(plan, shift) or has_refused(plan)):
-        words += "; on the robot that is better for some joints: see --method shift"
-    return f"desired angles sent early instead, rms [deg]: {words}"

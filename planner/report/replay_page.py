@@ -22,8 +22,7 @@ from planner.report.figure import (
     line,
 )
 from planner.report.page import Page, models_table
-from planner.report.plan_page import motions_table
-from planner.report.plan_results import errors_results
+from planner.report.plan_results import errors_results, motions_table
 from planner.report.table import NOTHING, Column, Row, Table, number
 from planner.report.wording import phrase, rendered_text, words_of
 from planner.trajectory import Array, Distance, error_norm

@@ -13,6 +13,7 @@ from planner import JointModel, Log, plan, replay, simulate
 from planner.model.evidence import Evidence
 from planner.report.calibration import calibration_page, calibration_text
 from planner.report.plan_page import plan_page
+from planner.report.plan_results import PlanAnswer
 from planner.report.replay_page import replay_page
 from planner.robot.candidates import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
@@ -83,8 +84,9 @@ def plan_by_tested_models():
 
 def robot():
     legs = {"front-left": front_left_leg()}
-    about = {"missed": ["the foot is 2 cm off"], "notes": ["Mind the step."]}
-    page = plan_page(plan_by_tested_models(), title="walk", method="optimal", legs=legs, **about)
+    missed = ["the foot is 2 cm off"]
+    answer = PlanAnswer(plan=plan_by_tested_models(), method="optimal", legs=legs, missed=missed)
+    page = plan_page(answer, title="walk", notes=["Mind the step."])
     return page.html("page.html", ORIGINS)
 
 

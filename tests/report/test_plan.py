@@ -13,13 +13,13 @@ from kinematics import Limits
 from planner.model.response import PathSpeeds
 from planner.report.plan_page import (
     WITHOUT,
-    beyond_limits,
     distances_figure,
     joints_table,
     jumps_of,
     leg_figure,
     plan_page,
 )
+from planner.report.plan_results import PlanAnswer
 from planner.report.style import FOOT_OPTIMAL
 from tests.corpus.page_text import text_of
 
@@ -63,13 +63,18 @@ def page(outcome):
     return page_of(outcome)
 
 
+def answer_about(outcome, **about):
+    return PlanAnswer(plan=outcome, **{"method": "foot-optimal", **about})
+
+
 def text_of_page(outcome, **about):
     return text_of(page_of(outcome, **about))
 
 
 def page_of(outcome, **about):
-    about = {"title": "leg <1>", "method": "foot-optimal", **about}
-    return plan_page(outcome, **about).html("page.html", [("path", "<x>.csv")])
+    return plan_page(answer_about(outcome, **about), title="leg <1>").html(
+        "page.html", [("path", "<x>.csv")]
+    )
 
 
 @pytest.mark.parametrize(
@@ -116,12 +121,12 @@ def test_requests_at_a_limit_are_counted(outcome):
     at_largest = limited(outcome, 0, (-10.0, float(outcome.requests[:, 0].max())))
     at_least = limited(outcome, 0, (float(outcome.requests[:, 0].min()), 10.0))
     for tight in (at_largest, at_least):
-        assert beyond_limits(tight)[0][0] >= 1
+        assert answer_about(tight).joints[0].at_limit >= 1
     free = limited(outcome, 0, (-np.inf, np.inf))
-    assert beyond_limits(free)[0][0] == 0
-    assert "none" in joints_table(free).rows[0].cells
+    assert answer_about(free).joints[0].at_limit == 0
+    assert "none" in joints_table(answer_about(free)).rows[0].cells
     for limits, words in (((-np.inf, 10.0), "at most 573"), ((-10.0, np.inf), "at least −573")):
-        half = joints_table(limited(outcome, 0, limits)).rows[0].cells
+        half = joints_table(answer_about(limited(outcome, 0, limits))).rows[0].cells
         assert words in half
 
 
