@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
-from planner.report.identification_page import cloud_figure, units_above
+from planner.report.identification_page import cloud_figure
 from planner.report.identification_text import next_step
 from planner.report.identified_joint import explained, joints_table
 from planner.report.page import Page
@@ -170,7 +170,7 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
         ways=ways_figure(comparisons),
         table=candidates_table(comparisons),
         motions=[motion_figure(*each, k) for k, each in enumerate(joints, 1)],
-        models=units_above(joints_table(found)),
+        models=joints_table(found),
         rare=explained(found),
         clouds=[replace(figure, title=f"{joint}: {figure.title}") for joint, figure in clouds],
     )

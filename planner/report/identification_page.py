@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.result import Identification, LogFit, SpeedPoints
+from planner.identification.result import Identification, Interval, LogFit, SpeedPoints
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identified_joint import (
@@ -29,7 +28,7 @@ from planner.report.identified_joint import (
 )
 from planner.report.page import Page, parameters_of
 from planner.report.style import Role
-from planner.report.table import Column, Row, Table
+from planner.report.table import Column, Table, by_columns
 from planner.report.wording import words_of
 from planner.trajectory import Array, index_of_largest
 
@@ -57,32 +56,32 @@ def identification_page(identifications: Mapping[str, Identification]) -> Page:
         "identification",
         joints=joints,
         good=all(each.accepted for each in identifications.values()),
-        summary=of_several(list(identifications.values())),
-        table=units_above(joints_table(identifications)),
+        summary=of_several(identifications),
+        table=joints_table(identifications),
         rare=explained(identifications),
     )
 
 
 def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, Any]:
     """What the page shows of a joint: figures, tables, and numbers in the units of the page."""
-    units, (error, where) = units_of(found), telling_error(found)
-    points, *_ = cloud_of(found)
+    units, (error, where), (points, *_) = units_of(found), telling_error(found), cloud_of(found)
+    estimates = parameters(found)
 
     def angle(radians: float) -> str:
-        return f"{units.factor * radians:.3g} {units.angle}"
+        return " ".join(units.sized(radians))
 
     return {
         "name": name,
         "of": found,
         "anchor": re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"),
         "verdict": verdict(found),
-        "estimates": parameters(found),
+        "estimates": estimates,
         "profile": profile(found),
-        "error": angle(error).split(" ", 1),
+        "error": units.sized(error),
         "where": where,
         "noise": angle(found.noise),
         "signal": angle(found.signal),
-        "short": {row.name: row.bounds if row.rough else row.value for row in parameters(found)},
+        "short": {row.name: " ".join(row.bounds if row.rough else row.short) for row in estimates},
         # whether the joint may be faster than anything in the logs
         "open": math.isinf(found.intervals["v_max"].upper),
         "saturated": float(np.sum(points.saturated)) / max(1, len(points.errors)),
@@ -99,45 +98,22 @@ def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, An
     }
 
 
-def units_above(table: Table) -> Table:
-    """The table with a unit beside the title of a column whose cells all have it, if any."""
-    columns, cells = [], []
-    by_column = zip(*(row.cells for row in table.rows), strict=True)
-    for column, own in zip(table.columns, by_column, strict=True):
-        numbers = [str(cell).removeprefix("≥ ").removeprefix("≤ ").partition(" ") for cell in own]
-        units = {unit for number, _, unit in numbers if unit and re.match(r"−?\d", number)}
-        unit = units.pop() if len(units) == 1 else ""
-        columns.append(Column(f"{column.title} [{unit}]" if unit else column.title))
-        cells.append([str(cell).removesuffix(f" {unit}") if unit else cell for cell in own])
-    rows = zip(table.rows, zip(*cells, strict=True), strict=True)
-    return replace(
-        table,
-        columns=tuple(columns),
-        rows=tuple(replace(row, cells=of_row) for row, of_row in rows),
-    )
-
-
 def logs_table(identification: Identification) -> Table:
     """Every log: its rows, its length, which rows were not fitted and why, and how it was read."""
-    rows = tuple(
-        Row(
-            fit.log.name,
-            (
-                f"{fit.used.sum()} of {len(fit.used)}",
-                f"{fit.log.times[-1] - fit.log.times[0]:.1f}",
-                f"{1.0 / fit.log.period:.1f} Hz",
-                ", ".join(f"{count} {reason}" for reason, count in fit.left_out.items()) or "none",
-                "; ".join(fit.log.notes),
-            ),
-        )
-        for fit in identification.fits
+    fits = identification.fits
+    left_out = [", ".join(f"{n} {reason}" for reason, n in fit.left_out.items()) for fit in fits]
+    return by_columns(
+        "log",
+        [fit.log.name for fit in fits],
+        [
+            ("rows used", [f"{fit.used.sum()} of {len(fit.used)}" for fit in fits]),
+            ("seconds", [f"{fit.log.times[-1] - fit.log.times[0]:.1f}" for fit in fits]),
+            ("rate", [f"{1.0 / fit.log.period:.1f} Hz" for fit in fits]),
+            (Column("rows left out, and why", words=True), [each or "none" for each in left_out]),
+            (Column("how it was read", words=True), ["; ".join(fit.log.notes) for fit in fits]),
+        ],
+        label="Logs",
     )
-    columns = (
-        *map(Column, ("rows used", "seconds", "rate")),
-        Column("rows left out, and why", words=True),
-        Column("how it was read", words=True),
-    )
-    return Table("log", columns, rows, label="Logs")
 
 
 # The figures.
@@ -234,67 +210,50 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
 
 
 def intervals_figure(identification: Identification, prefix: str = "") -> Figure:
-    """Every estimate and its 95 % interval, on a scale from nothing to twice the estimate."""
-    curves, words, names = list[Curve](), list[Words](), dict[float, str]()
+    """Every estimate and its 95 % interval, on a scale from nothing to twice the estimate.
+
+    The strip of a lag covers at least a period; those of sags lie about zero.
+    """
+    model, curves, words, names = (
+        identification.model,
+        list[Curve](),
+        list[Words](),
+        dict[float, str](),
+    )
+    sag = 1.5 * model.most_pose_sag or 1.0
+    static = max(0.25 * model.theta_0, 1.5 * abs(model.offset))
+    about_zero = {"offset": static, "sag_sin": sag, "sag_cos": sag, "v_offset": model.v_max}
+
+    def stroke(role: Role, width: float, label: str, *x: float, high: float = 0.0) -> Curve:
+        looks, y = role._replace(width=width, dashes="-"), np.array([k - high, k + high])
+        return Curve(looks, np.array(x), y, label, legend=bool(label))
+
     for k, row in enumerate(parameters(identification)):
-        value, interval, factor = row.estimate, row.ends, row.factor
-        least, most = _strip(identification, row.name, value)
-        marks = (least, 0.5 * (least + most), most)
-        low, high, estimated, *ends = (
-            100.0 * (each - least) / (most - least)
-            for each in (*np.clip(interval, least, most), value, *marks)
-        )
-        role = style.CLOSED_FORM if row.bounded else style.DIRECT
-        label = "95 % interval" if row.bounded else "interval without an end"
-        y = float(k)
+        shortest = model.period if row.name == "lag" else 0.0
+        most = about_zero.get(row.name) or max(2.0 * row.estimate, shortest) or 1.0
+        marks = np.linspace(-most if row.name in about_zero else 0.0, most, 3)
+        places = np.clip([*row.ends, row.estimate, *marks], marks[0], most)
+        low, high, estimated, *ends = np.interp(places, (marks[0], most), (0.0, 100.0)).tolist()
+        bounded = row.ends.bounded
+        label = "95 % interval" if bounded else "interval without an end"
         curves += [
-            _stroke(style.GRID, (0, 100), (y, y), BAR, "", legend=False),
-            _stroke(role, (low, high), (y, y), BAR, label),
-            _stroke(style.INK, (estimated, estimated), (y - 0.22, y + 0.22), 2.0, "estimate"),
+            stroke(style.GRID, BAR, "", 0.0, 100.0),
+            stroke(style.CLOSED_FORM if bounded else style.DIRECT, BAR, label, low, high),
+            stroke(style.INK, 2.0, "estimate", estimated, estimated, high=0.22),
         ]
+        shown = Interval(*(row.factor * end for end in row.ends))
         words += [
-            Words(figure(factor * mark, row.scaled) if mark else "0", end, y + 0.18, across, "top")
-            for mark, end, across in zip(marks, ends, SIDES, strict=True)
+            Words(figure(row.factor * mark, shown) if mark else "0", end, k + 0.18, across, "top")
+            for mark, end, across in zip(marks.tolist(), ends, SIDES, strict=True)
         ]
-        names[y] = f"{row.brief} [{row.unit}]"
+        names[float(k)] = f"{row.brief} [{row.unit}]"
+    axis = Axis("", range=(len(names) - 0.3, -0.5), names=names)
     return Figure(
         f"{prefix}intervals",
         *words_of("intervals"),
         Axis("", range=(-1.0, 101.0), names={}),
-        (
-            Panel(
-                Axis("", range=(len(names) - 0.3, -0.5), names=names),
-                tuple(curves),
-                words=tuple(words),
-                height=0.4 * len(names),
-            ),
-        ),
+        (Panel(axis, tuple(curves), words=tuple(words), height=0.4 * len(names)),),
     )
-
-
-def _strip(identification: Identification, name: str, value: float) -> tuple[float, float]:
-    """The ends of a parameter's strip; the lag's covers at least a period."""
-    model = identification.model
-    sag = 1.5 * model.most_pose_sag or 1.0
-    static = max(0.25 * model.theta_0, 1.5 * abs(value))
-    about_zero = {"offset": static, "sag_sin": sag, "sag_cos": sag, "v_offset": model.v_max}
-    if name in about_zero:
-        return -about_zero[name], about_zero[name]
-    return 0.0, max(2.0 * value, model.period if name == "lag" else 0.0) or 1.0
-
-
-def _stroke(
-    role: Role,
-    x: Sequence[float],
-    y: Sequence[float],
-    width: float,
-    label: str,
-    *,
-    legend: bool = True,
-) -> Curve:
-    """A bar, or a mark across one."""
-    looks = role._replace(width=width, dashes="-")
-    return Curve(looks, np.asarray(x, float), np.asarray(y, float), label, legend=legend)
 
 
 def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figure:
@@ -375,16 +334,9 @@ def thinned(times: Array, values: Array, *, bins: int = 10_000) -> tuple[Array, 
     """
     if len(values) <= 2 * bins:
         return times, values
-    pieces = []
-    for rows in np.array_split(np.arange(len(values)), bins):
-        finite = rows[np.isfinite(values[rows])]
-        if not len(finite):
-            pieces.append(rows[:1])
-            continue
-        ends = (finite[np.argmin(values[finite])], finite[np.argmax(values[finite])])
-        pieces.append(np.unique(ends))
-    indices = np.concatenate(pieces)
-    return times[indices], values[indices]
+    starts = np.linspace(0, len(values), bins, endpoint=False).astype(int)
+    ends = [extreme.reduceat(values, starts) for extreme in (np.fmin, np.fmax)]
+    return np.repeat(times[starts], 2), np.column_stack(ends).ravel()
 
 
 def _log_curve(role: Role, times: Array, values: Array, *, held: bool = False) -> Curve:

@@ -15,6 +15,7 @@ from planner.files.joint_model import PARAMETER_UNITS
 from planner.identification.excitation import Excitation
 from planner.identification.result import Identification, Topic
 from planner.report.identified_joint import (
+    between,
     errors_table,
     explained,
     joints_table,
@@ -56,7 +57,7 @@ def identification_text(
     """
     if len(identifications) > 1:
         lines = [
-            of_several(list(identifications.values())),
+            of_several(identifications),
             joints_table(identifications).text(),
             *filter(None, [explained(identifications)]),
             *_shared_warnings(identifications),
@@ -191,7 +192,7 @@ def excitation_text(excitation: Excitation, expected: Identification, *, model: 
             "parameter",
             [row.brief for row in estimates],
             [
-                ("identified", [row.value for row in estimates]),
+                ("identified", [f"{row.value} {row.unit}" for row in estimates]),
                 ("95 % interval", [row.interval for row in estimates]),
                 ("determined", known),
                 ("known", [row.judgement for row in estimates]),
@@ -212,31 +213,19 @@ def remarks() -> tuple[str, ...]:
 
 def model_comments(identifications: Mapping[str, Identification]) -> dict[str, dict[str, str]]:
     """The comments on every joint's model: on its keys, and under "" above them."""
-    return {joint: _comments(each) for joint, each in identifications.items()}
-
-
-def _comments(identification: Identification) -> dict[str, str]:
-    share = identification.unit != "rad"
-    above = [verdict(identification)]
-    if share:
-        above.append("Angles are shares of the joint's range, not radians:")
-        above.append("plan with columns <joint>_range (0 to 1) or <joint>_percent.")
-    above += [f"Warning: {warning}" for warning in identification.warnings]
-    for fit in identification.fits:
-        above.append(f"From {fit.log.name}: {np.sum(fit.used)} of {len(fit.used)} rows.")
-    comments = {"": "\n".join(above)}
-    for key, unit in PARAMETER_UNITS.items():
-        comments[key] = f"[{unit.replace('rad', '1') if share else unit}]"
-        interval = identification.intervals.get(key)
-        if interval is None:
-            continue
-        ends = [f"{end:.5g}" for end in interval if np.isfinite(end)]
-        if interval.bounded:
-            comments[key] += f", {' to '.join(ends)}"
-        elif np.isfinite(interval.lower) and interval.lower != 0.0:
-            comments[key] += f", at least {interval.lower:.5g}"
-        elif np.isfinite(interval.upper) and interval.upper != 0.0:
-            comments[key] += f", at most {interval.upper:.5g}"
-        else:
-            comments[key] += ", not determined"
+    comments = {}
+    for joint, each in identifications.items():
+        share = each.unit != "rad"
+        lines = [verdict(each)]
+        if share:
+            lines.append("Angles are shares of the joint's range, not radians:")
+            lines.append("plan with columns <joint>_range (0 to 1) or <joint>_percent.")
+        lines += [f"Warning: {warning}" for warning in each.warnings]
+        for fit in each.fits:
+            lines.append(f"From {fit.log.name}: {np.sum(fit.used)} of {len(fit.used)} rows.")
+        comments[joint] = {"": "\n".join(lines)}
+        for key, unit in PARAMETER_UNITS.items():
+            interval = each.intervals.get(key)
+            known = f", {between(interval)}" if interval else ""
+            comments[joint][key] = f"[{unit.replace('rad', '1') if share else unit}]{known}"
     return comments

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from planner.files.joint_model import PARAMETER_UNITS
 from planner.identification.judgement import is_loose
 from planner.identification.parameters import TERMS
 from planner.identification.result import Alternative, Identification, Interval
-from planner.model.joint import JointModel
 from planner.report.page import PARAMETERS
 from planner.report.table import NOTHING, Column, Row, Table, raised
 
@@ -49,102 +47,42 @@ class Units(NamedTuple):
     speed: str
     si: bool
 
+    def sized(self, error: float | None) -> tuple[str, str]:
+        """An error [rad] as a number and its unit."""
+        return (NOTHING, "") if error is None else (f"{self.factor * error:.3g}", self.angle)
 
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of an identified joint, with its interval, and how both are shown."""
+
+class Parameter(NamedTuple):
+    """A parameter of an identified joint, with its 95 % interval, and how both are shown."""
 
     name: str  # as in the model's file; `gain` for v_max / theta_0
+    brief: str  # its description
     estimate: float  # in SI, as the interval
-    ends: Interval  # its 95 % interval
+    ends: Interval
     factor: float  # from SI to the unit in which it is shown
     unit: str
-    si_unit: str  # "" where the values in SI are not shown
-    model: JointModel
-
-    @property
-    def words(self) -> str:
-        """Its description."""
-        return PARAMETERS[self.name][0]
-
-    @property
-    def brief(self) -> str:
-        """A shorter description."""
-        return PARAMETERS[self.name][1]
-
-    @property
-    def scaled(self) -> Interval:
-        """The interval in the unit in which it is shown."""
-        return Interval(*(self.factor * end for end in self.ends))
-
-    @property
-    def value(self) -> str:
-        """The estimate, with its unit."""
-        return f"{figure(self.factor * self.estimate, self.scaled)} {self.unit}"
-
-    @property
-    def interval(self) -> str:
-        """The interval in the same unit."""
-        return between(self.scaled)
-
-    @property
-    def si(self) -> str:
-        """Both in SI, or nothing."""
-        own = f"{figure(self.estimate, self.ends)} {self.si_unit}, {between(self.ends)}"
-        return own if self.si_unit else ""
-
-    @property
-    def bounded(self) -> bool:
-        """Whether it is bounded on both sides."""
-        return self.ends.bounded
-
-    @property
-    def rough(self) -> bool:
-        """Whether its interval is wide, beside the parameter or what it adds to."""
-        model, width = self.model, self.ends.upper - self.ends.lower
-        if self.name == "lag" and is_loose(model.tick, width, self.estimate):
-            return True
-        beside = {
-            "lag": model.lag + model.acceleration_time,
-            "offset": model.theta_0,
-            "v_offset": model.v_max,
-            "sag_sin": model.most_pose_sag,
-            "sag_cos": model.most_pose_sag,
-        }
-        return not 0.5 * width <= ROUGH * abs(beside.get(self.name, self.estimate))
-
-    @property
-    def judgement(self) -> str:
-        """How well it is known, in words."""
-        lower, upper = (math.isfinite(end) for end in self.ends)
-        if between(self.ends) == NOT_KNOWN:
-            return "not determined"
-        if not lower or not upper:
-            return f"only bounded from {'below' if lower else 'above'}"
-        half = 0.5 * (self.ends.upper - self.ends.lower)
-        only = "only " if self.rough else ""
-        if self.name in ("lag", "offset", "v_offset", "sag_sin", "sag_cos"):
-            return f"{only}± {two_figures(self.factor * half)} {self.unit}"
-        if half > abs(self.estimate):
-            return HARDLY
-        return f"{only}± {percent_of(half, self.estimate)}"
+    value: str  # in this unit, as the interval
+    interval: str
+    si: tuple[str, str] | None  # both in SI, where that is another unit
+    rough: bool  # whether its interval is wide, beside the parameter or what it adds to
+    judgement: str  # how well it is known, in words
 
     @property
     def determined(self) -> bool:
         """Whether the logs determine its approximate value."""
-        return self.bounded and self.judgement != HARDLY
+        return self.ends.bounded and self.judgement != HARDLY
 
     @property
-    def short(self) -> str:
-        """The value, or its bounds."""
-        return self.value if self.bounded else self.bounds
-
-    @property
-    def bounds(self) -> str:
-        """The interval with its unit, or the end that it has."""
+    def bounds(self) -> tuple[str, str]:
+        """The interval, or the end that it has, and the unit."""
         if self.interval == NOT_KNOWN:
-            return NOT_KNOWN
-        return f"{self.interval} {self.unit}".replace("at least", "≥").replace("at most", "≤")
+            return NOT_KNOWN, ""
+        return self.interval.replace("at least", "≥").replace("at most", "≤"), self.unit
+
+    @property
+    def short(self) -> tuple[str, str]:
+        """The value, or its bounds, and the unit."""
+        return (self.value, self.unit) if self.ends.bounded else self.bounds
 
 
 def units_of(identification: Identification) -> Units:
@@ -156,72 +94,96 @@ def units_of(identification: Identification) -> Units:
 
 def parameters(identification: Identification) -> list[Parameter]:
     """Every parameter with its interval, in the order of :data:`PARAMETERS`."""
-    model, units, rows = identification.model, units_of(identification), []
-    known = {"gain": (identification.gain, identification.gain_interval)}
-    known |= {name: (getattr(model, name), i) for name, i in identification.intervals.items()}
-    for name in PARAMETERS:
-        estimate, interval = known.get(name, (math.inf, None))
-        if interval is None or math.isinf(estimate):  # no limit of the acceleration
+    model, units, rows = identification.model, units_of(identification), list[Parameter]()
+    intervals = {**identification.intervals, "gain": identification.gain_interval}
+    beside = {
+        "lag": model.lag + model.acceleration_time,
+        "offset": model.theta_0,
+        "v_offset": model.v_max,
+        "sag_sin": model.most_pose_sag,
+        "sag_cos": model.most_pose_sag,
+    }
+    for name in filter(intervals.__contains__, PARAMETERS):
+        estimate = identification.gain if name == "gain" else getattr(model, name)
+        if math.isinf(estimate):  # no limit of the acceleration
             continue
-        si_unit = raised(PARAMETER_UNITS.get(name, "1/s"))
-        factor, unit = 1.0, si_unit
+        unit, ends, si, factor = (
+            raised(PARAMETER_UNITS.get(name, "1/s")),
+            intervals[name],
+            None,
+            1.0,
+        )
         if unit == "s":
             factor, unit = 1e3, "ms"
-        elif unit == "rad":
-            factor, unit = units.factor, units.angle
         elif "rad" in unit:
-            factor, unit = units.factor, unit.replace("rad", units.speed.removesuffix("/s"))
-        shown = si_unit if units.si and "rad" in si_unit else ""
-        rows.append(Parameter(name, estimate, interval, factor, unit, shown, model))
+            if units.si:
+                si = (f"{figure(estimate, ends)} {unit}", between(ends))
+            angle = units.angle if unit == "rad" else units.speed.removesuffix("/s")
+            factor, unit = units.factor, unit.replace("rad", angle)
+        shown, half = Interval(*(factor * end for end in ends)), 0.5 * (ends.upper - ends.lower)
+        rough = not half <= ROUGH * abs(beside.get(name, estimate))
+        rough |= name == "lag" and is_loose(model.tick, 2.0 * half, estimate)
+        interval, known = between(shown), "only " if rough else ""
+        if interval == NOT_KNOWN:
+            known = "not determined"
+        elif not ends.bounded:
+            known = f"only bounded from {'below' if math.isfinite(ends.lower) else 'above'}"
+        elif name in beside:
+            known += f"± {two_figures(factor * half)} {unit}"
+        else:
+            known = HARDLY if half > abs(estimate) else f"{known}± {percent_of(half, estimate)}"
+        brief, value = PARAMETERS[name][1], figure(factor * estimate, shown)
+        rows.append(
+            Parameter(name, brief, estimate, ends, factor, unit, value, interval, si, rough, known)
+        )
     return rows
 
 
 def parameters_table(identification: Identification, *, page: bool = False) -> Table:
     """The parameters; SI as notes on a page, in a column on a terminal, where names are short."""
-    column = units_of(identification).si and not page
-    titles = ("value", "95 % interval", *(("in SI",) if column else ()))
-    rows = []
+    column, rows = units_of(identification).si and not page, []
     for row in parameters(identification):
-        cells = [row.value, row.interval, *((row.si or NOTHING,) if column else ())]
+        about, cells = row.brief, [f"{row.value} {row.unit}", row.interval]
         if page and row.si:
-            cells = [f"{cell}\n{si}" for cell, si in zip(cells, row.si.split(", ", 1), strict=True)]
-        kind = "" if row.bounded else "unknown"
-        about = row.brief
-        if page and not about.startswith(row.words):
-            about = row.words if about in row.words else f"{row.words}\n{about}"
+            cells = [f"{cell}\n{si}" for cell, si in zip(cells, row.si, strict=True)]
+        if column:
+            cells.append(", ".join(row.si or [NOTHING]))
+        words = PARAMETERS[row.name][0]
+        if page and not about.startswith(words):
+            about = words if about in words else f"{words}\n{about}"
+        kind = "" if row.ends.bounded else "unknown"
         rows.append(Row(about, (*cells, row.judgement), kind=kind))
+    titles = ("value", "95 % interval", *(("in SI",) if column else ()))
     columns = (*map(Column, titles), Column("known", words=True))
     return Table("parameter", columns, tuple(rows), label="Parameters")
 
 
-def telling(of: Identification | Alternative) -> float:
-    """The error on rows held out, where there are any [rad]."""
-    return of.rms if of.held_out_rms is None else of.held_out_rms
+def telling_error(of: Identification | Alternative) -> tuple[float, str]:
+    """The error on rows held out, where there are any [rad], and on which rows it was measured."""
+    if of.held_out_rms is None:
+        return of.rms, "on the rows it was fitted to"
+    return of.held_out_rms, "on rows held out"
 
 
 def errors_table(identification: Identification) -> Table:
     """The errors of the simpler descriptions, and of the joint model at the end."""
-    factor, rows = units_of(identification).factor, []
-    every: tuple[Alternative | Identification, ...]
-    every = *identification.alternatives, identification
-    for each in every:
-        about = "the joint model"
+    units, rows = units_of(identification), list[Row]()
+    for each in (*identification.alternatives, identification):
+        about, kind = "the joint model", "model"
         if isinstance(each, Alternative):
             times = (each.parameters.get(name) for name in ("delay", "time_constant"))
             detail = " + ".join(f"{1e3 * time:.0f} ms" for time in times if time is not None)
             about = ALTERNATIVES.get(each.name, each.name) + (f"\n{detail}" if detail else "")
-        sizes = (None if e is None else factor * e for e in (each.rms, each.held_out_rms))
-        cells = tuple(NOTHING if size is None else f"{size:.3g}" for size in sizes)
-        rows.append(Row(about, cells, kind="model" if each is identification else ""))
+            kind = ""
+        cells = tuple(units.sized(error)[0] for error in (each.rms, each.held_out_rms))
+        rows.append(Row(about, cells, kind=kind))
     columns = (Column("all rows"), Column("held out"))
-    unit = units_of(identification).angle
-    return Table(f"rms error [{unit}]", columns, tuple(rows), label="Errors")
+    return Table(f"rms error [{units.angle}]", columns, tuple(rows), label="Errors")
 
 
 def verdict(identification: Identification) -> str:
     """Whether the model holds, and what it adds, in one sentence."""
     units, (error, where) = units_of(identification), telling_error(identification)
-    by_name = {each.name: telling(each) for each in identification.alternatives}
     words = {
         "holds": "the model holds",
         "usable": "the model is usable, but not exact",
@@ -229,40 +191,68 @@ def verdict(identification: Identification) -> str:
         "refused": "THE MODEL DOES NOT FIT",
     }
     phrases = [
-        f"{words[identification.verdict]}: {units.factor * error:.3g} {units.angle} rms {where}",
+        f"{words[identification.verdict]}: {' '.join(units.sized(error))} rms {where}",
         f"{percent_of(error, identification.signal)} of the motion",
-        *(
-            f"{compared_with(error, by_name[name])} {other}"
-            for name, other in COMPARED.items()
-            if name in by_name
-        ),
     ]
+    others = {each.name: telling_error(each)[0] for each in identification.alternatives}
+    for name, other_words in COMPARED.items():
+        if name in others:
+            ratio = others[name] / error if error > 0.0 else math.inf
+            most = max(ratio, 1.0 / ratio if ratio else math.inf)
+            times = "infinitely" if math.isinf(most) else f"{most:.{1 if most < 10 else 0}f} times"
+            far = f"{times} closer than" if ratio > 1.0 else f"{times} farther off than"
+            how = far if most >= 1.05 else "no closer than"
+            phrases.append(f"{how} {other_words}")
     return ", ".join(phrases)
 
 
-def of_several(identifications: Sequence[Identification]) -> str:
+def of_several(identifications: Mapping[str, Identification]) -> str:
     """For how many joints the model holds, and for how many it is usable, in a sentence."""
-    verdicts = [each.verdict for each in identifications]
+    verdicts = [each.verdict for each in identifications.values()]
     usable = verdicts.count("usable")
     more = f", and is usable, but not exact, for {usable} more" if usable else ""
     return f"the model holds for {verdicts.count('holds')} of {len(verdicts)} joints{more}"
 
 
 def joints_table(identifications: Mapping[str, Identification]) -> Table:
-    """Every joint in a row: its verdict, the parameters that some joint has, and its errors."""
-    names, rows = shown_parameters(identifications), list[Row]()
-    for joint, each in identifications.items():
-        units, values = units_of(each), {row.name: row.short for row in parameters(each)}
-        delays = [telling(other) for other in each.alternatives if other.name == "delay"]
-        of_rows = (each.rms, each.held_out_rms, delays[0] if delays else None)
-        cells = (
-            "DOES NOT FIT" if each.verdict == "refused" else each.verdict,
-            *(values.get(name, NOTHING) for name in names),
-            *(NOTHING if e is None else f"{units.factor * e:.3g} {units.angle}" for e in of_rows),
+    """Every joint in a row: its verdict, the parameters that some joint has, and its errors.
+
+    A unit that all cells of a column have stands in its title.
+    """
+    names, rows = shown_parameters(identifications), list[list[tuple[str, str]]]()
+    for each in identifications.values():
+        shown = {row.name: row for row in parameters(each)}
+        delays = [telling_error(other)[0] for other in each.alternatives if other.name == "delay"]
+        errors = (each.rms, each.held_out_rms, delays[0] if delays else None)
+        rows.append(
+            [
+                ("DOES NOT FIT" if each.verdict == "refused" else each.verdict, ""),
+                *(shown[name].short if name in shown else (NOTHING, "") for name in names),
+                *map(units_of(each).sized, errors),
+            ]
         )
-        rows.append(Row(joint or "unnamed", cells, kind="" if each.accepted else "broken"))
     titles = ("model", *(PARAMETERS[name][1] for name in names), "rms", "held out", "best delay")
-    return Table("joint", tuple(map(Column, titles)), tuple(rows), label="Joints")
+    units = [{unit for _, unit in column if unit} for column in zip(*rows, strict=True)]
+    common = [own.pop() if len(own) == 1 else "" for own in units]
+    return Table(
+        "joint",
+        tuple(
+            Column(f"{title} [{unit}]" if unit else title)
+            for title, unit in zip(titles, common, strict=True)
+        ),
+        tuple(
+            Row(
+                joint or "unnamed",
+                tuple(
+                    f"{number} {unit}" if unit not in ("", of_all) else number
+                    for (number, unit), of_all in zip(cells, common, strict=True)
+                ),
+                kind="" if identification.accepted else "broken",
+            )
+            for (joint, identification), cells in zip(identifications.items(), rows, strict=True)
+        ),
+        label="Joints",
+    )
 
 
 def shown_parameters(identifications: Mapping[str, Identification]) -> list[str]:
@@ -282,35 +272,25 @@ def profile(identification: Identification) -> str:
     for row in parameters(identification) if identification.verdict != "refused" else ():
         if row.name == "max_acceleration" and row.determined:
             return (
-                f"The joint accelerates by at most {row.short}: a weak motor, or a profile of the "
-                "servo's own, of acceleration or of speed, which is better switched off (Dynamixel "
-                "X: Profile Acceleration, address 108, and Profile Velocity, 112, at 0; Feetech "
-                "STS: acceleration, 41, and goal speed, 46, at 0)."
+                f"The joint accelerates by at most {row.value} {row.unit}: a weak motor, or a "
+                "profile of the servo's own, of acceleration or of speed, which is better switched "
+                "off (Dynamixel X: Profile Acceleration, address 108, and Profile Velocity, 112, "
+                "at 0; Feetech STS: acceleration, 41, and goal speed, 46, at 0)."
             )
     return ""
 
 
-def telling_error(identification: Identification) -> tuple[float, str]:
-    """The error on rows held out, where there are any [rad], and on which rows it was measured."""
-    held_out = identification.held_out_rms is not None
-    where = "on rows held out" if held_out else "on the rows it was fitted to"
-    return telling(identification), where
-
-
-def compared_with(error: float, other: float) -> str:
-    """How an error compares with another one, as in "2.5 times closer than"."""
-    ratio = other / error if error > 0.0 else math.inf
-    if ratio >= 1.05:
-        times = "infinitely" if math.isinf(ratio) else f"{ratio:.{1 if ratio < 10 else 0}f} times"
-        return f"{times} closer than"
-    if ratio > 0.95:
-        return "no closer than"
-    return f"{f'{1.0 / ratio:.1f} times' if ratio > 0.0 else 'infinitely'} farther off than"
-
-
 def figure(value: float, interval: Interval) -> str:
-    """A number with as many decimals as its interval deserves."""
-    text = f"{value:.{_decimals(value, interval)}f}"
+    """A number with two figures of its interval's half width, or more where nothing is left of it.
+
+    Where the interval is infinite, with three figures of its own.
+    """
+    decimals = 2 - math.floor(math.log10(abs(value))) if value else 1
+    half = 0.5 * (interval.upper - interval.lower)
+    if math.isfinite(half) and half > 0.0:
+        of_half = 1 - math.floor(math.log10(half))
+        decimals = max(of_half, min(decimals - 1, of_half + 2))
+    text = f"{value:.{min(6, max(0, decimals))}f}"
     return text.replace("-", "−") if float(text) else text.lstrip("-")
 
 
@@ -322,19 +302,6 @@ def between(interval: Interval) -> str:
     if lower and interval.lower != 0.0:
         return f"at least {figure(interval.lower, interval)}"
     return f"at most {figure(interval.upper, interval)}" if upper else NOT_KNOWN
-
-
-def _decimals(value: float, interval: Interval) -> int:
-    """Two figures of the interval's half width, or more where else nothing of the number is left.
-
-    Where the interval is infinite, three figures of the number.
-    """
-    own = 2 - math.floor(math.log10(abs(value))) if value else 1
-    half = 0.5 * (interval.upper - interval.lower)
-    if math.isfinite(half) and half > 0.0:
-        of_half = 1 - math.floor(math.log10(half))
-        own = max(of_half, min(own - 1, of_half + 2))
-    return min(6, max(0, own))
 
 
 def percent_of(part: float, whole: float) -> str:
