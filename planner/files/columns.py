@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from decimal import Decimal, localcontext
 from itertools import takewhile
@@ -101,7 +101,7 @@ OTHER = _words(
 )
 """Words for quantities that are no angles."""
 
-TORQUES = _words("torque_on torque_enable torque_enabled")
+TORQUES = ("torque_on", "torque_enable", "torque_enabled")
 """Names for whether the torque is on."""
 
 
@@ -167,12 +167,15 @@ def with_unit(
         such, them = ("", "it") if few else ("an ending of the unit, such as ", "them")
         raise table.fault(f"{named} no unit; expected {such}{expected}: rename or remove {them}")
     names, endings = zip(*(part for part in parts if part), strict=True)
+    for name in names:
+        if names.count(name) > 1:
+            own = ", ".join(column for column, of in zip(columns, names, strict=True) if of == name)
+            raise table.fault(
+                f"'{name}' comes in several columns ({own}), expected one; remove the others"
+            )
     if len(set(endings) - set(SHARES)) > 1 or len(set(endings) & set(SHARES)) > 1:
         mixed = ", ".join(columns)
         raise table.fault(f"mixed units ({mixed}); expected one unit in all columns")
-    for name in names:
-        own = [column for column, of in zip(columns, names, strict=True) if of == name]
-        _check_once(table, name, own)
     factors = np.array([units[unit] for unit in endings])
     values = table.numbers(columns) * factors
     beyond = np.argwhere(~(np.abs(values) <= LARGEST))
@@ -194,10 +197,8 @@ def pick(
     """Columns of the named quantities, in the order of ``names``; else the ``advice`` is given."""
     by_name: dict[str, list[str]] = {}
     for column in table.names:
-        parts = split_unit(column, units)
-        if parts is not None:
-            by_name.setdefault(parts[0], []).append(column)
-    columns = []
+        if part := split_unit(column, units):
+            by_name.setdefault(part[0], []).append(column)
     for name in names:
         if names.count(name) > 1:
             raise InvalidFile(
@@ -209,18 +210,7 @@ def pick(
                 f"no column {endings}{nearest(name, tuple(by_name))}; "
                 f"columns: {', '.join(table.names)}; {advice}"
             )
-        _check_once(table, name, by_name[name])
-        columns.extend(by_name[name])
-    return columns
-
-
-def _check_once(table: Table, name: str, columns: Sequence[str]) -> None:
-    """Refuse several columns of a quantity, such as ``knee_deg`` and ``knee [deg]``."""
-    if len(columns) > 1:
-        raise table.fault(
-            f"'{name}' comes in several columns ({', '.join(columns)}), expected one; remove the "
-            "others"
-        )
+    return [column for name in names for column in by_name[name]]
 
 
 def check_radians(table: Table, column: str, angles: Array, advice: str) -> None:
@@ -291,18 +281,36 @@ def read_clock(
     return since * seconds, f"{note}, shifted to start at 0"
 
 
+def check_increasing(times: Array, fault: Callable[[str, int], InvalidFile]) -> None:
+    """Refuse times [s] that do not increase, by the error that a row has a problem."""
+    if (np.diff(times) <= 0.0).any():
+        k = int(np.argmax(np.diff(times) <= 0.0)) + 1
+        problem = (
+            f"time is {times[k]:.9g} s after {times[k - 1]:.9g} s, expected times that increase; "
+            "sort the rows and remove doubles, or cut the file there if its clock was set"
+        )
+        raise fault(problem, k)
+
+
 def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
     """Times [s] since the first of a column of ISO 8601 dates and times, shape (n,), or None."""
+
+    def date_of(cell: str) -> datetime | None:
+        try:
+            return datetime.fromisoformat(cell) if "-" in cell and ":" in cell else None
+        except ValueError:
+            return None
+
     place, absent = table.place(column), ("", "nan", "nat")
     cells = [row[place].strip() for row in table.rows]
-    first = _date(next((cell for cell in cells if cell.lower() not in absent), ""))
+    first = date_of(next((cell for cell in cells if cell.lower() not in absent), ""))
     if first is None:
         return None
     times = np.full(len(cells), np.nan)
     for k, cell in enumerate(cells):
         if missing and cell.lower() in absent:
             continue
-        date = _date(cell)
+        date = date_of(cell)
         if date is None or (date.tzinfo is None) != (first.tzinfo is None):
             raise table.fault(
                 f"column '{column}': got '{cell[:40]}', expected a date and time as in the rows "
@@ -311,14 +319,6 @@ def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
             )
         times[k] = (date - first).total_seconds()
     return times
-
-
-def _date(cell: str) -> datetime | None:
-    """The date and time that a cell holds; None for numbers and other text."""
-    try:
-        return datetime.fromisoformat(cell) if "-" in cell and ":" in cell else None
-    except ValueError:
-        return None
 
 
 class Pair(NamedTuple):

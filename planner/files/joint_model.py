@@ -15,98 +15,133 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
-from planner.files.text import STANDARD_STREAM, Toml, key_name, read_toml, toml_value
+from planner.files.text import Toml, key_name, read_toml, toml_value
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
-from planner.trajectory import LARGEST, Array
+from planner.trajectory import LARGEST
 from planner.validation import as_number, as_reals, as_whole, is_one_of, shown
 
 if TYPE_CHECKING:
     from planner.robot.arm import Servo
 
+
+class Key(NamedTuple):
+    """A key of a table: what is expected, in words, and the value as it is used or else None."""
+
+    words: str
+    fitted: Callable[[Any], Any]
+
+
+def _numbers(words: str, *shape: int, least: float = 0.0) -> Key:
+    """Numbers of this shape, of which the first axis of pairs may have any length."""
+
+    def fitted(value: Any) -> Any:
+        try:
+            numbers = as_reals(value)
+        except (TypeError, ValueError):
+            return None
+        fits = numbers.ndim == len(shape) and numbers.shape[-1:] == shape[-1:]
+        fits = fits and bool(np.all((least <= numbers) & (numbers <= LARGEST)))
+        return _tuples(numbers.tolist()) if fits else None
+
+    kinds = ("a number from 0 to 1e9", "two numbers up to 1e9", "pairs of numbers from 0 to 1e9")
+    return Key(f"{kinds[len(shape)]}: {words}", fitted)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+_ANY = Key("", lambda value: value)
+
+
+def _text(value: Any) -> str | None:
+    return value if isinstance(value, str) and value and "\0" not in value else None
+
+
+def _number(value: Any) -> float | None:
+    return value if isinstance(value, int | float) and math.isfinite(as_number(value)) else None
+
+
+def _pose(value: Any) -> dict[str, float] | None:
+    """Angles by joint, in degrees in the file [rad]."""
+    if not isinstance(value, dict) or any(_number(each) is None for each in value.values()):
+        return None
+    return {joint: math.radians(angle) for joint, angle in value.items()}
+
+
+def _range(value: Any) -> tuple[float, float] | None:
+    if not isinstance(value, list) or [_number(each) is None for each in value] != [False, False]:
+        return None
+    return float(value[0]), float(value[1])
+
+
 PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
 """The unit of every parameter."""
 
-FIELDS = tuple(PARAMETER_UNITS)
-TESTED: dict[str, tuple[tuple[int, ...], str]] = {
-    "expected_error": ((), "[rad] rms error on rows that were not fitted"),
-    "tested_speed": ((), "[rad/s] fastest motion of the logs"),
-    "tested_load": ((), "[N m] largest torque of the logs"),
-    "tested_angles": ((2,), "[rad] least and largest angle of the logs"),
-    "error_by_acceleration": (
-        (0, 2),
-        "[rad/s^2, rad] accelerations, each with the error of such motion, all rms",
+REQUIRED = tuple(each.name for each in fields(JointModel) if each.default is MISSING)
+
+TESTED = {
+    "expected_error": _numbers("[rad] rms error on rows that were not fitted"),
+    "tested_speed": _numbers("[rad/s] fastest motion of the logs"),
+    "tested_load": _numbers("[N m] largest torque of the logs"),
+    "tested_angles": _numbers("[rad] least and largest angle of the logs", 2, least=-LARGEST),
+    "error_by_acceleration": _numbers(
+        "[rad/s^2, rad] accelerations, each with the error of such motion, all rms", 0, 2
     ),
-    "delay_error": ((), "[s] uncertainty of the delay of moving requests, if none were logged"),
-    "error_spread": ((2,), "[-] least and largest error of 90 % of motions over the expected one"),
-    "error_over_delay": ((), "[-] error on rows that were not fitted over a pure delay's"),
+    "delay_error": _numbers("[s] uncertainty of the delay of moving requests, if none were logged"),
+    "error_spread": _numbers(
+        "[-] least and largest error of 90 % of motions over the expected one", 2
+    ),
+    "error_over_delay": _numbers("[-] error on rows that were not fitted over a pure delay's"),
 }
-"""Keys beside the parameters, for the first fields of Evidence: shapes and meanings."""
+"""Keys beside the parameters, for the first fields of Evidence."""
 
 INTERVALS = {
     f"{name}_interval": (name, unit)
-    for name, unit in {
-        **{each.name: each.metadata["unit"] for each in fields(JointModel)},
-        GAIN: "1/s",
-    }.items()
+    for name, unit in {**PARAMETER_UNITS, GAIN: "1/s"}.items()
     if name not in ("tick", "hold")
 }
 """Keys of intervals: the parameter of each, and its unit."""
 
-CORRELATIONS = "correlations"
-"""Key of the correlations of the parameters that have intervals, in the order of these."""
-
-VERDICT, REASON = "verdict", "verdict_reason"
-"""Keys of the verdict on a model, and of its reason."""
-
-JOINT = "joint"
-"""Key above all tables: the joint of which the model there was identified, if it has a name."""
-
-KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS, VERDICT, REASON)
+MODEL = {
+    **dict.fromkeys(PARAMETER_UNITS, _ANY),  # JointModel checks them
+    **TESTED,
+    **dict.fromkeys(INTERVALS, _ANY),
+    "correlations": Key("", _tuples),  # of the parameters that have intervals, in their order
+    "verdict": Key(
+        f"one of {', '.join(map(repr, get_args(Verdict)))}",
+        lambda value: value if is_one_of(value, get_args(Verdict)) else None,
+    ),
+    "verdict_reason": Key(
+        "the reason in words", lambda value: value if isinstance(value, str) else None
+    ),
+}
 """Every key of a model."""
 
-KINDS = ("a number from 0 to 1e9", "two numbers up to 1e9", "pairs of numbers from 0 to 1e9")
-"""Expected values in words, by number of axes: 1e9 is ``LARGEST``."""
-
-REQUIRED = tuple(each.name for each in fields(JointModel) if each.default is MISSING)
-
-LEG, SERVO = "leg", "servo"
-"""Keys of the tables ``[leg.<name>]`` and ``[<joint>.servo]``."""
-
-BUS = {"bus": str, "port": str, "baud_rate": int}
+BUS = {
+    "bus": Key("a text in quotes, without null characters", _text),
+    "port": Key("a text in quotes, without null characters", _text),
+    "baud_rate": Key("a whole number", as_whole),
+}
 """Keys above all tables for the place and the type of the servos."""
 
-Kinds = Mapping[str, tuple[Callable[[Any], bool], str]]
-"""By key, whether a value is one, and what is expected."""
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str) and value != ""
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and math.isfinite(as_number(value))
-
-
-def _is_pose(value: Any) -> bool:
-    return isinstance(value, dict) and all(map(_is_number, value.values()))
-
-
-def _is_whole(value: Any) -> bool:
-    return as_whole(value) is not None
-
-
-def _is_range(value: Any) -> bool:
-    return isinstance(value, list) and [*map(_is_number, value)] == [True, True]
-
-
-LEG_KEYS: Kinds = {
-    "urdf": (_is_text, "the description of the robot, a file beside this one"),
-    "base": (_is_text, "the frame at the leg's upper end"),
-    "foot": (_is_text, "the frame at its lower end"),
-    "near_deg": (_is_pose, "a table of angles of the standing pose [deg]"),
-    "lock_deg": (_is_pose, "a table of joints that are held, with their angles [deg]"),
+LEG_KEYS = {
+    "urdf": Key("the description of the robot, a file beside this one", _text),
+    "base": Key("the frame at the leg's upper end", _text),
+    "foot": Key("the frame at its lower end", _text),
+    "near_deg": Key("a table of angles of the standing pose [deg]", _pose),
+    "lock_deg": Key("a table of joints that are held, with their angles [deg]", _pose),
 }
+
+SERVO_KEYS = {
+    "id": Key("a whole number, the servo's identifier on the bus", as_whole),
+    "zero_tick": Key("a whole number", as_whole),
+    "direction": Key("a whole number", as_whole),
+    "ticks_per_turn": Key("a number", _number),
+    "limits": Key("two angles [rad]", _range),
+}
+"""Keys of a servo, beside those of its settings."""
 
 
 class LegPlace(NamedTuple):
@@ -200,38 +235,35 @@ def read_models(path: Path | str) -> dict[str, JointModel]:
 def read_model_file(path: Path | str) -> ModelFile:
     """Read joint models, and where they came from; see :func:`read_models`."""
     file = read_toml(path, example="v_max = 5.45")
-    path = file.path
-    content = {key: each for key, each in file.content.items() if not is_of_robot(key, each)}
-    common = {key: value for key, value in content.items() if not isinstance(value, dict)}
-    of_joint = common.pop(JOINT, "")
+    legs = _legs(file)
+    common, tables = dict[str, Any](), dict[str, dict[str, Any]]()
+    for key, value in file.content.items():
+        if isinstance(value, dict) and not (key == "leg" and legs):
+            own = {
+                name: each for name, each in value.items() if (name, type(each)) != ("servo", dict)
+            }
+            tables[key] = _checked(file, (key,), own, MODEL)
+        elif key not in ("leg", *BUS):
+            common[key] = value
+    of_joint = common.pop("joint", "")
     if not isinstance(of_joint, str):
-        raise file.fault(f"{JOINT}: got {shown(of_joint)}, expected the name of a joint", (JOINT,))
-    tables = {
-        joint: {key: each for key, each in own.items() if (key, type(each)) != (SERVO, dict)}
-        for joint, own in content.items()
-        if isinstance(own, dict)
-    }
-    for table, keys in (("", common), *tables.items()):
-        if unknown := [key for key in keys if key not in KNOWN]:
-            key, place = unknown[0], f" in [{table}]" if table else ""
-            raise file.fault(
-                f"unknown key '{key}'{place}{nearest(key, KNOWN)}; keys: {', '.join(FIELDS)}",
-                (table, key) if table else (key,),
-            )
+        problem = f"joint: got {shown(of_joint)}, expected the name of a joint"
+        raise file.fault(problem, ("joint",))
+    common = _checked(file, (), common, MODEL)
     complete = not tables or all(key in common for key in REQUIRED)
-    model = _model(path, common, common, "") if complete else None
-    by_joint = {
-        # A table that changes parameters is another model: its evidence is in the table.
-        table: _model(path, {**common, **own}, own, f"table [{table}]: ")
-        for table, own in tables.items()
-    }
-    return ModelFile(path, model, by_joint, of_joint)
+    # A table that changes parameters is another model: its evidence is in the table.
+    return ModelFile(
+        file.path,
+        _model(file, common, common) if complete else None,
+        {table: _model(file, common | own, own, table) for table, own in tables.items()},
+        of_joint,
+    )
 
 
 def models_text(
     models: Mapping[str, JointModel],
     *,
-    beside: Path | str = STANDARD_STREAM,
+    beside: Path | str = "-",
     remarks: Sequence[str] = (),
     about: Mapping[str, Mapping[str, str]] | None = None,
     servos: Mapping[str, Servo] | None = None,
@@ -269,7 +301,7 @@ def models_text(
         lines += [_comment(line) for line in comments.get("", "").splitlines()]
         if of_joint and not joint:
             words = "this model holds for joints of any name"
-            lines.append(f"{JOINT} = {toml_value(of_joint)}  # was identified; {words}")
+            lines.append(f"joint = {toml_value(of_joint)}  # was identified; {words}")
         lines += [
             f"{name} = {getattr(model, name)!r}  "
             + _comment(comments.get(name, f"[{PARAMETER_UNITS[name]}]"))
@@ -281,11 +313,10 @@ def models_text(
             servo = servos[joint]
             lines += [
                 "",
-                f"[{key_name((joint,))}.{SERVO}]",
+                f"[{key_name((joint,))}.servo]",
                 f"id = {servo.id}",
                 f"zero_tick = {servo.zero_tick}  # count at angle 0",
-                f"direction = {servo.direction}  "
-                "# -1 where the servo is mounted the other way round",
+                f"direction = {servo.direction}  # -1 where it is mounted the other way round",
                 f"ticks_per_turn = {servo.ticks_per_turn}",
                 f"limits = {list(servo.limits)}  # [rad] least and largest request",
                 *(f"{name} = {value}" for name, value in servo.settings.items()),
@@ -296,8 +327,7 @@ def models_text(
 
 def has_content(path: Path | str) -> bool:
     """Whether there is a file that is not empty; not on standard output, ``-``."""
-    name = str(path)
-    return name != STANDARD_STREAM and Path(path).is_file() and Path(path).stat().st_size > 0
+    return str(path) != "-" and Path(path).is_file() and Path(path).stat().st_size > 0
 
 
 def _comment(text: str) -> str:
@@ -309,48 +339,49 @@ def _evidence_lines(evidence: Evidence) -> list[str]:
     """The evidence of a model: its test, verdict, intervals and their correlations."""
     tested: tuple[Any, ...] = evidence
     lines = [
-        f"{key} = {json.dumps(value)}  # {TESTED[key][1]}"
-        for key, value in zip(TESTED, tested, strict=False)
+        f"{key} = {json.dumps(value)}  # {words.partition(': ')[2]}"
+        for (key, (words, _)), value in zip(TESTED.items(), tested, strict=False)
         if np.size(value) and np.isfinite(value).all()
     ]
     if evidence.verdict is not None:
         accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
         verdict = toml_value(evidence.verdict)
-        lines.append(f"{VERDICT} = {verdict}  # to plan with only if {accepted}")
+        lines.append(f"verdict = {verdict}  # to plan with only if {accepted}")
         if evidence.reason:
-            lines.append(f"{REASON} = {toml_value(evidence.reason)}")
+            lines.append(f"verdict_reason = {toml_value(evidence.reason)}")
     lines += [
         f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
         for name, (least, most) in evidence.intervals.items()
     ]
     if evidence.correlations:
-        matrix = json.dumps(evidence.correlations)
-        lines.append(f"{CORRELATIONS} = {matrix}  # of the intervals above")
+        lines.append(
+            f"correlations = {json.dumps(evidence.correlations)}  # of the intervals above"
+        )
     return lines
 
 
 def _model(
-    path: Path | str, keys: Mapping[str, Any], own: Mapping[str, Any], place: str
+    file: Toml, keys: Mapping[str, Any], own: Mapping[str, Any], table: str = ""
 ) -> JointModel:
     """The model of these keys, with the evidence in its own keys."""
-    missing = [key for key in REQUIRED if key not in keys]
-    if missing:
+    place = f"table [{table}]: " if table else ""
+    if missing := [key for key in REQUIRED if key not in keys]:
         raise InvalidFile(
-            path,
+            file.path,
             f"{place}no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s",
         )
     times = [keys[key] for key in ("lag", "acceleration_time")]
     slowest = 10.0  # no servo takes so long to answer a request [s]: the unit is another
     if all(isinstance(time, int | float) for time in times) and sum(times) > slowest:
         raise InvalidFile(
-            path,
+            file.path,
             f"{place}lag + acceleration_time: got {sum(times):g} s, "
             f"expected at most {slowest:g} s; 32 ms are 0.032 (v_max is in rad/s, theta_0 in rad)",
         )
     try:
-        model = JointModel(**{key: value for key, value in keys.items() if key in FIELDS})
+        model = JointModel(**{key: keys[key] for key in PARAMETER_UNITS if key in keys})
     except InvalidModel as error:
-        raise InvalidFile(path, f"{place}{error}") from error
+        raise InvalidFile(file.path, f"{place}{error}") from error
     doubtful = [
         f"{name} = {value:g} {unit}: is it in degrees? expected at most {most:.4g} {unit}; "
         f"{value:g} {unit.replace('rad', 'deg')} are {name} = {math.radians(value):.4g}"
@@ -360,126 +391,76 @@ def _model(
         )
         if value > most
     ]
-    if doubtful and not any(key in INTERVALS for key in own):  # identify writes them, and radians
-        raise InvalidFile(path, place + "; ".join(doubtful))
-    try:
-        evidence = _evidence(own, model)
-        return model.with_evidence(Evidence(**evidence)) if evidence else model
-    except InvalidInput as error:
-        raise InvalidFile(path, f"{place}{error}") from error
-
-
-def _evidence(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
-    """The test, the intervals and the verdict of a model, as fields of Evidence."""
-    evidence: dict[str, Any] = {}
-    for (key, (shape, words)), name in zip(TESTED.items(), Evidence._fields, strict=False):
-        if "expected_error" not in keys or key not in keys:
-            continue
-        values = _reals(keys[key])
-        fits = values.ndim == len(shape) and values.shape[-1:] == shape[-1:]
-        least = -LARGEST if key == "tested_angles" else 0.0
-        if not fits or not np.all((least <= values) & (values <= LARGEST)):
-            expected = f"{KINDS[len(shape)]}: {words}"
-            raise InvalidInput(f"{key}: got {shown(keys[key])}, expected {expected}")
-        evidence[name] = _as_tuples(values.tolist())
-    declared = [key for key in keys if key in INTERVALS]
+    declared = {key: INTERVALS[key] for key in own if key in INTERVALS}
+    if doubtful and not declared:  # identify writes them, and radians
+        raise InvalidFile(file.path, place + "; ".join(doubtful))
     both = [f"{name}_interval" for name in (GAIN, "theta_0")]
-    if set(both) <= set(declared):
-        raise InvalidInput(
-            f"got {' and '.join(both)}, expected one of them: by v_max one follows from the other"
+    if declared.keys() >= {*both}:
+        raise InvalidFile(
+            file.path,
+            f"{place}got {' and '.join(both)}, expected one of them: by v_max one follows from the "
+            "other",
         )
     intervals = {}
-    for key in declared:
-        name, unit = INTERVALS[key]
+    for key, (name, unit) in declared.items():
         value = model.v_max / model.theta_0 if name == GAIN else getattr(model, name)
-        ends, rounding = _reals(keys[key]), 1e-9 * abs(value)
-        if ends.shape != (2,) or not ends[0] - rounding <= value <= ends[1] + rounding:
-            raise InvalidInput(
-                f"{key}: got {shown(keys[key])}, expected least and largest value [{unit}], with "
-                f"{value:g}, that of the model, between them; inf or -inf where there is none"
+        ends = own[key] if isinstance(own[key], list) and len(own[key]) == 2 else [math.nan] * 2
+        least, most = (as_number(end, infinite=True) for end in ends)
+        rounding = 1e-9 * abs(value)
+        if not least - rounding <= value <= most + rounding:
+            raise file.fault(
+                f"{place}{key}: got {shown(own[key])}, expected least and largest value [{unit}], "
+                f"with {value:g}, that of the model, between them; inf or -inf where there is none",
+                (table, key) if table else (key,),
             )
-        intervals[name] = (float(ends[0]), float(ends[1]))
-    if intervals:
-        evidence["intervals"] = intervals
-    if CORRELATIONS in keys:
-        evidence["correlations"] = _as_tuples(keys[CORRELATIONS])
-    verdicts = ", ".join(f"'{each}'" for each in get_args(Verdict))
-    for key, name, fits, words in (
-        (VERDICT, "verdict", is_one_of(keys.get(VERDICT), get_args(Verdict)), f"one of {verdicts}"),
-        (REASON, "reason", isinstance(keys.get(REASON), str), "the reason in words"),
-    ):
-        if key in keys:
-            evidence[name] = keys[key]
-            if not fits:
-                raise InvalidInput(f"{key}: got {shown(keys[key])}, expected {words}")
-    return evidence
-
-
-def _reals(value: Any) -> Array:
-    """Numbers of a file; NaN for anything else."""
+        intervals[name] = (least, most)
+    evidence = {
+        field: own[key]
+        for key, field in zip(TESTED, Evidence._fields, strict=False)
+        if key in own and "expected_error" in own
+    }
+    keys_of = {"correlations": "correlations", "verdict": "verdict", "reason": "verdict_reason"}
+    evidence |= {field: own[key] for field, key in keys_of.items() if key in own}
+    evidence |= {"intervals": intervals} if intervals else {}
     try:
-        return as_reals(value)
-    except (TypeError, ValueError):
-        return np.array(math.nan)
+        return model.with_evidence(Evidence(**evidence)) if evidence else model
+    except InvalidInput as error:
+        raise InvalidFile(file.path, f"{place}{error}") from error
 
 
-def _as_tuples(value: Any) -> Any:
-    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
-
-
-def is_of_robot(key: str, value: Any) -> bool:
-    """Whether a key of a model file is about the robot, and no parameter and no joint."""
-    if key == LEG:
-        return isinstance(value, dict) and all(isinstance(each, dict) for each in value.values())
-    return type(value) is BUS.get(key)
+def _legs(file: Toml) -> dict[str, dict[str, Any]]:
+    """The tables of legs; none where ``leg`` is a joint."""
+    tables: Any = file.content.get("leg")
+    is_legs = isinstance(tables, dict) and all(isinstance(each, dict) for each in tables.values())
+    return tables if is_legs else {}
 
 
 def read_legs(path: Path | str) -> dict[str, LegPlace]:
     """The legs of a model file, by name: its tables ``[leg.<name>]``; none where it has none."""
     file = read_toml(path, example='urdf = "robot.urdf"')
     legs = {}
-    for name, table in _leg_tables(file).items():
-        _check(file, (LEG, name), table, LEG_KEYS, ("urdf", "base", "foot"))
-        locked, near = (
-            {joint: math.radians(angle) for joint, angle in table.get(key, {}).items()}
-            for key in ("lock_deg", "near_deg")
-        )
-        urdf = str(Path(file.path).parent / table["urdf"])
-        pose = near if "near_deg" in table else None
-        legs[name] = LegPlace(urdf, table["base"], table["foot"], locked, pose)
+    for name, table in _legs(file).items():
+        own = _checked(file, ("leg", name), table, LEG_KEYS, needed=("urdf", "base", "foot"))
+        urdf = str(Path(file.path).parent / own["urdf"])
+        locked, near = own.get("lock_deg", {}), own.get("near_deg")
+        legs[name] = LegPlace(urdf, own["base"], own["foot"], locked, near)
     return legs
 
 
 def legs_text(path: Path | str) -> str:
     """The tables of the legs of a model file as TOML, as they are, but for comments."""
-    tables = _leg_tables(read_toml(path, example='urdf = "robot.urdf"'))
     return "".join(
-        f"\n[{LEG}.{key_name((name,))}]\n"
+        f"\n[leg.{key_name((name,))}]\n"
         + "".join(f"{key} = {toml_value(value)}\n" for key, value in table.items())
-        for name, table in tables.items()
+        for name, table in _legs(read_toml(path, example='urdf = "robot.urdf"')).items()
     )
-
-
-def _leg_tables(file: Toml) -> dict[str, dict[str, Any]]:
-    tables: dict[str, Any] = file.content.get(LEG, {})
-    return tables if is_of_robot(LEG, tables) else {}
 
 
 def read_bus(path: Path | str) -> dict[str, Any]:
     """Bus, port and baud rate of a model file, where it has them."""
     file = read_toml(path, example='bus = "feetech"')
-    settings = {
-        key: value
-        for key, value in file.content.items()
-        if key in BUS and not isinstance(value, dict)
-    }
-    for key, value in settings.items():
-        if not is_of_robot(key, value):
-            expected = "a text in quotes" if BUS[key] is str else "a whole number"
-            raise file.fault(f"{key}: got {shown(value)}, expected {expected}", (key,))
-        if "\0" in str(value):
-            raise file.fault(f"{key}: got {shown(value)}, expected no null character", (key,))
-    return settings
+    own = {key: each for key, each in file.content.items() if not isinstance(each, dict)}
+    return _checked(file, (), {key: own[key] for key in BUS if key in own}, BUS)
 
 
 def read_servos(
@@ -491,26 +472,18 @@ def read_servos(
     """
     from planner.robot.arm import SETTINGS, Servo  # imports the drivers of the buses
 
-    keys: Kinds = {
-        **dict.fromkeys(("zero_tick", "direction", *SETTINGS), (_is_whole, "a whole number")),
-        "id": (_is_whole, "a whole number, the servo's identifier on the bus"),
-        "ticks_per_turn": (_is_number, "a number"),
-        "limits": (_is_range, "two angles [rad]"),
-    }
+    keys = SERVO_KEYS | dict.fromkeys(SETTINGS, Key("a whole number", as_whole))
     file, servos = read_toml(path, example="id = 1"), {}
-    for joint, own in file.content.items():
-        table = own.get(SERVO) if isinstance(own, dict) else None
+    for joint, joint_table in file.content.items():
+        table = joint_table.get("servo") if isinstance(joint_table, dict) else None
         if not isinstance(table, dict):
             continue
-        _check(file, (joint, SERVO), table, keys, ("id",))
-        arguments = {key: value for key, value in table.items() if key not in SETTINGS}
-        if "limits" in arguments:
-            arguments["limits"] = tuple(map(float, arguments["limits"]))
-        settings = {key: value for key, value in table.items() if key in SETTINGS}
+        own = _checked(file, (joint, "servo"), table, keys, needed=("id",))
+        settings = {key: own.pop(key) for key in SETTINGS if key in own}
         try:
-            servos[joint] = Servo(**arguments, settings=settings)
+            servos[joint] = Servo(**own, settings=settings)
         except InvalidInput as error:
-            raise InvalidFile(file.path, f"[{joint}.{SERVO}]: {error}") from error
+            raise InvalidFile(file.path, f"[{joint}.servo]: {error}") from error
     if not servos and not optional:
         raise InvalidFile(
             file.path,
@@ -526,19 +499,28 @@ def read_servos(
     return servos if joints is None else {name: servos[name] for name in joints}
 
 
-def _check(
-    file: Toml, place: Sequence[str], table: Mapping[str, Any], kinds: Kinds, needed: Sequence[str]
-) -> None:
-    """Refuse unknown keys of a table, values that are not of their kind, and missing keys."""
-    name = ".".join(place)
+def _checked(
+    file: Toml,
+    place: Sequence[str],
+    table: Mapping[str, Any],
+    keys: Mapping[str, Key],
+    *,
+    needed: Sequence[str] = (),
+) -> dict[str, Any]:
+    """The values of a table that has the needed keys, no unknown ones, and no unfit values."""
+    where, values = f"[{'.'.join(place)}]: " if place else "", dict[str, Any]()
     for key, value in table.items():
-        words = ""
-        if key not in kinds:
-            words = f"unknown key '{key}'{nearest(key, [*kinds])}; keys: {', '.join(kinds)}"
-        elif not kinds[key][0](value):
-            words = f"{key}: got {shown(value)}, expected {kinds[key][1]}"
-        if words:
-            raise file.fault(f"[{name}]: {words}", (*place, key))
+        if key not in keys:
+            known = ", ".join(PARAMETER_UNITS if keys is MODEL else keys)
+            problem = f"unknown key '{key}'{nearest(key, [*keys])}; keys: {known}"
+            raise file.fault(f"{where}{problem}", (*place, key))
+        values[key] = keys[key].fitted(value)
+        if values[key] is None:
+            expected = keys[key].words
+            raise file.fault(
+                f"{where}{key}: got {shown(value)}, expected {expected}", (*place, key)
+            )
     if missing := [key for key in needed if key not in table]:
-        meanings = "; ".join(f"{key} is {kinds[key][1]}" for key in missing)
-        raise file.fault(f"[{name}] has no {', '.join(missing)}; {meanings}", place)
+        meanings = "; ".join(f"{key} is {keys[key].words}" for key in missing)
+        raise file.fault(f"[{'.'.join(place)}] has no {', '.join(missing)}; {meanings}", place)
+    return values

@@ -25,6 +25,7 @@ from planner.files.columns import (
     LENGTHS,
     SHARES,
     TIME,
+    check_increasing,
     check_radians,
     pairs,
     pick,
@@ -111,13 +112,15 @@ class SampledPath:
         if speed is None and (self.times is None or not resample):
             self.check_period(period)
             return self
-        times = _times(len(self.values), period) if self.times is None else self.times
+        times = period * np.arange(float(len(self.values))) if self.times is None else self.times
         values, loads = (
             rows if rows is None else resampled(times, rows, period * (speed or 1.0), cyclic=cyclic)
             for rows in (self.values, self.loads)
         )
         assert values is not None
-        return replace(self, times=_times(len(values), period), values=values, loads=loads)
+        return replace(
+            self, times=period * np.arange(float(len(values))), values=values, loads=loads
+        )
 
     def check_samples(self, samples: int) -> None:
         """Raise InvalidFile unless these are the requests of a path of so many samples."""
@@ -212,7 +215,7 @@ def write_joint_path(
     if loads is not None:
         titles += [f"{name}{LOAD}" for name in names]
         columns += list(loads.T)
-    rows = np.column_stack([_times(len(angles), period), *columns])
+    rows = np.column_stack([period * np.arange(len(angles)), *columns])
     write_table(path, [TIME, *titles], rows)
 
 
@@ -239,7 +242,7 @@ def write_foot_path(path: Path | str, positions: Array, *, period: float | None 
     names, columns = [f"{axis}_m" for axis in AXES], positions
     if period is not None:
         names = [TIME, *names]
-        columns = np.column_stack([_times(len(positions), period), positions])
+        columns = np.column_stack([period * np.arange(len(positions)), positions])
     write_table(path, names, columns)
 
 
@@ -262,14 +265,8 @@ def read_times(table: Table, *, even: bool = True) -> Array | None:
     if column is None:
         return None
     times, _ = read_clock(table, column)
+    check_increasing(times, table.fault)
     steps = np.diff(times)
-    if (steps <= 0.0).any():
-        k = int(np.argmax(steps <= 0.0)) + 1
-        raise table.fault(
-            f"{column}: got {times[k]:g} s after {times[k - 1]:g} s, expected times that increase; "
-            "sort the rows and remove doubles",
-            k,
-        )
     period = float(np.median(steps))
     uneven = np.abs(steps - period) > UNEVEN * period
     if even and uneven.any():
@@ -305,10 +302,6 @@ def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Arra
     columns = np.column_stack([np.interp(at, since, column) for column in rows.T])
     columns.setflags(write=False)
     return columns
-
-
-def _times(count: int, period: float) -> Array:
-    return np.asarray(np.arange(count) * period, dtype=np.float64)
 
 
 class GrowingLog:

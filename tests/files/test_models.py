@@ -173,8 +173,8 @@ def test_a_leg_that_is_none_is_refused_with_its_line(file, snapshot):
 @pytest.mark.parametrize(
     ("port", "message"),
     [
-        ("3", "port: got 3, expected a text in quotes"),
-        (r'"a\u0000b"', r"port: got 'a\x00b', expected no null character"),
+        ("3", "port: got 3, expected a text in quotes, without null characters"),
+        (r'"a\u0000b"', r"port: got 'a\x00b', expected a text in quotes, without null characters"),
     ],
 )
 def test_a_port_that_is_none_is_refused_with_its_line(file, port, message):

@@ -13,7 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput, nearest
-from planner.files.columns import ANGLE_NAMES, COUNTS, LARGEST, LEAST_DEG, Scale, scale
+from planner.files.columns import (
+    ANGLE_NAMES,
+    COUNTS,
+    LARGEST,
+    LEAST_DEG,
+    Scale,
+    check_increasing,
+    scale,
+)
 from planner.files.table import Source
 from planner.identification.log import FASTEST, FEWEST_ROWS, Log, Written
 from planner.model.evidence import ENCODER_STEP
@@ -383,14 +391,7 @@ def _check_times(rows: Rows) -> None:
     if not np.isfinite(times).all():
         k = int(np.argmin(np.isfinite(times)))
         raise rows.fault(f"time: got {times[k]}, expected a finite number; remove the row", k)
-    steps = np.diff(times)
-    if (steps <= 0.0).any():
-        k = int(np.argmax(steps <= 0.0)) + 1
-        raise rows.fault(
-            f"time is {times[k]:.9g} s after {times[k - 1]:.9g} s, expected times that increase; "
-            "sort the rows and remove doubles, or cut the log there if its clock was set",
-            k,
-        )
+    check_increasing(times, rows.fault)
 
 
 def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
