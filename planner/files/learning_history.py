@@ -58,17 +58,16 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
             path, "got the trials of another desired path; begin another file for this one"
         )
     for name, state in states.items():
-        columns = desired.shape[1] if len(state.models) > 1 else 1
+        expected = (len(desired), desired.shape[1] if len(state.models) > 1 else 1)
         for number, trial in enumerate(state.learning.trials, start=1):
-            expected, shape = (len(desired), columns), trial.measured.shape
-            sizes = np.concatenate([trial.requests.ravel(), trial.measured.ravel()])
+            requests, measured = trial.requests, trial.measured
             problem = ""
-            if trial.requests.shape != expected or shape[1:] != expected:
+            if requests.shape != expected or measured.shape[1:] != expected:
                 problem = (
-                    f": got requests and angles of shapes {trial.requests.shape} and {shape}, "
-                    f"expected {len(desired)} rows of {columns}"
+                    f": got requests and angles of shapes {requests.shape} and {measured.shape}, "
+                    f"expected {expected[0]} rows of {expected[1]}"
                 )
-            elif not np.all(np.abs(sizes) <= LARGEST):
+            elif not all(np.all(np.abs(each) <= LARGEST) for each in (requests, measured)):
                 problem = " has angles that are not finite"
             if problem:
                 place = f"trial {number} of {name}{problem}"
@@ -98,17 +97,11 @@ def _renamed(value: Any, names: Mapping[str, str]) -> Any:
 
 def _learning(content: Mapping[str, Any]) -> Learning:
     fields = _renamed(content, {f"{key}_rad": key for key in IN_RADIANS})
-    speed, noise, next_error = (
-        math.nan if value is None else float(value)
-        for value in (*fields["floor"], fields.get("next_error"))
-    )
+    numbers = (*fields["floor"], fields.get("next_error"))
+    speed, noise, next_error = (math.nan if each is None else float(each) for each in numbers)
     return Learning(
         trials=tuple(
-            Trial(
-                requests=np.array(each["requests"], dtype=np.float64),
-                measured=np.array(each["measured"], dtype=np.float64),
-                error=float(each["error"]),
-            )
+            Trial(**each | {key: np.array(each[key], float) for key in ("requests", "measured")})
             for each in fields["trials"]
         ),
         noise=np.array(fields["noise"], dtype=np.float64),

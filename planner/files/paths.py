@@ -35,7 +35,7 @@ from planner.files.columns import (
     time_columns,
     with_unit,
 )
-from planner.files.staging import cannot_write
+from planner.files.staging import writing
 from planner.files.table import Table, read_table, write_table
 from planner.files.text import write_text
 from planner.trajectory import MOST_SAMPLES, Array
@@ -322,11 +322,9 @@ class GrowingLog:
         self.path, self.rows = Path(path), 0
         self.unfinished = self.path.with_name(self.path.name + ".part")
         columns = ["_".join(filter(None, (name, kind, "deg"))) for name in names for kind in kinds]
-        try:
+        with writing(self.unfinished):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file: TextIO = self.unfinished.open("w", encoding="utf-8", newline="\n")
-        except OSError as error:
-            raise cannot_write(self.unfinished, error) from error
         self._write(",".join([TIME, *columns]))
 
     def keep(self, time: float, *kinds: Array) -> None:
@@ -350,8 +348,6 @@ class GrowingLog:
             self.unfinished.unlink()
 
     def _write(self, line: str) -> None:
-        try:
+        with writing(self.unfinished):
             self._file.write(line + "\n")
             self._file.flush()
-        except OSError as error:
-            raise cannot_write(self.unfinished, error) from error

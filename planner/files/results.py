@@ -15,7 +15,7 @@ from typing import Any
 
 from planner._version import __version__
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.staging import all_there, cannot_write, read_manifest, staged
+from planner.files.staging import all_there, cannot_write, read_manifest, staged, writing
 from planner.files.text import to_json
 
 
@@ -65,13 +65,11 @@ class Results:
                     "all again"
                 )
             return
-        try:
+        with writing(output):
             if self.folder.exists() and not resume:
                 self.removed = sum(1 for _ in self.folder.glob("??/*"))
                 shutil.rmtree(self.folder)
             self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise cannot_write(output, error) from error
         self._keep(manifest, json.dumps(self._settings, indent=2).encode())
 
     def __contains__(self, task: Task) -> bool:
@@ -87,8 +85,7 @@ class Results:
             content = self._file(task).read_bytes()
         except OSError:
             return None
-        digest, result = content[:32], content[32:]
-        return result if sha256(result).digest() == digest else None
+        return content[32:] if sha256(content[32:]).digest() == content[:32] else None
 
     def remove(self, *, if_empty: bool = False) -> None:
         """Remove the folder, once the output is written, or only where it holds no result."""

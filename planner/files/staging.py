@@ -52,10 +52,8 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
     target = Path(path)
     if _is_device(target):
         yield
-        try:
+        with writing(path):
             target.write_bytes(content)
-        except OSError as error:
-            raise cannot_write(path, error) from error
         return
     target = target.resolve()
     if not _FILLED.isdisjoint(target.parents):
@@ -65,20 +63,16 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
     with _lock(target, path, shared=True):
         new = _beside(target, "new")
         try:
-            try:
+            with writing(path):
                 with new.open("xb") as stream:
                     stream.write(content)
                 _to_disk(new)
-            except OSError as error:
-                raise cannot_write(path, error) from error
             yield
-            try:
+            with writing(path):
                 if target.exists():
                     new.chmod(target.stat().st_mode & 0o777)
                 new.replace(target)
-            except OSError as error:
-                raise cannot_write(path, error) from error
-            _names_to_disk(target.parent)
+            _to_disk(target.parent)
         finally:
             new.unlink(missing_ok=True)
 
@@ -101,10 +95,8 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
     with claimed(path) as locked:
         new = _beside(target, "new")
         try:
-            try:
+            with writing(path):
                 new.mkdir()
-            except OSError as error:
-                raise cannot_write(path, error) from error
             _FILLED.add(new)
             try:
                 yield new
@@ -114,7 +106,7 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                 for file in _files_below(new):
                     _to_disk(new / file)
                 for folder in (*filter(Path.is_dir, new.rglob("*")), new):
-                    _names_to_disk(folder)
+                    _to_disk(folder)
             except OSError as error:
                 name = error.filename  # none where a disk is full
                 own = name is None or Path(str(name)).is_relative_to(new)
@@ -139,7 +131,7 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                 raise InvalidFile(
                     path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
                 ) from error
-            _names_to_disk(target.parent)
+            _to_disk(target.parent)
             if locked:
                 _sweep(target, "old")
         finally:
@@ -159,10 +151,8 @@ def claimed(path: Path | str) -> Iterator[bool]:
     if target in _CLAIMED:
         yield _CLAIMED[target]
         return
-    try:
+    with writing(path):
         target.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise cannot_write(path, error) from error
     with _lock(target, path, shared=False) as _CLAIMED[target]:
         try:
             yield _CLAIMED[target]
@@ -176,12 +166,10 @@ def check_writable(path: Path | str) -> None:
     if _is_device(target):
         return
     folder = target.resolve().parent
-    try:
+    with writing(path):
         folder.stat()
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    except OSError as error:
-        raise cannot_write(path, error) from error
 
 
 def check_folder(path: Path | str) -> None:
@@ -202,6 +190,15 @@ def all_there(folder: Path | str) -> bool:
     target = _target(folder)
     files = _files_of_run(target)
     return bool(files) and all((target / name).is_file() for name in files)
+
+
+@contextmanager
+def writing(path: Path | str) -> Iterator[None]:
+    """Turn an error of the system in the block into one about this output."""
+    try:
+        yield
+    except OSError as error:
+        raise cannot_write(path, error) from error
 
 
 def cannot_write(path: Path | str, error: Exception) -> InvalidFile:
@@ -292,7 +289,7 @@ def _sweep(target: Path, age: str) -> None:
 
 
 def _to_disk(path: Path) -> None:
-    """Flush a file or a folder to the disk, where the file system can do that."""
+    """Flush a file, or the names in a folder, to the disk, where the file system can do that."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -301,12 +298,6 @@ def _to_disk(path: Path) -> None:
             raise
     finally:
         os.close(descriptor)
-
-
-def _names_to_disk(folder: Path) -> None:
-    """Flush the names in a folder to the disk, where the platform opens folders."""
-    with suppress(OSError):
-        _to_disk(folder)
 
 
 def _is_device(target: Path) -> bool:
@@ -351,9 +342,7 @@ def _files_of_run(target: Path) -> set[str]:
     """Files that the manifest lists; empty without a manifest of a run."""
     manifest = read_manifest(target / MANIFEST)
     files = manifest.get("files") if isinstance(manifest, dict) else None
-    if not isinstance(files, list):
-        return set()
-    return {MANIFEST, *(name for name in files if isinstance(name, str))}
+    return {MANIFEST, *map(str, files)} if isinstance(files, list) else set()
 
 
 def read_manifest(file: Path) -> Any:

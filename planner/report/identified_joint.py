@@ -168,7 +168,8 @@ def telling_error(of: Identification | Alternative) -> tuple[float, str]:
 def errors_table(identification: Identification) -> Table:
     """The errors of the simpler descriptions, and of the joint model at the end."""
     units, rows = units_of(identification), list[Row]()
-    for each in (*identification.alternatives, identification):
+    every: tuple[Alternative | Identification, ...] = identification.alternatives
+    for each in (*every, identification):
         about, kind = "the joint model", "model"
         if isinstance(each, Alternative):
             times = (each.parameters.get(name) for name in ("delay", "time_constant"))

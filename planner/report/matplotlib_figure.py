@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel, Words
+from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel
 from planner.report.style import INK
 
 if TYPE_CHECKING:
@@ -21,25 +19,21 @@ if TYPE_CHECKING:
 WIDTH = 4.8
 """Width of a picture [inch]: legible on a phone, and between one and two columns of a paper."""
 
-ROW = 1.5
-"""Height of a panel of height 1 [inch]."""
-
-BELOW, LEGEND, HEADING = 0.45, 0.22, 0.2
-"""Room for the axis below, for a row of the legend and for a panel's heading [inch]."""
-
-AWAY = 4
-"""Distance of words from their place [pt]."""
+V_MAX = r"$v_\mathrm{max}$"
 
 
 def draw(figure: Figure) -> Picture:
     """The figure as Matplotlib draws it: the panels, and the legend above them."""
     from matplotlib.figure import Figure as Picture
 
-    entries, heights = _names(figure), [panel.height for panel in figure.panels]
-    headings = HEADING * sum(bool(panel.title) for panel in figure.panels)
+    drawn = [curve for panel in figure.panels for curve in panel.curves if not curve.hidden]
+    names = list(dict.fromkeys(curve.name for curve in drawn if curve.legend))
+    heights = [panel.height for panel in figure.panels]
     with _style():
-        columns = _columns(entries)
-        height = ROW * sum(heights) + BELOW + headings + LEGEND * -(-len(entries) // columns)
+        columns = _columns(names)
+        # for the panels, the axis, their headings and the rows of the legend [inch]
+        height = 1.5 * sum(heights) + 0.45 + 0.2 * sum(bool(panel.title) for panel in figure.panels)
+        height += 0.22 * -(-len(names) // columns)
         picture = Picture(figsize=(WIDTH, height), layout="constrained")
         rows = picture.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
         handles: dict[str, Any] = {}
@@ -49,9 +43,9 @@ def draw(figure: Figure) -> Picture:
                 handles.setdefault(name, handle)
         _set_axis(rows[-1, 0].xaxis, figure.x)
         picture.align_ylabels(list(rows[:, 0]))
-        if entries:
-            drawn = [handles[name] for name in entries]
-            picture.legend(drawn, entries, loc="outside upper left", ncols=columns)
+        if names:
+            entries = [handles[name] for name in names]
+            picture.legend(entries, names, loc="outside upper left", ncols=columns)
     return picture
 
 
@@ -97,8 +91,19 @@ def _draw_panel(axes: Axes, panel: Panel, figure: Figure) -> None:
         shade(span.start, span.end, zorder=0.5, facecolor=look, linewidth=0.0)
     for order, curve in enumerate(curve for curve in panel.curves if not curve.hidden):
         axes.plot(curve.x, curve.y, zorder=3.0 + 0.01 * order, **_looks(curve))
+    away = {"left": 4, "right": -4, "bottom": 4, "top": -4}  # from their place [pt]
     for words in panel.words:
-        _write(axes, words)
+        axes.annotate(
+            words.text.replace("v_max", V_MAX),
+            (words.x, words.y),
+            xytext=(away.get(words.across, 0), away.get(words.upward, 0)),
+            textcoords="offset points",
+            ha=words.across,
+            va={"middle": "center"}.get(words.upward, words.upward),
+            fontsize=8.5,
+            color=INK.light,
+            zorder=6.0,
+        )
     axes.set_title(panel.title)
     _set_axis(axes.yaxis, panel.y)
     if figure.equal:
@@ -121,26 +126,7 @@ def _looks(curve: Curve) -> dict[str, Any]:
     looks |= {"linestyle": "", "marker": "o"}
     if curve.marks == "rings":
         return looks | {"ms": 5.0, "mfc": "none", "mew": 1.3, "clip_on": False}
-    faint = curve.opacity < 1.0
-    return looks | {"ms": 2.3 if faint else 5.0, "mew": 0.0, "alpha": curve.opacity}
-
-
-def _write(axes: Axes, words: Words) -> None:
-    away = {"left": AWAY, "right": -AWAY, "bottom": AWAY, "top": -AWAY}
-    axes.annotate(
-        words.text.replace("v_max", V_MAX),
-        (words.x, words.y),
-        xytext=(away.get(words.across, 0), away.get(words.upward, 0)),
-        textcoords="offset points",
-        ha=words.across,
-        va={"middle": "center"}.get(words.upward, words.upward),
-        fontsize=8.5,
-        color=INK.light,
-        zorder=6.0,
-    )
-
-
-V_MAX = r"$v_\mathrm{max}$"
+    return looks | {"ms": 2.3 if curve.opacity < 1.0 else 5.0, "mew": 0.0, "alpha": curve.opacity}
 
 
 def _set_axis(axis: Any, description: Axis) -> None:
@@ -153,29 +139,18 @@ def _set_axis(axis: Any, description: Axis) -> None:
         axis.grid(visible=False)
 
 
-def _names(figure: Figure) -> list[str]:
-    """The entries of the legend: each name once, in the order in which they are drawn."""
-    curves = [curve for panel in figure.panels for curve in panel.curves]
-    names = [curve.name for curve in curves if curve.legend and not curve.hidden]
-    return list(dict.fromkeys(names))
-
-
-def _columns(names: Sequence[str]) -> int:
+def _columns(names: list[str]) -> int:
     """Columns of the legend that fit into a figure."""
-    widths = [_width(name) + 0.56 for name in names]  # for the line before it, and the blank behind
-    for columns in range(len(names), 1, -1):
-        parts = np.array_split(widths, columns)  # as Matplotlib does
-        if sum(part.max() for part in parts) <= WIDTH:
-            return columns
-    return 1
-
-
-@cache
-def _width(words: str) -> float:
-    """Width of words in the legend [inch]."""
     import matplotlib as mpl
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
     font = FontProperties(family="DejaVu Sans", size=mpl.rcParams["legend.fontsize"])
-    return float(TextPath((0.0, 0.0), words, prop=font).get_extents().width) / 72.0
+    # widths [inch], with the line before each name and the blank behind it
+    ends = [TextPath((0.0, 0.0), name, prop=font).get_extents().width for name in names]
+    widths = np.array(ends) / 72.0 + 0.56
+    for columns in range(len(names), 1, -1):
+        parts = np.array_split(widths, columns)  # as Matplotlib does
+        if sum(part.max() for part in parts) <= WIDTH:
+            return columns
+    return 1

@@ -22,14 +22,7 @@ from planner._version import __version__
 from planner.report.figure import Figure
 from planner.report.plotly_figure import live
 from planner.report.style import ROLES
-from planner.report.table import (
-    NOTHING,
-    Column,
-    Row,
-    Table,
-    raised,
-    signed,
-)
+from planner.report.table import NOTHING, Column, Row, Table, raised, signed
 from planner.report.wording import breakable, environment
 
 if TYPE_CHECKING:
@@ -136,16 +129,12 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
 def models_table(names: Sequence[str], models: Sequence[JointModel]) -> Table:
     """The parameters of every joint."""
     titles = parameters_of([model.parameters() for model in models])
-    rows = (
-        Row(joint, tuple(_parameter(getattr(model, name)) for name in titles))
-        for joint, model in zip(names, models, strict=True)
-    )
+    rows = []
+    for joint, model in zip(names, models, strict=True):
+        values = (getattr(model, name) for name in titles)
+        cells = (NOTHING if math.isinf(each) else signed(f"{each:.4g}") for each in values)
+        rows.append(Row(joint, tuple(cells)))
     return Table("joint", tuple(map(Column, titles.values())), tuple(rows), label="Models")
-
-
-def _parameter(value: float) -> str:
-    """A parameter of a model with four digits; a dash for no limit."""
-    return NOTHING if math.isinf(value) else signed(f"{value:.4g}")
 
 
 def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
@@ -187,7 +176,8 @@ def sources_of(
     folder, links = Path(page).resolve().parent, dict[str, tuple[str, Markup]]()
     for role, file in files:
         if file and str(file) != "-":
-            name, href = _seen_from(folder, Path(file).resolve())
+            name = Path(os.path.relpath(Path(file).resolve(), folder)).as_posix()
+            href = f"./{quote(name)}" if ":" in name.split("/")[0] else quote(name)
             links.setdefault(href, (role, file_link(name, href)))
     lists: list[tuple[str, list[tuple[str, Any]]]] = [
         ("Where it comes from", [(name, breakable(which)) for name, which in origins]),
@@ -200,16 +190,6 @@ def sources_of(
 def file_link(name: str, href: str = "") -> Markup:
     """A link to a file, by default to the one of this name beside the page."""
     return Markup('<a href="{}">{}</a>').format(href or name, breakable(name))
-
-
-def _seen_from(folder: Path, file: Path) -> tuple[str, str]:
-    """The file's path from the folder, and the same as a browser takes it."""
-    try:
-        relative = Path(os.path.relpath(file, folder)).as_posix()
-    except ValueError:  # on another drive
-        return str(file), file.as_uri()
-    address = quote(relative)
-    return relative, f"./{address}" if ":" in relative.split("/")[0] else address
 
 
 @cache

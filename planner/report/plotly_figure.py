@@ -12,15 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, around
+from planner.report.figure import Axis, Curve, Figure, Panel, Span, around
 from planner.report.style import INK, MUTED
 from planner.trajectory import Array
 
 ROW = 150
 """Height of a panel of height 1 [px]."""
-
-ABOVE, BELOW, LEFT, RIGHT = 30, 46, 58, 12
-"""Margins: for the buttons, for the axis, and for numbers [px]."""
 
 GAP = 34
 """Between panels, room for a title [px]."""
@@ -39,8 +36,8 @@ def plot(figure: Figure) -> dict[str, Any]:
     """
     heights = [ROW * panel.height for panel in figure.panels]
     inner = top = sum(heights) + GAP * (len(heights) - 1)
-    above = ABOVE + (18 if figure.panels[0].title else 0)
-    below = 8 if figure.x.names == {} else BELOW
+    above = 30 + (18 if figure.panels[0].title else 0)  # for the buttons
+    below = 8 if figure.x.names == {} else 46  # for the axis
     data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
     if figure.clock is not None:  # the line at the moment of the moving leg; the script moves it
         ends = {"x0": 0, "x1": 0, "y0": 0, "y1": 1}
@@ -56,7 +53,20 @@ def plot(figure: Figure) -> dict[str, Any]:
             title = {"text": f"<b>{_escaped(panel.title)}</b>", "x": 0, "y": domain[1]}
             place = {"xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
             words.append({**title, **place, "showarrow": False})
-        words += [_words(each, axis) for each in panel.words]
+        words += [
+            {
+                "text": _escaped(each.text).replace("v_max", "v<sub>max</sub>"),
+                "x": each.x,
+                "y": each.y,
+                "xref": "x",
+                "yref": axis,
+                "xanchor": each.across,
+                "yanchor": each.upward,
+                "showarrow": False,
+                "font": {"color": INK.colour, "size": 12},
+            }
+            for each in panel.words
+        ]
         shapes += [_shade(each, axis) for each in panel.spans]
     layout = {
         "xaxis": _x_axis(figure),
@@ -65,7 +75,7 @@ def plot(figure: Figure) -> dict[str, Any]:
         "shapes": shapes,
         "hovermode": "x unified" if figure.over_time else "closest",
         "showlegend": False,  # the page has its own, of buttons
-        "margin": {"l": LEFT, "r": RIGHT, "t": above, "b": below},
+        "margin": {"l": 58, "r": 12, "t": above, "b": below},
         "uirevision": "kept",
     }
     return {
@@ -86,6 +96,7 @@ def packed(values: Array) -> dict[str, str]:
 
 def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
     """A curve with its looks, and with what is written beside the pointer."""
+    colour = curve.role.colour
     trace: dict[str, Any] = {
         "type": "scatter",
         "name": curve.name,
@@ -94,7 +105,6 @@ def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
         "visible": "legendonly" if curve.hidden else True,
         "connectgaps": False,
     }
-    colour = curve.role.colour
     if not curve.marks:
         line = {
             "color": colour,
@@ -131,13 +141,11 @@ def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
         "zeroline": False,
         "title": {"text": _escaped(axis.words), "standoff": standoff},
     }
-    if axis.names is not None:
-        layout |= {
-            "tickvals": list(axis.names),
-            "ticktext": list(map(_escaped, axis.names.values())),
-        }
-        layout |= {"automargin": True, "showgrid": False}
-    return layout
+    if axis.names is None:
+        return layout
+    words = list(map(_escaped, axis.names.values()))
+    ticks = {"tickvals": list(axis.names), "ticktext": words}
+    return layout | ticks | {"automargin": True, "showgrid": False}
 
 
 def _x_axis(figure: Figure) -> dict[str, Any]:
@@ -160,8 +168,7 @@ def _x_axis(figure: Figure) -> dict[str, Any]:
 
 
 def _y_axis(figure: Figure, panel: Panel) -> dict[str, Any]:
-    layout = _axis(panel.y, standoff=6)
-    ends = panel.y_range
+    layout, ends = _axis(panel.y, standoff=6), panel.y_range
     if figure.equal:
         layout["scaleanchor"] = "x"
         ends = around([curve.y for curve in panel.curves])
@@ -180,21 +187,6 @@ def _shade(span: Span, axis: str) -> dict[str, Any]:
         ends = {"x0": 0, "x1": 1, "y0": span.start, "y1": span.end}
     look = {"fillcolor": span.role.colour, "opacity": span.opacity, "line": {"width": 0}}
     return {"type": "rect", **place, **ends, **look, "layer": "below"}
-
-
-def _words(words: Words, axis: str) -> dict[str, Any]:
-    text = _escaped(words.text).replace("v_max", "v<sub>max</sub>")
-    return {
-        "text": text,
-        "x": words.x,
-        "y": words.y,
-        "xref": "x",
-        "yref": axis,
-        "xanchor": words.across,
-        "yanchor": words.upward,
-        "showarrow": False,
-        "font": {"color": INK.colour, "size": 12},
-    }
 
 
 def _escaped(text: str) -> str:

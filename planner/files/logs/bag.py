@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any
 
 import numpy as np
 
@@ -43,13 +43,13 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
         )
     # joints whose requests begin later keep their time
     read = [options.joint] if options.joint in joints else joints
-    states = {joint: _States.of(actual, requested, joint) for joint in read}
-    origin = min((int(each.stamps[0]) for each in states.values() if len(each.stamps)), default=0)
+    states = {joint: _states(actual, requested, joint) for joint in read}
+    origin = min((int(stamps[0]) for stamps, *_ in states.values() if len(stamps)), default=0)
 
     def rows_of(joint: str) -> Rows:
-        each = states[joint]
+        stamps, angles, requests, repeated, early = states[joint]
         source = Source(path=path, part=f"joint {joint}" if joint else "", row="state")
-        if not len(each.stamps):
+        if not len(stamps):
             raise InvalidFile(
                 source.name,
                 f"no request before the last state: {len(requested.series(joint)[0])} requests on "
@@ -61,15 +61,15 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
         return Rows(
             source=source,
             joint=joint,
-            times=1e-9 * (each.stamps - origin).astype(np.float64),
-            requests=each.requests,
-            angles=each.angles,
+            times=1e-9 * (stamps - origin).astype(np.float64),
+            requests=requests,
+            angles=angles,
             request_scale=scale,
             angle_scale=scale,
             notes=(
                 *notes,
-                *[f"{each.repeated} repeated states left out"] * (each.repeated > 0),
-                *[f"{each.early} states before the first request left out"] * (each.early > 0),
+                *[f"{repeated} repeated states left out"] * (repeated > 0),
+                *[f"{early} states before the first request left out"] * (early > 0),
                 f"angles in {scale.name}, as {said}",
             ),
         )
@@ -77,30 +77,19 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     yield Recorded(joints, rows_of)
 
 
-class _States(NamedTuple):
-    """The states of a joint and the request that holds at each, shape (n,) each."""
+def _states(actual: Track, requested: Track, joint: str) -> tuple[Indices, Array, Array, int, int]:
+    """Times [ns] of a joint's states, their angles and the requests that hold at each, (n,) each.
 
-    stamps: Indices  # [ns]
-    angles: Array
-    requests: Array
-    repeated: int  # left out, as the same as the one before
-    early: int  # left out, as before the first request
-
-    @classmethod
-    def of(cls, actual: Track, requested: Track, joint: str) -> Self:
-        stamps, angles = actual.series(joint)
-        sent, requests = requested.series(joint)
-        fresh = np.ones(len(stamps), dtype=bool)
-        fresh[1:] = (np.diff(stamps) != 0) | (angles[1:] != angles[:-1])
-        last = np.searchsorted(sent, stamps, side="right") - 1
-        begun = fresh & (last >= 0)
-        return cls(
-            stamps[begun],
-            angles[begun],
-            requests[last[begun]],
-            int(np.sum(~fresh)),
-            int(np.sum(fresh & ~begun)),
-        )
+    Left out, and counted, are states that repeat the one before, and those before any request.
+    """
+    stamps, angles = actual.series(joint)
+    sent, requests = requested.series(joint)
+    fresh = np.ones(len(stamps), dtype=bool)
+    fresh[1:] = (np.diff(stamps) != 0) | (angles[1:] != angles[:-1])
+    last = np.searchsorted(sent, stamps, side="right") - 1
+    begun = fresh & (last >= 0)
+    repeated, early = int(np.sum(~fresh)), int(np.sum(fresh & ~begun))
+    return stamps[begun], angles[begun], requests[last[begun]], repeated, early
 
 
 @dataclass
@@ -203,7 +192,16 @@ def _gather(
                     f"{place}: fields are not those of {kind} ({error}); is the bag damaged?",
                 ) from error
             if joints is None:
-                joints = _order(bag, topic, names, joint, len(values))
+                one = len(values) == 1 and joint in names
+                joints = (str(joint),) if one and len(names) > 1 else names
+                if len(joints) != len(values):
+                    advice = "choose a topic with names by --command-topic"
+                    advice = "choose the joint with --joint" if len(values) == 1 else advice
+                    raise InvalidFile(
+                        bag.path,
+                        f"topic {topic}: got {len(values)} without names, expected a number for "
+                        f"each of {len(names)} joints ({', '.join(names)}); {advice}",
+                    )
                 notes = (f"numbers of {topic} taken for {', '.join(joints)}",)
             if len(joints) != len(values) or len(set(joints)) != len(joints):
                 raise InvalidFile(
@@ -240,26 +238,6 @@ def _angles_in(content: Any, kind: str, role: str) -> tuple[tuple[str, ...] | No
         field = (filled or layouts)[0][role == "actual"]
         joints, angles = content.joint_names, getattr(content, field).positions
     return tuple(map(str, joints)), angles, field
-
-
-def _order(
-    bag: Bag, topic: str, names: tuple[str, ...], joint: str | None, count: int
-) -> tuple[str, ...]:
-    """The joints of commands without names: all in their order, or the chosen one."""
-    if count == len(names):
-        return names
-    if count == 1 and joint in names:
-        return (joint,)
-    raise InvalidFile(
-        bag.path,
-        f"topic {topic}: got {count} without names, expected a number for each of {len(names)} "
-        f"joints ({', '.join(names)}); "
-        + (
-            "choose the joint with --joint"
-            if count == 1
-            else "choose a topic with names by --command-topic"
-        ),
-    )
 
 
 def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> tuple[str, str]:
