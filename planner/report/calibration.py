@@ -170,7 +170,7 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
         ways=ways_figure(comparisons),
         table=candidates_table(comparisons),
         motions=[motion_figure(*each, k) for k, each in enumerate(joints, 1)],
-        models=joints_table(found),
+        models=joints_table(found, page=True),
         rare=explained(found),
         clouds=[replace(figure, title=f"{joint}: {figure.title}") for joint, figure in clouds],
     )

@@ -57,7 +57,7 @@ def identification_page(identifications: Mapping[str, Identification]) -> Page:
         joints=joints,
         good=all(each.accepted for each in identifications.values()),
         summary=of_several(identifications),
-        table=joints_table(identifications),
+        table=joints_table(identifications, page=True),
         rare=explained(identifications),
     )
 

@@ -226,6 +226,6 @@ def model_comments(identifications: Mapping[str, Identification]) -> dict[str, d
         comments[joint] = {"": "\n".join(lines)}
         for key, unit in PARAMETER_UNITS.items():
             interval = each.intervals.get(key)
-            known = f", {between(interval)}" if interval else ""
+            known = f", {between(interval).replace('−', '-')}" if interval else ""
             comments[joint][key] = f"[{unit.replace('rad', '1') if share else unit}]{known}"
     return comments

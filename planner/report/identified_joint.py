@@ -215,10 +215,10 @@ def of_several(identifications: Mapping[str, Identification]) -> str:
     return f"the model holds for {verdicts.count('holds')} of {len(verdicts)} joints{more}"
 
 
-def joints_table(identifications: Mapping[str, Identification]) -> Table:
+def joints_table(identifications: Mapping[str, Identification], *, page: bool = False) -> Table:
     """Every joint in a row: its verdict, the parameters that some joint has, and its errors.
 
-    A unit that all cells of a column have stands in its title.
+    On a page a unit that all cells of a column have stands in its title.
     """
     names, rows = shown_parameters(identifications), list[list[tuple[str, str]]]()
     for each in identifications.values():
@@ -234,7 +234,7 @@ def joints_table(identifications: Mapping[str, Identification]) -> Table:
         )
     titles = ("model", *(PARAMETERS[name][1] for name in names), "rms", "held out", "best delay")
     units = [{unit for _, unit in column if unit} for column in zip(*rows, strict=True)]
-    common = [own.pop() if len(own) == 1 else "" for own in units]
+    common = [own.pop() if page and len(own) == 1 else "" for own in units]
     return Table(
         "joint",
         tuple(
