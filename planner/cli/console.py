@@ -17,7 +17,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, TextIO
 
@@ -30,6 +29,7 @@ from planner.files.text import (
     Place,
     Toml,
     key_name,
+    place_of,
     to_json,
     toml_value,
     write_text,
@@ -325,55 +325,41 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 100 else f"{minutes / 60.0:.1f} h"
 
 
-@dataclass(frozen=True)
-class Key:
-    """A setting in a message, such as ``export[0].file``, perhaps with a value."""
-
-    name: str | Place  # or the keys and numbers that lead to it
-    value: str | bool | None = None
-
-    @property
-    def place(self) -> Place:
-        """The keys and numbers that lead to it."""
-        if not isinstance(self.name, str):
-            return self.name
-        parts = re.findall(r"([^.\[]+)|\[(\d+)\]", self.name)
-        return tuple(part or int(number) for part, number in parts)
+# Settings in messages, between ‹ and ›: ‹plan.cyclic = false›.
 
 
-def as_key(key: Key) -> str:
-    """A setting as a run file has it: ``plan.cyclic = false``."""
-    name = key_name(key.place)
-    return name if key.value is None else f"{name} = {toml_value(key.value)}"
+MARKED = re.compile("‹(.*?)›")
 
 
-class Remark(PlannerError):
-    """A message with settings as objects, so that they can be spelt as keys or as options.
-
-    As it is it remarks on a valid answer, and is not raised.
-    """
-
-    def __init__(self, *parts: str | Key) -> None:
-        """Spell the settings as keys by default."""
-        self.parts = parts
-        super().__init__(self.spelt(as_key))
-
-    def spelt(self, spelling: Callable[[Key], str]) -> str:
-        """The message, with the settings as the user writes them."""
-        return "".join(part if isinstance(part, str) else spelling(part) for part in self.parts)
+def in_keys(text: str) -> str:
+    """A message with its settings as a run file has them: ``plan.cyclic = false``."""
+    return MARKED.sub(r"\1", text)
 
 
-class BadSetting(Remark, InvalidInput):
+def marked(place: str | Place, value: str | None = None) -> str:
+    """A setting in a message, by its name or the keys and numbers that lead to it."""
+    name = place if isinstance(place, str) else key_name(place)
+    return f"‹{name}›" if value is None else f"‹{name} = {toml_value(value)}›"
+
+
+class SettingsError(PlannerError):
+    """A message that names settings, which is spelt with keys of a run file, or with options."""
+
+    def __str__(self) -> str:
+        return in_keys(super().__str__())
+
+
+class BadSetting(SettingsError, InvalidInput):
     """Settings that contradict each other, or the files that they name."""
 
 
-class FailedCheck(Remark):
+class FailedCheck(SettingsError):
     """A plan that fails a check."""
 
 
 ARGUMENTS = {
-    "unreachable='nearest'": as_key(Key("leg.unreachable", "nearest")),
-    "cyclic=False": as_key(Key("plan.cyclic", False)),
+    "unreachable='nearest'": 'leg.unreachable = "nearest"',
+    "cyclic=False": "plan.cyclic = false",
 }
 """Arguments that messages of the library advise, as keys of a run file."""
 
@@ -384,7 +370,8 @@ def speaking_of(file: Toml) -> Iterator[None]:
     try:
         yield
     except BadSetting as error:
-        lines = (file.line_of(part.place) for part in error.parts if isinstance(part, Key))
+        names = (name.partition(" = ")[0] for name in MARKED.findall(error.args[0]))
+        lines = (file.line_of(place_of(name)) for name in names)
         line = next((line for line in lines if line is not None), None)
         raise InvalidFile(file.path, str(error), line=line) from error
     except FailedCheck as error:

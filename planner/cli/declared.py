@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, Field, asdict, dataclass, field, fields, replace
+from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from inspect import get_annotations
+from itertools import pairwise, repeat
 from pathlib import PurePosixPath
 from types import NoneType, UnionType
 from typing import (
@@ -26,10 +27,9 @@ from typing import (
     Union,
     get_args,
     get_origin,
-    get_type_hints,
 )
 
-from planner.cli.console import BadSetting, Key, speaking_of
+from planner.cli.console import BadSetting, marked, speaking_of
 from planner.exceptions import nearest
 from planner.files.text import key_name, toml_value
 
@@ -75,64 +75,61 @@ def within(
     return Expected(words or numbers, check)
 
 
-@dataclass(frozen=True)
 class Kind:
-    """The type of a setting, and what its annotations expect of a value."""
+    """The type of a setting, and what its annotations expect of a value.
 
-    type: Any  # without None and annotations, such as float, or a Literal of choices
-    notes: tuple[Any, ...]  # the annotations, innermost first
-    origin: Any  # Literal, tuple or dict; None of a simple type
-    inner: tuple[Any, ...]  # the choices of a Literal, the types of a tuple or dict
-    expected: str  # the expected value, in words
-    is_table: bool  # whether it is a table of settings
-    is_repeated: bool  # whether it is a table that may stand there several times
-    is_free: bool  # whether it is a table of values by any name, such as `limits.joints`
+    Attributes:
+        type: Without None and annotations, such as float, or a Literal of choices.
+        optional: Whether it may be None.
+        notes: The annotations, innermost first.
+        origin: Literal, tuple or dict; None of a simple type.
+        inner: The choices of a Literal, the kinds in a tuple or dict.
+        expected: The expected value, in words.
+        is_table: Whether it is a table of settings.
+        is_repeated: Whether it is a table that may stand there several times.
+        is_free: Whether it is a table of values by any name, such as ``limits.joints``.
+    """
 
-    @classmethod
-    def of(cls, annotation: Any) -> Kind:
-        """The kind of an annotated type, which may be None."""
-        notes: tuple[Any, ...] = ()
-        while True:
-            if get_origin(annotation) is Annotated:
+    def __init__(self, annotation: Any) -> None:
+        self.notes, self.optional = tuple[Any, ...](), False
+        while (origin := get_origin(annotation)) in (Annotated, Union, UnionType):
+            if origin is Annotated:
                 annotation, *more = get_args(annotation)
-                notes = (*more, *notes)
-            elif get_origin(annotation) in (Union, UnionType):
-                (annotation,) = (each for each in get_args(annotation) if each is not NoneType)
+                self.notes = (*more, *self.notes)
             else:
-                break
-        origin, inner = get_origin(annotation), get_args(annotation)
-        words = [note.words for note in notes if isinstance(note, Expected)]
-        expected = "true or false" if annotation is bool else "a number"
+                (annotation,) = (each for each in get_args(annotation) if each is not NoneType)
+                self.optional = True
+        self.type, self.origin, self.inner = annotation, origin, get_args(annotation)
+        words = [note.words for note in self.notes if isinstance(note, Expected)]
         if origin is Literal:
-            expected = f"one of {', '.join(inner)}"
-        is_table = isinstance(annotation, type) and issubclass(annotation, Settings)
-        is_repeated = origin is tuple and Kind.of(inner[0]).is_table
-        is_free = origin is dict and not words
-        expected = words[-1] if words else expected
-        return cls(annotation, notes, origin, inner, expected, is_table, is_repeated, is_free)
+            words = words or [f"one of {', '.join(self.inner)}"]
+        else:
+            self.inner = tuple(each if each is ... else Kind(each) for each in self.inner)
+        self.is_table = isinstance(annotation, type) and issubclass(annotation, Settings)
+        self.is_repeated = origin is tuple and self.inner[0].is_table
+        self.is_free = origin is dict and not words
+        self.expected = ["true or false" if annotation is bool else "a number", *words][-1]
 
     def fitted(self, value: Any) -> Any:
         """A value of this kind; ValueError, perhaps with a hint, if it does not fit."""
-        inner, origin = self.inner, self.origin
-        if origin is Literal:
-            fits = isinstance(value, str) and value in inner
-        elif origin is tuple:
-            repeated = len(inner) == 2 and inner[1] is ...
-            fits = isinstance(value, list | tuple) and (repeated or len(value) == len(inner))
+        inner = self.inner
+        if self.origin is Literal:
+            fits = value in inner
+        elif self.origin is tuple:
+            kinds = repeat(inner[0]) if ... in inner else inner
+            fits = isinstance(value, list | tuple) and (... in inner or len(value) == len(inner))
             if fits:
-                kinds = [inner[0]] * len(value) if repeated else inner
-                pairs = zip(kinds, value, strict=True)
-                value = tuple(Kind.of(kind).fitted(each) for kind, each in pairs)
-        elif origin is dict:
+                value = tuple(kind.fitted(each) for kind, each in zip(kinds, value, strict=False))
+        elif self.origin is dict:
             fits = isinstance(value, Mapping)
             if fits:
-                value = {name: Kind.of(inner[1]).fitted(each) for name, each in value.items()}
+                value = {name: inner[1].fitted(each) for name, each in value.items()}
+        elif self.type is float:
+            fits = isinstance(value, int | float) and not isinstance(value, bool)
+            value = float(value) if fits else value
+            fits = fits and math.isfinite(value)
         else:
-            kinds = (int, float) if self.type is float else (self.type,)
-            fits = isinstance(value, kinds) and (self.type is bool or not isinstance(value, bool))
-            if fits and self.type is float:
-                value = float(value)
-                fits = math.isfinite(value)
+            fits = type(value) is self.type
         if not fits:
             raise ValueError
         for note in self.notes:
@@ -141,98 +138,101 @@ class Kind:
         return value
 
 
-@dataclass(frozen=True, eq=False)
 class Declared:
-    """A key as declared: the arguments of :func:`setting`, its kind and its default."""
+    """A key as declared.
 
-    help: str = ""  # its purpose, in a sentence
-    otherwise: str = ""  # the effect of leaving it unset, in words, if the default does not show it
-    example: Any = None  # an example value, if there is no default
-    set_to: Any = None  # its value in a template, if that is not the default
+    Attributes:
+        help: Its purpose, in a sentence.
+        default: Its default; ``...`` where it has to be set. A key that may be None is None by
+            default, with the effect of a value that is ``implied``, and a dict is empty.
+        otherwise: The effect of leaving it unset, in words, if the default does not show it.
+        example: An example value, if there is no default.
+        set_to: Its value in a template, if that is not the default.
+        option: Its option of the command line, such as ``--cyclic/--no-cyclic``; "--" for one named
+            like it.
+        by_joint: The key of the same table that takes values of the option for single joints.
+        only: The methods, or formats, of its table on which it has an effect; () for all.
+        click: Arguments for click that do not follow from the above.
+    """
 
-    # its option of the command line, such as `--cyclic/--no-cyclic`; "--" for one named like it
-    option: str = ""
+    kind: Kind
 
-    # the key of the same table that takes values of the option for single joints
-    by_joint: str = ""
+    def __init__(
+        self,
+        help: str = "",  # noqa: A002
+        *,
+        default: Any = ...,
+        implied: Any = None,
+        otherwise: str = "",
+        example: Any = None,
+        set_to: Any = None,
+        option: str = "",
+        by_joint: str = "",
+        only: tuple[str, ...] = (),
+        **click: Any,
+    ) -> None:
+        self.help, self.default, self.set_to = help, default, set_to
+        self.otherwise = otherwise if implied is None else toml_value(implied)
+        self.example = example if implied is None else implied
+        self.option, self.by_joint, self.only, self.click = option, by_joint, only, click
 
-    # the methods, or formats, of its table on which it has an effect; () for all
-    only: tuple[str, ...] = ()
-
-    # arguments for click that do not follow from the above
-    click: Mapping[str, Any] = field(default_factory=dict)
-    kind: Kind = field(default_factory=lambda: Kind.of(str))
-
-    # its default; MISSING where it has to be set
-    default: Any = field(default_factory=lambda: MISSING)
+    def bind(self, name: str, annotation: Any) -> Declared:
+        """Take the name and the type of the field."""
+        self.kind = Kind(annotation)
+        if self.option == "--":
+            self.option += name.replace("_", "-")
+        if self.default is ...:
+            self.default = None if self.kind.optional else {} if self.kind.origin is dict else ...
+        return self
 
     @property
     def required(self) -> bool:
         """Whether a file has to set it."""
-        return self.default is MISSING
+        return self.default is ...
 
     @property
     def default_in_words(self) -> str:
         """Its default as TOML, or the effect of leaving it unset."""
-        unset = self.default in (None, MISSING)
-        return self.otherwise or ("" if unset else toml_value(self.default))
+        return self.otherwise or ("" if self.default in (None, ...) else toml_value(self.default))
 
 
-def setting(
-    help: str = "",  # noqa: A002
-    *,
-    default: Any = MISSING,
-    implied: Any = None,
-    **about: Any,
-) -> Any:
-    """Declare a key of a table; see :class:`Declared`. Other arguments go to its option.
+setting: Any = Declared
+"""Declare a key of a table."""
 
-    A key that may be None is None by default, with the effect of ``implied``; a dict is empty.
-    """
-    if implied is not None:
-        about |= {"otherwise": toml_value(implied), "example": implied}
-    own = {each.name: about.pop(each.name) for each in fields(Declared) if each.name in about}
-    return field(default=default, metadata={"declared": Declared(help, **own, click=about)})
-
-
-option = partial(setting, option="--")
+option: Any = partial(setting, option="--")
 """Declare a key of a table that is also an option of the same name."""
 
 
 class Settings:
     """A table of a file: its docstring and fields are the table's description and keys."""
 
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # every subclass is a dataclass
-
-    if TYPE_CHECKING:
-
-        def __init__(self, **values: Any) -> None: ...
-
     keys: ClassVar[dict[str, Declared]] = {}
     """The keys of the table, tables among them, as they are declared."""
 
-    keys_set: frozenset[str] = frozenset()
+    keys_set: frozenset[str]
     """The keys that a file or the command line has set."""
 
     def __init_subclass__(cls) -> None:
-        """Make a dataclass of the annotations, and keep what they declare."""
-        types, annotations = get_type_hints(cls), get_type_hints(cls, include_extras=True)
-        for name, each in vars(cls).items():
-            if isinstance(each, Field) and NoneType in get_args(types[name]):
-                each.default = None
-            elif isinstance(each, Field) and get_origin(types[name]) is dict:
-                each.default_factory = dict
-        dataclass(frozen=True, kw_only=True)(cls)
-        cls.keys = {}
-        for each in fields(cls):
-            declared = each.metadata.get("declared", Declared())
-            named = f"--{each.name.replace('_', '-')}"
-            cls.keys[each.name] = replace(
-                declared,
-                option=named if declared.option == "--" else declared.option,
-                kind=Kind.of(annotations[each.name]),
-                default=each.default if each.default_factory is MISSING else each.default_factory(),
-            )
+        own = dict[str, Declared]()
+        for name, annotation in get_annotations(cls).items():
+            value = vars(cls)[name]
+            declared = value if isinstance(value, Declared) else Declared(default=value)
+            own[name] = declared.bind(name, annotation)
+        cls.keys = {**cls.keys, **own}
+
+    def __init__(self, **values: Any) -> None:
+        """Settings of these values, which are not checked, and defaults."""
+        vars(self).update({name: key.default for name, key in self.keys.items()} | values)
+        self.keys_set = frozenset(values)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Settings) and self.values() == other.values()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def having(self, **values: Any) -> Self:
+        """The same with other values."""
+        return type(self)(**{name: getattr(self, name) for name in self.keys_set} | values)
 
     def without_effect(self, choice: str) -> dict[str, tuple[str, ...]]:
         """The keys that are set without effect, and the choices with which they have an effect."""
@@ -245,7 +245,13 @@ class Settings:
 
     def values(self) -> dict[str, Any]:
         """The value of every key, with mappings in place of tables."""
-        return asdict(self)
+
+        def plain(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return tuple(map(plain, value))
+            return value.values() if isinstance(value, Settings) else value
+
+        return {name: plain(getattr(self, name)) for name in self.keys}
 
     @classmethod
     def of(
@@ -264,40 +270,38 @@ class Settings:
             whole: The settings of the whole file, if this is a table of it.
             standard_input: Whether ``-`` may name a file to read.
         """
+        whole, of = whole or cls, f" of [{key_name(place)}]" if place else ""
         if not isinstance(content, Mapping):
             words = f": got {_described(content)}, expected a table [{key_name(place)}]"
-            raise BadSetting(Key(place), words)
+            raise BadSetting(f"{marked(place)}{words}")
         for name in content:
             if name not in cls.keys:
                 hint = nearest(str(name), list(cls.keys))
-                every = tables(whole or cls)
-                others = [(*table.place, name) for table in every if name in table.keys]
-                if not hint and others:
-                    hint = f" (did you mean '{key_name(others[0])}'?)"
-                of = f" of [{key_name(place)}]" if place else ""
-                keys = f"'{hint}; keys{of}: {', '.join(cls.keys)}"
-                raise BadSetting("unknown key '", Key((*place, name)), keys)
+                others = (table.place for table in tables(whole) if name in table.keys)
+                if not hint and (other := next(others, None)) is not None:
+                    hint = f" (did you mean '{key_name((*other, name))}'?)"
+                words = f"'{hint}; keys{of}: {', '.join(cls.keys)}"
+                raise BadSetting(f"unknown key '{marked((*place, name))}{words}")
         missing = [name for name, key in cls.keys.items() if key.required and name not in content]
-        if len(missing) == 1:
-            words = f": no key '{missing[0]}', expected {cls.keys[missing[0]].kind.expected}"
-            raise BadSetting(Key(place), f"{words}; add it")
         if missing:
-            raise BadSetting(Key(place), f": no keys {', '.join(missing)}; add them")
+            words = f"keys {', '.join(missing)}; add them"
+            if len(missing) == 1:
+                words = f"key '{missing[0]}', expected {cls.keys[missing[0]].kind.expected}; add it"
+            raise BadSetting(f"{marked(place)}: no {words}")
 
         def checked(kind: Kind, value: Any, place: Place) -> Any:
             hint, expected = "", kind.expected
             if kind.is_table:
                 table: type[Settings] = kind.type
-                return table.of(value, place, whole=whole or cls, standard_input=standard_input)
+                return table.of(value, place, whole=whole, standard_input=standard_input)
             if kind.is_repeated:
                 if isinstance(value, list):
-                    inner = Kind.of(kind.inner[0])
+                    inner = kind.inner[0]
                     return tuple(checked(inner, each, (*place, k)) for k, each in enumerate(value))
                 expected = f"tables [[{key_name(place)}]]"
             elif kind.is_free:
                 if isinstance(value, Mapping):
-                    inner = Kind.of(kind.inner[1])
-                    return {k: checked(inner, each, (*place, k)) for k, each in value.items()}
+                    return {k: checked(kind.inner[1], v, (*place, k)) for k, v in value.items()}
                 expected = f"a table [{key_name(place)}]"
             else:
                 try:
@@ -309,16 +313,11 @@ class Settings:
                     hint = ""
                 except ValueError as error:
                     hint = str(error) or _hint(value, expected)
-            raise BadSetting(Key(place), f": got {_described(value)}, expected {expected}{hint}")
+            words = f"got {_described(value)}, expected {expected}{hint}"
+            raise BadSetting(f"{marked(place)}: {words}")
 
-        values = {
-            name: checked(key.kind, content[name], (*place, name))
-            for name, key in cls.keys.items()
-            if name in content
-        }
-        settings = cls(**values)
-        object.__setattr__(settings, "keys_set", frozenset(values))
-        return settings
+        names = [name for name in cls.keys if name in content]
+        return cls(**{n: checked(cls.keys[n].kind, content[n], (*place, n)) for n in names})
 
 
 AnySettings = TypeVar("AnySettings", bound=Settings)
@@ -337,7 +336,7 @@ def flat(settings: Settings) -> dict[str, Any]:
     """
 
     def items(
-        cls: type[Settings], values: Mapping[str, Any] | None, place: tuple[str, ...]
+        cls: type[Settings], values: Mapping[str, Any] | None, place: Place
     ) -> Iterator[tuple[str, Any]]:
         for name, key in cls.keys.items():
             value = values and values[name]
@@ -405,9 +404,9 @@ def tables(cls: type[Settings], place: tuple[str, ...] = (), **more: Any) -> Ite
             active = key.default is not None or key.set_to is not None
             inner += tables(kind.type, at, active=active)
         elif kind.is_repeated:
-            inner += tables(kind.inner[0], (*at, NUMBER), repeated=True)
+            inner += tables(kind.inner[0].type, (*at, NUMBER), repeated=True)
         elif kind.is_free:
-            free = Kind.of(kind.inner[1]).expected
+            free = kind.inner[1].expected
             inner.append(Table(at, key.help, {}, free=free, example=key.example, active=False))
         else:
             keys[name] = key

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from planner.cli import settings
-from planner.cli.console import BadSetting, Key, Remark
+from planner.cli.console import BadSetting, marked
 from planner.cli.models import (
     beside,
     find_leg,
@@ -74,7 +74,7 @@ class Desired:
     unreachable: int = 0  # samples whose position the leg cannot reach
     units: tuple[str, ...] | None = None  # the joints' units in the file; None if all are angles
     cyclic: bool = True  # whether the path repeats for ever
-    remarks: tuple[Remark, ...] = ()  # what the user should know about the path
+    remarks: tuple[str, ...] = ()  # what the user should know about the path
 
     # torques on the joints in the file [N m], shape (n, k); None if it has no torques
     loads: Array | None = None
@@ -146,7 +146,7 @@ def desired_of(run: settings.Run, folder: str = "") -> Desired:
     limits |= _by_joint("limits", run.limits, names)
     if path.loads is not None and run.plan.load is None:
         words = "the load in the path's columns is not used: ask for it with "
-        remarks = (*remarks, Remark(words, Key("plan.load", "column")))
+        remarks = (*remarks, f'{words}‹plan.load = "column"›')
     desired = Desired(
         run,
         names,
@@ -181,18 +181,19 @@ def _path_of(
 ) -> tuple[SampledPath, Leg | None, bool]:
     """The path of the settings, its leg, and whether it is a path of the leg's foot."""
     path, walk = run.path, run.path.half_ellipse
-    half = Key("path.half_ellipse")
     if walk is not None:
         from planner.gait.half_ellipse import half_ellipse  # with kinematics
         from planner.gait.stride import stride
 
         if path.file is not None or path.joints:
-            other = Key("path.file" if path.file is not None else "path.joints")
-            raise BadSetting(half, ": got ", other, " too, expected one of them; remove the other")
+            other = "path.file" if path.file is not None else "path.joints"
+            words = f"got ‹{other}› too, expected one of them; remove the other"
+            raise BadSetting(f"‹path.half_ellipse›: {words}")
         if leg is None:
-            keys = (Key("leg.urdf"), ", ", Key("leg.base"), " and ", Key("leg.foot"))
-            needed = (": a foot path needs a leg; set ", Key("leg.name"), ", or ", *keys)
-            raise BadSetting(half, *needed)
+            raise BadSetting(
+                "‹path.half_ellipse›: a foot path needs a leg; set ‹leg.name›, or ‹leg.urdf›, "
+                "‹leg.base› and ‹leg.foot›"
+            )
         if walk.for_leg:
             leg_stride = stride(leg, **walk.arguments(given_only=True))
             positions = leg_stride.foot
@@ -201,16 +202,15 @@ def _path_of(
             positions = half_ellipse(**walk.arguments())
         return SampledPath("path.half_ellipse", AXES, ("m",) * 3, positions, None), leg, True
     if path.file is None:
-        raise BadSetting("no path: expected ", Key("path.file"), " or [path.half_ellipse]")
+        raise BadSetting("no path: expected ‹path.file› or [path.half_ellipse]")
     file = beside(folder, path.file)
     table, even = path_table(file), path.rate_hz is None and path.speed is None
     if not is_foot_path(table):
         return joint_path(table, joints=path.joints, even=even), leg, False
     if leg is None:
-        raise BadSetting(f"{file} is a foot path: name its leg with ", Key("leg.name"))
+        raise BadSetting(f"{file} is a foot path: name its leg with ‹leg.name›")
     if path.joints:
-        words = " chooses columns of a joint path; a foot moves all joints"
-        raise BadSetting(Key("path.joints"), words)
+        raise BadSetting("‹path.joints› chooses columns of a joint path; a foot moves all joints")
     return foot_path(table, even=even), leg, True
 
 
@@ -237,7 +237,7 @@ def load_joints(file: str, run: settings.Run) -> Desired:
 
 def _in_step(
     path: SampledPath, run: settings.Run, period: float
-) -> tuple[SampledPath, bool, tuple[Remark, ...]]:
+) -> tuple[SampledPath, bool, tuple[str, ...]]:
     """The path with a sample every ``period`` [s], whether it repeats, and remarks on it."""
     rows, speed = path.values, run.path.speed
     closed, remarks = repeats(rows, run.plan.cyclic)
@@ -245,7 +245,7 @@ def _in_step(
         span, name = float(np.max(np.degrees(np.ptp(rows, axis=0)))), path.names[0]
         if 0.0 < span < LEAST_DEG:
             words = f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then "
-            remarks += (Remark(f"{words}rename {name}_deg to {name}_rad"),)
+            remarks += (f"{words}rename {name}_deg to {name}_rad",)
     resample = run.path.rate_hz is not None
     resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
     new_rows = resampled.values
@@ -264,11 +264,11 @@ def _in_step(
             "errors are those from the path that is left: plan with a higher rate (--rate-hz) to "
             "keep it"
         )
-        remarks += (Remark(words),)
+        remarks += (words,)
     return resampled, closed, remarks
 
 
-def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]:
+def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[str, ...]]:
     """Whether a path of these rows (n, k) repeats, and a remark if its ends have decided that."""
     if cyclic is not None:
         return cyclic, ()
@@ -278,20 +278,16 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]
         ends = np.abs(np.stack([rows[1] - rows[0], rows[-1] - rows[-2]]))
         if not np.all(ends <= 0.01 * steps):
             return True, ()
-        remark = Remark(
-            "the path begins and ends at rest in the same place: it is taken as a cycle; ",
-            Key("plan.cyclic", False),
-            " plans a motion that is executed once",
+        remark = (
+            "the path begins and ends at rest in the same place: it is taken as a cycle; "
+            "‹plan.cyclic = false› plans a motion that is executed once"
         )
         return True, (remark,)
     apart = np.max(gaps / np.maximum(steps, np.finfo(float).tiny))
-    remark = Remark(
+    remark = (
         f"the path does not close, its ends are {apart:.3g} times its largest step apart: it is "
-        "taken as a motion from rest, as with ",
-        Key("plan.cyclic", False),
-        "; ",
-        Key("plan.cyclic", True),
-        " lets it repeat",
+        "taken as a motion from rest, as with ‹plan.cyclic = false›; ‹plan.cyclic = true› lets it "
+        "repeat"
     )
     return False, (remark,)
 
@@ -300,8 +296,8 @@ def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
     """Refuse joints in shares of their range where angles are needed."""
     if shares := [name for name, unit in zip(names, units or (), strict=False) if unit in SHARES]:
         raise BadSetting(
-            f"'{shares[0]}' is in shares of its range, expected an angle; choose others with ",
-            Key("path.joints"),
+            f"'{shares[0]}' is in shares of its range, expected an angle; choose others with "
+            "‹path.joints›"
         )
 
 
@@ -314,10 +310,9 @@ def _by_joint(
     """Values of a table with ``deg`` for all joints and ``joints`` for single ones, in [rad]."""
     for joint in values.joints:
         if joint not in joints:
-            raise BadSetting(
-                Key((table, "joints", joint)),
-                f": no such joint in the path{nearest(joint, joints)}; joints: {', '.join(joints)}",
-            )
+            words = f"no such joint in the path{nearest(joint, joints)}"
+            key = marked((table, "joints", joint))
+            raise BadSetting(f"{key}: {words}; joints: {', '.join(joints)}")
     common = {} if values.deg is None else dict.fromkeys(joints, values.deg)
     return {
         name: tuple(np.radians(each).tolist()) if isinstance(each, tuple) else math.radians(each)
@@ -345,9 +340,7 @@ def _limits_of(
 def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
     """Rest angles of joints before a path that does not repeat, by joint [rad]."""
     if cyclic and (start.deg is not None or start.joints):
-        raise BadSetting(
-            Key("start.deg"), ": a cycle has no start; add ", Key("plan.cyclic", False)
-        )
+        raise BadSetting("‹start.deg›: a cycle has no start; add ‹plan.cyclic = false›")
     return _by_joint("start", start, joints)
 
 
@@ -359,17 +352,15 @@ def _load_of(plan: settings.Plan, desired: Desired) -> Load | None:
     """
     if plan.load is None:
         return None
-    key = Key("plan.load", plan.load)
+    key = marked("plan.load", plan.load)
     check_felt(key, desired.models)
     if plan.load == "column":
         if desired.loads is None:
-            raise BadSetting(key, ": the path has no columns <joint>_load_Nm")
+            raise BadSetting(f"{key}: the path has no columns <joint>_load_Nm")
         return desired.loads
     leg = desired.leg
     if leg is None or set(leg.joint_names) != set(desired.names):
-        raise BadSetting(
-            key, ": needs a path of all joints of a leg; name it with ", Key("leg.name")
-        )
+        raise BadSetting(f"{key}: needs a path of all joints of a leg; name it with ‹leg.name›")
     poses = desired.angles[:, [desired.names.index(name) for name in leg.joint_names]]
     period, cyclic = desired.period, desired.cyclic
     return leg.load_of_pose(
@@ -377,11 +368,10 @@ def _load_of(plan: settings.Plan, desired: Desired) -> Load | None:
     )
 
 
-def check_felt(key: Key, models: Iterable[JointModel]) -> None:
+def check_felt(key: str, models: Iterable[JointModel]) -> None:
     """Refuse a load that no model feels."""
     if not any(model.feels_load for model in models):
         raise BadSetting(
-            key,
-            " has no effect: compliance and speed_per_torque of the models are 0; identify them "
-            "from logs with a load, or leave the load out",
+            f"{key} has no effect: compliance and speed_per_torque of the models are 0; identify "
+            "them from logs with a load, or leave the load out",
         )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, BadSetting, Key
+from planner.cli.console import Answer, BadSetting, marked
 from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile
 
@@ -99,8 +98,7 @@ def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
         raise InvalidFile(
             model, f"servos of {several} ticks a turn, expected one; choose them with --joint"
         )
-    return replace(
-        export,
+    return export.having(
         ticks_per_turn=round(turns.pop()),
         zero_ticks={name: servo.zero_tick for name, servo in servos.items()},
         reverse=tuple(name for name, servo in servos.items() if servo.direction < 0),
@@ -116,18 +114,16 @@ COUNTED = ("ticks", "us")
 
 def check_export(export: Export) -> None:
     """Refuse settings that have no effect on the format."""
-    chosen = Key("export.format", export.format)
+    chosen = marked("export.format", export.format)
     for name, formats in export.without_effect(export.format).items():
-        parts = (Key(f"export.{name}"), " has no effect on ", chosen)
-        raise BadSetting(*parts, f", only on {', '.join(formats)}")
+        only = f"only on {', '.join(formats)}"
+        raise BadSetting(f"‹export.{name}› has no effect on {chosen}, {only}")
     for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
         if getattr(export, name) not in (None, {}) and export.unit not in COUNTED:
-            raise BadSetting(Key(f"export.{name}"), " needs ", Key("export.unit", "ticks"))
+            raise BadSetting(f'‹export.{name}› needs ‹export.unit = "ticks"›')
     if export.between is not None and export.rate_hz is None:
-        rate = Key("export.rate_hz")
-        raise BadSetting(
-            Key("export.between"), " needs ", rate, ": without it there is a row per request"
-        )
+        words = "without it there is a row per request"
+        raise BadSetting(f"‹export.between› needs ‹export.rate_hz›: {words}")
 
 
 def rows_of(export: Export, schedule: Schedule) -> tuple[Schedule, int]:

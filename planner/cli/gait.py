@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -106,9 +105,8 @@ def gait(
         path = leg_stride.foot
         stretched = 1.0
         if run.tolerance.cm is not None:
-            models = models_of(
-                replace(run, path=replace(run.path, rate_hz=1.0 / period)), leg.joint_names, leg
-            )
+            at_rate = run.having(path=run.path.having(rate_hz=1.0 / period))
+            models = models_of(at_rate, leg.joint_names, leg)
             options.warn_of(refused_models(leg.joint_names, models))
             with Progress() as progress:
                 cycle = shortest_cycle(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from planner.cli import settings
-from planner.cli.console import BadSetting, Key, Remark
+from planner.cli.console import BadSetting, marked
 from planner.exceptions import InvalidFile, InvalidModel
 from planner.files.columns import SHARES
 from planner.files.joint_model import LegPlace, read_legs, read_model_file
@@ -34,22 +34,25 @@ SHIPPED_LEGS = {
 def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
     """The description of the leg; None if the settings name no leg."""
     near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
-    urdf, base, foot, lock = (Key(f"leg.{key}") for key in ("urdf", "base", "foot", "lock"))
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
     if leg.name is not None:
         if leg.urdf or is_described:
-            name = Key("leg.name")
             raise BadSetting(
-                name, " is a shipped leg: leave out ", urdf, ", ", base, ", ", foot, " and ", lock
+                "‹leg.name› is a shipped leg: leave out ‹leg.urdf›, ‹leg.base›, ‹leg.foot› and "
+                "‹leg.lock›"
             )
         return _shipped(leg.name)._replace(near=near)
     if leg.urdf is None:
         if is_described or near:
-            keys = (base, ", ", foot, ", ", lock, " and ", Key("leg.near"))
-            raise BadSetting(*keys, " are of a leg: name it with ", Key("leg.name"), " or ", urdf)
+            raise BadSetting(
+                "‹leg.base›, ‹leg.foot›, ‹leg.lock› and ‹leg.near› are of a leg: name it with "
+                "‹leg.name› or ‹leg.urdf›"
+            )
         return None
     if leg.base is None or leg.foot is None:
-        raise BadSetting(urdf, " needs ", base, " and ", foot, ", the frames at the leg's two ends")
+        raise BadSetting(
+            "‹leg.urdf› needs ‹leg.base› and ‹leg.foot›, the frames at the leg's two ends"
+        )
     locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
     locked |= leg.lock_m or {}
     return LegPlace(beside(folder, leg.urdf), leg.base, leg.foot, locked, near)
@@ -114,7 +117,7 @@ def models_of(
             models = tuple(each.requested_every(1.0 / rate) for each in models)
         except InvalidModel as error:
             reason = str(error).removeprefix("period: ")
-            raise BadSetting(Key("path.rate_hz"), f": {reason}") from error
+            raise BadSetting(f"‹path.rate_hz›: {reason}") from error
     for name, each in zip(joints, models, strict=True):
         if abs(each.period - models[0].period) > 1e-9 * models[0].period:
             raise InvalidFile(
@@ -127,8 +130,7 @@ def models_of(
     if file == settings.SHIPPED_MODEL:
         raise BadSetting(
             "the path has joints in shares of their range, of which the ERS-210A's model says "
-            "nothing; name models of theirs, as identify writes them, with ",
-            Key("model.file"),
+            "nothing; name models of theirs, as identify writes them, with ‹model.file›"
         )
     pairs = zip(models, units, strict=True)
     return tuple(_in_percent(each) if unit in SHARES else each for each, unit in pairs)
@@ -143,21 +145,19 @@ def _by_file(
         file = beside(folder, name)
         if not Path(file).suffix and not Path(file).exists():
             raise BadSetting(
-                Key("model.file"),
-                f": got '{name}', expected '{settings.SHIPPED_MODEL}', "
+                f"‹model.file›: got '{name}', expected '{settings.SHIPPED_MODEL}', "
                 f"'{settings.FROM_URDF}', or a file that exists, such as joint.toml",
             )
         return read_model_file(file).for_joints(joints)
-    key = Key("model.file", settings.FROM_URDF)
+    key = marked("model.file", settings.FROM_URDF)
     if leg is None or leg.speeds is None:
-        raise BadSetting(key, " takes speeds from a leg's URDF: name it with ", Key("leg.name"))
+        raise BadSetting(f"{key} takes speeds from a leg's URDF: name it with ‹leg.name›")
     speeds = dict(zip(leg.joint_names, leg.speeds.tolist(), strict=True))
     for joint in joints:
         if math.isnan(speeds.get(joint, math.nan)):
             raise BadSetting(
-                key,
-                f": the URDF has no usable top speed of joint '{joint}'; give a model file, as "
-                "`identify` writes it",
+                f"{key}: the URDF has no usable top speed of joint '{joint}'; give a model file, "
+                "as `identify` writes it",
             )
     return tuple(joint_of_top_speed(speeds[joint]) for joint in joints)
 
@@ -170,11 +170,11 @@ def _in_percent(model: JointModel) -> JointModel:
     return scaled.with_evidence(model.evidence and model.evidence.scaled(factor))
 
 
-def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[Remark, ...]:
+def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[str, ...]:
     """A remark on joints whose models are not to be planned with."""
     evidence = [model.evidence for model in models]
     words = refusal(dict(zip(names, evidence, strict=True)))
-    return (Remark(words),) if words else ()
+    return (words,) if words else ()
 
 
 def model_words(model: settings.Model) -> str:

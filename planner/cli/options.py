@@ -7,6 +7,7 @@ an input.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import re
@@ -19,10 +20,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 from click.shell_completion import CompletionItem
 
-from planner.cli.console import Answer, Key, Remark, warn
+from planner.cli.console import MARKED, Answer, warn
 from planner.cli.declared import NUMBER, SOURCE, Declared, tables
 from planner.cli.settings import LEG_NAMES, Replay, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
+from planner.files.text import place_of
 
 if TYPE_CHECKING:
     from planner.files.logs.rows import LogOptions
@@ -431,7 +433,7 @@ def _type_of(key: str, declared: Declared) -> Any:
     if declared.by_joint:
         return {int: TICKS, float: ANGLES}.get(base, SPANS)
     if origin is dict:
-        return POSE if inner[1] is float else NAMES
+        return POSE if inner[1].type is float else NAMES
     if origin is tuple:
         return float if "nargs" in declared.click else str
     if SOURCE in declared.kind.notes:
@@ -445,26 +447,32 @@ def check_parallel(workers: int | None, scheduler: str | None) -> None:
         raise click.UsageError("--workers are of this machine: leave out --workers or --scheduler.")
 
 
-def warn_of(remarks: Sequence[Remark]) -> None:
+def warn_of(remarks: Sequence[str]) -> None:
     """Print remarks on a path or an answer, with settings as options."""
     for remark in remarks:
-        warn(remark.spelt(as_option))
+        warn(in_options(remark))
 
 
-def as_option(key: Key) -> str:
-    """A setting as an option of the command line: ``--no-cyclic``, ``--limits-deg knee``."""
-    names = [part for part in key.place if isinstance(part, str)]
-    named, joint = ".".join(names), ".".join(names[:-1])
-    if joint in BY_JOINT:
-        return f"{as_option(Key(BY_JOINT[joint]))} {names[-1]}"
-    while named and named not in SETTINGS and named not in BY_JOINT:
-        named = named.rpartition(".")[0]
-    if not named:
-        return {"path.file": "PATH"}.get(".".join(names), ".".join(names))
-    first, _, second = SETTINGS[BY_JOINT.get(named, named)].option.partition("/")
-    if isinstance(key.value, bool):
-        return first if key.value else second
-    return first if key.value is None else f"{first} {key.value}"
+def in_options(text: str) -> str:
+    """A message with its settings as options: ``--no-cyclic``, ``--limits-deg knee``."""
+    return MARKED.sub(lambda mark: _as_option(mark[1]), text)
+
+
+def _as_option(text: str) -> str:
+    name, _, value = text.partition(" = ")
+    *above, last = names = [part for part in place_of(name) if isinstance(part, str)]
+    if (joints := ".".join(above)) in BY_JOINT:
+        return f"{_as_option(BY_JOINT[joints])} {last}"
+    if name == "path.file":
+        return "PATH"
+    while names and ".".join(names) not in SETTINGS.keys() | BY_JOINT.keys():
+        names.pop()
+    if not names:
+        return ".".join([*above, last])
+    key = ".".join(names)
+    first, _, second = SETTINGS[BY_JOINT.get(key, key)].option.partition("/")
+    option = second if value == "false" else first
+    return option if value in ("", "true", "false") else f"{option} {json.loads(value)}"
 
 
 def by_argument() -> dict[str, str]:

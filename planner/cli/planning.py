@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cli import settings
-from planner.cli.console import BadSetting, FailedCheck, Key, Remark
+from planner.cli.console import BadSetting, FailedCheck, marked
 from planner.cli.desired import Desired, desired_of
 from planner.cli.models import beside, leg_title, model_words
 from planner.planning.candidate_models import has_intervals
@@ -40,34 +40,31 @@ CORE_METHODS: Mapping[settings.Method, Method] = {
 def prepare(run: settings.Run, folder: str = "") -> Desired:
     """Load the inputs that the settings name; refuse settings that the method cannot plan for."""
     desired = desired_of(run, folder)
-    plan_settings, method = run.plan, Key("plan.method", run.plan.method)
+    plan_settings, method = run.plan, marked("plan.method", run.plan.method)
     ignored = [f"plan.{name}" for name in plan_settings.without_effect(plan_settings.method)]
     if plan_settings.method in ("closed-form", "foot-optimal") and run.start.keys_set:
         ignored.append("start.deg")
     for name in ignored:
-        raise BadSetting(Key(name), " has no effect with ", method)
+        raise BadSetting(f"‹{name}› has no effect with {method}")
     if plan_settings.method == "foot-optimal" and desired.foot is None:
         moved = {joint for leg in desired.legs.values() for joint in leg.joint_names}
         if moved != set(desired.names):
-            raise BadSetting(
-                method, " plans for a foot path: it needs columns x_m, y_m, z_m and a leg"
-            )
+            words = "plans for a foot path: it needs columns x_m, y_m, z_m and a leg"
+            raise BadSetting(f"{method} {words}")
     pairs = zip(desired.names, desired.models, strict=True)
     if plan_settings.robust and (without := [name for name, m in pairs if not has_intervals(m)]):
         raise BadSetting(
-            Key("plan.robust", plan_settings.robust),
-            f" draws models from intervals, and the model of {', '.join(without)} has none "
-            f"({model_words(run.model)}); identify the joint, which writes them, or add to its "
-            "model file what you know, such as v_max_interval = [5.2, 5.7] beside v_max",
+            f"{marked('plan.robust', plan_settings.robust)} draws models from intervals, and the "
+            f"model of {', '.join(without)} has none ({model_words(run.model)}); identify the "
+            "joint, which writes them, or add to its model file what you know, such as "
+            "v_max_interval = [5.2, 5.7] beside v_max",
         )
-    degrees, centimetres = Key("tolerance.deg"), Key("tolerance.cm")
     of_foot = plan_settings.method == "foot-optimal" and desired.foot is not None
     if run.tolerance.deg is not None and of_foot:
-        raise BadSetting(
-            degrees, " is for joints, and ", method, " plans for the foot: use ", centimetres
-        )
+        words = f"is for joints, and {method} plans for the foot: use ‹tolerance.cm›"
+        raise BadSetting(f"‹tolerance.deg› {words}")
     if run.tolerance.cm is not None and desired.foot is None:
-        raise BadSetting(centimetres, " is for a foot path: use ", degrees)
+        raise BadSetting("‹tolerance.cm› is for a foot path: use ‹tolerance.deg›")
     return desired
 
 
@@ -114,7 +111,7 @@ def plan_of(
     has_limits = run.limits.deg is not None or run.limits.joints
     beyond = beyond_limits(desired, plan)
     if beyond and (has_limits or chosen.method != "closed-form"):  # which ignores limits
-        raise beyond[0]
+        raise FailedCheck(beyond[0])
     if bounded and plan.task.goal == "foot":
         progress("the lower bound")
         _ = plan.foot_bound  # takes seconds, and is cached
@@ -133,24 +130,20 @@ def _by_feet(desired: Desired, progress: Callable[[str], None]) -> Plan:
     return Plan(task=task_of(desired), requests=requests)
 
 
-def beyond_limits(desired: Desired, plan: Plan) -> list[FailedCheck]:
-    """Failures of requests beyond the limits of their joints, one for each joint."""
-    failures = []
+def beyond_limits(desired: Desired, plan: Plan) -> list[str]:
+    """The joints whose requests are beyond their limits, a message for each."""
+    messages = []
     columns = zip(plan.requests.T, plan.task.lower, plan.task.upper, strict=True)
     for j, (requests, lower, upper) in enumerate(columns):
         excess = np.maximum(lower - requests, requests - upper)
         worst = index_of_largest(excess)
         if excess[worst] > ROUNDING:
-            failures.append(
-                FailedCheck(
-                    f"{desired.names[j]}: request {worst} is {np.degrees(requests[worst]):.2f} "
-                    f"{desired.unit(j)}, beyond the limits {np.degrees(lower):.2f} to "
-                    f"{np.degrees(upper):.2f}; ",
-                    Key("plan.method", "optimal"),
-                    " keeps to them",
-                )
+            request, low, high = np.degrees([requests[worst], lower, upper])
+            messages.append(
+                f"{desired.names[j]}: request {worst} is {request:.2f} {desired.unit(j)}, beyond "
+                f'the limits {low:.2f} to {high:.2f}; ‹plan.method = "optimal"› keeps to them'
             )
-    return failures
+    return messages
 
 
 def search_options(
@@ -192,7 +185,7 @@ def task_of(desired: Desired) -> Task:
 # The answer: JSON for machines, text and pages for people.
 
 
-def answer_of(desired: Desired, plan: Plan) -> tuple[PlanAnswer, list[Remark]]:
+def answer_of(desired: Desired, plan: Plan) -> tuple[PlanAnswer, list[str]]:
     """The plan with how the settings asked for it, and remarks on it."""
     tolerance, units = desired.settings.tolerance, desired.planned_units
     missed, doubted = against_tolerances(
@@ -208,7 +201,7 @@ def answer_of(desired: Desired, plan: Plan) -> tuple[PlanAnswer, list[Remark]]:
         unreachable=desired.unreachable,
         missed=None if tolerance.deg is None and tolerance.cm is None else missed,
     )
-    return answer, [*beyond_limits(desired, plan), *map(Remark, doubted)]
+    return answer, [*beyond_limits(desired, plan), *doubted]
 
 
 def plan_report(

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.cli import options
-from planner.cli.console import BadSetting, Key, Remark, speaking_of
+from planner.cli.console import BadSetting, marked, speaking_of
 from planner.cli.declared import understand
 from planner.cli.desired import Desired
 from planner.cli.models import beside, find_leg, load_leg, models_of, refused_models
@@ -100,7 +100,7 @@ class Space:
         with speaking_of(self.file):
             return prepare(Run.of(self.content(point)), self.folder)
 
-    def refused_models(self) -> tuple[Remark, ...]:
+    def refused_models(self) -> tuple[str, ...]:
         """A remark on joints with rejected models; the models are the same for all points."""
         for values in product(*self.values.values()):
             with suppress(PlannerError):  # such as a point out of reach
@@ -108,7 +108,7 @@ class Space:
                 return refused_models(desired.names, desired.models)
         return ()
 
-    def rounded(self) -> tuple[Remark, ...]:
+    def rounded(self) -> tuple[str, ...]:
         """A remark on periods of a grid that are no whole number of requests."""
         if self.settings.sweep.method == "cma":  # which chooses between the ends
             return ()
@@ -117,8 +117,8 @@ class Space:
             for each in self.values.get("period_s", ())
             if abs((whole := round(each / self.period) * self.period) - each) > 1e-6 * each
         ]
-        words = f": {', '.join(pairs)} s, rounded to requests {self.period:g} s apart"
-        return (Remark(Key("sweep.parameters.period_s"), words),) if pairs else ()
+        words = f"{', '.join(pairs)} s, rounded to requests {self.period:g} s apart"
+        return (f"‹sweep.parameters.period_s›: {words}",) if pairs else ()
 
     def inputs(self) -> dict[str, Any]:
         """The inputs of all outcomes, beside the point."""
@@ -144,16 +144,16 @@ def read_sweep(path: str) -> Space:
         of_foot = gait or is_foot_path(path_table(beside(folder, str(run.path.file))))
         required = [name for name in REQUIRED if getattr(search, name) is not None]
         if len(required) > 1:
-            first, second = (Key(f"sweep.{name}") for name in required[:2])
-            raise BadSetting(second, ": got ", first, " too, expected one of them")
+            first, second, *_ = required
+            raise BadSetting(f"‹sweep.{second}›: got ‹sweep.{first}› too, expected one of them")
         requirement = None
         for name in required:
             of, path_of = REQUIRED[name]
             if path_of not in ("a foot" if of_foot else "joints", kind):
-                raise BadSetting(Key(f"sweep.{name}"), f": is for the path of {path_of}")
+                raise BadSetting(f"‹sweep.{name}›: is for the path of {path_of}")
             requirement = Requirement(of, getattr(search, name))
         if gait and leg is None:
-            raise BadSetting(Key("sweep.parameters"), ": a gait needs a leg; set ", Key("leg.name"))
+            raise BadSetting("‹sweep.parameters›: a gait needs a leg; set ‹leg.name›")
         period = math.nan
         if leg is not None and "period_s" in values:
             period = models_of(run, leg.joint_names, leg, folder)[0].period
@@ -165,27 +165,27 @@ def read_sweep(path: str) -> Space:
 
 def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
     """The values of each parameter."""
-    search, parameters = run.sweep, "sweep.parameters"
+    search = run.sweep
     every = {name: getattr(search.parameters, name) for name in SweptParameters.keys}
     by_name = {name: values for name, values in every.items() if values is not None}
     if not by_name:
-        words = f": is empty, expected values of one or more of {', '.join(every)}"
-        raise BadSetting(Key(parameters), words)
-    method = Key("sweep.method", search.method)
+        words = f"is empty, expected values of one or more of {', '.join(every)}"
+        raise BadSetting(f"‹sweep.parameters›: {words}")
+    method = marked("sweep.method", search.method)
     for name in search.without_effect(search.method):
-        raise BadSetting(Key(f"sweep.{name}"), " has no effect with ", method)
+        raise BadSetting(f"‹sweep.{name}› has no effect with {method}")
     for name, values in by_name.items():
-        key, table = Key(f"{parameters}.{name}"), SWEPT[name].partition(".")[0]
+        key, table = f"‹sweep.parameters.{name}›", SWEPT[name].partition(".")[0]
         of = {"path": "a file" if name == "speed" else "a gait"}.get(table, path)
         if of != path:
-            other = Key(f"{parameters}.{'period_s' if name == 'speed' else 'speed'}")
-            raise BadSetting(key, f": is of the path of {of}; use ", other)
+            other = "period_s" if name == "speed" else "speed"
+            raise BadSetting(f"{key}: is of the path of {of}; use ‹sweep.parameters.{other}›")
         if search.method == "cma" and len(values) < 2:
-            raise BadSetting(key, ": got one value, expected two or more with method cma")
+            raise BadSetting(f"{key}: got one value, expected two or more with method cma")
     if search.method == "cma":
         if len(by_name) < 2:
-            grid = Key("sweep.method", "grid")
-            raise BadSetting(method, ": needs two parameters or more; use ", grid)
+            words = 'needs two parameters or more; use ‹sweep.method = "grid"›'
+            raise BadSetting(f"{method}: {words}")
         with importing("a search by CMA-ES", "sweep"):
             import cma  # noqa: F401
     if search.steps is None:
@@ -208,8 +208,8 @@ def _check_in_range(name: str, value: float, period: float) -> None:
         else:
             kind.fitted(value)
     except (ValueError, OverflowError) as error:
-        key = Key(f"sweep.parameters.{name}")
-        raise BadSetting(key, f": got {value:g}, expected {expected}") from error
+        words = f"got {value:g}, expected {expected}"
+        raise BadSetting(f"‹sweep.parameters.{name}›: {words}") from error
 
 
 def planned_points(

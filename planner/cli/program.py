@@ -145,9 +145,9 @@ class Commands(click.Group):
             _discard(sys.stdout)
             raise click.exceptions.Exit(141) from error  # 128 + SIGPIPE, as shells have it
         except (BadSetting, FailedCheck) as error:
-            from planner.cli.options import as_option  # with the settings, for messages only
+            from planner.cli.options import in_options  # with the settings, for messages only
 
-            message = error.spelt(as_option)
+            message = in_options(error.args[0])
             if isinstance(error, FailedCheck):
                 raise click.ClickException(message) from error
             command = self.get_command(ctx, ctx.invoked_subcommand or "")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cli import settings
-from planner.cli.console import BadSetting, Key
+from planner.cli.console import BadSetting, marked
 from planner.cli.desired import check_felt
 from planner.cli.export import FOLDERS, check_rows, write_rows
 from planner.cli.models import find_leg, load_leg, model_words
@@ -147,16 +147,13 @@ def joint_models(
     progress: Callable[[str], None],
 ) -> JointModels:
     """The models that the settings name, or models identified from the recordings."""
-    key = Key("model.file")
     if model.file == settings.SHIPPED_MODEL and "file" not in model.keys_set:
         raise BadSetting(
-            key,
-            " is missing: name a file that `identify` wrote, or identify the joints from the "
-            "recording itself with ",
-            Key("model.file", settings.FROM_LOG),
+            "‹model.file› is missing: name a file that `identify` wrote, or identify the joints "
+            f"from the recording itself with {marked('model.file', settings.FROM_LOG)}"
         )
     if model.file == settings.FROM_URDF:
-        raise BadSetting(Key("model.file", settings.FROM_URDF), " has no effect on a replay")
+        raise BadSetting(f"{marked('model.file', settings.FROM_URDF)} has no effect on a replay")
     if model.file == settings.SHIPPED_MODEL:
         return JointModels(by_joint={"": JointModel.ers210a()}, words=model_words(model))
     if model.file == settings.FROM_LOG:
@@ -179,28 +176,25 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
     """
     if plan.load is None:
         return path
-    key, planned = Key("plan.load", plan.load), path.planned
+    key, planned = marked("plan.load", plan.load), path.planned
     check_felt(key, [each.model for each in planned if each.model])
     if plan.load == "column":
         if not any(each.load is not None for each in planned):
-            raise BadSetting(key, ": the recording has no torque of a joint that feels it")
+            raise BadSetting(f"{key}: the recording has no torque of a joint that feels it")
         return path
     if leg is None:
-        raise BadSetting(key, ": needs the leg or arm; name it with ", Key("leg.urdf"))
+        raise BadSetting(f"{key}: needs the leg or arm; name it with ‹leg.urdf›")
     by_name = {each.name: each for each in path.joints}
     for name in leg.joint_names:
         if name not in by_name:
             joints = ", ".join(by_name)
             raise BadSetting(
-                key,
-                f": the recording has no joint '{name}', which the leg has; joints: {joints}; "
-                "name it with ",
-                Key("replay.urdf_joints"),
+                f"{key}: the recording has no joint '{name}', which the leg has; joints: {joints}; "
+                "name it with ‹replay.urdf_joints›"
             )
         if by_name[name].unit != "rad":
             raise BadSetting(
-                key,
-                f": {name} is in shares of its range, and a pose needs angles; choose its "
+                f"{key}: {name} is in shares of its range, and a pose needs angles; choose its "
                 "unit with --unit",
             )
     names = [each.name for each in planned]
@@ -243,19 +237,19 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 
 def _check_tolerance(run: settings.Run, replay: settings.Replay) -> None:
     """Refuse settings of the fastest replay that do not go together."""
-    degrees, centimetres = Key("tolerance.deg"), Key("tolerance.cm")
+    fastest = "‹replay.fastest = true›"
     both = run.tolerance.deg is not None, run.tolerance.cm is not None
     if all(both):
-        raise BadSetting(degrees, " and ", centimetres, ": expected one of them; leave one out")
+        raise BadSetting("‹tolerance.deg› and ‹tolerance.cm›: expected one of them; leave one out")
     if run.tolerance.cm is not None and find_leg(run.leg) is None:
-        raise BadSetting(centimetres, " is for a foot: name its leg or arm with ", Key("leg.urdf"))
+        raise BadSetting("‹tolerance.cm› is for a foot: name its leg or arm with ‹leg.urdf›")
     if replay.fastest and not any(both):
-        raise BadSetting(Key("replay.fastest", True), " needs ", degrees, " or ", centimetres)
+        raise BadSetting(f"{fastest} needs ‹tolerance.deg› or ‹tolerance.cm›")
     if replay.retime != "constant" and not replay.fastest:
-        key = Key("replay.retime", replay.retime)
-        raise BadSetting(key, " has no effect without ", Key("replay.fastest", True))
+        key = marked("replay.retime", replay.retime)
+        raise BadSetting(f"{key} has no effect without {fastest}")
     if replay.fastest and "speed" in replay.keys_set:
-        raise BadSetting(Key("replay.speed"), " is what ", Key("replay.fastest", True), " finds")
+        raise BadSetting(f"‹replay.speed› is what {fastest} finds")
 
 
 def _limits(limits: settings.Limits, logs: Sequence[Log]) -> dict[str, tuple[float, float]] | None:
@@ -277,15 +271,13 @@ def _limits(limits: settings.Limits, logs: Sequence[Log]) -> dict[str, tuple[flo
 
 def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
     """Refuse outputs that cannot be written, before anything is computed."""
-    key = Key("replay.write_as", form)
+    key = marked("replay.write_as", form)
     if form in FOLDERS and output == "-":
-        raise BadSetting(key, " is a folder: name it with --output")
+        raise BadSetting(f"{key} is a folder: name it with --output")
     if form != "lerobot" and len(recordings) > 1:
         raise BadSetting(
-            f"{len(recordings)} recordings, and ",
-            key,
-            " holds one: name one file, or one episode (--episodes 0), or write them all with ",
-            Key("replay.write_as", "lerobot"),
+            f"{len(recordings)} recordings, and {key} holds one: name one file, or one episode "
+            '(--episodes 0), or write them all with ‹replay.write_as = "lerobot"›'
         )
     check_installed(form)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, BadSetting, Key, Progress, Remark, warn
+from planner.cli.console import Answer, BadSetting, Progress, warn
 from planner.cli.settings import SMOOTHING, Run
 from planner.exceptions import about
 
@@ -129,9 +129,12 @@ def refine(
         starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
         models = [desired.models[j] for j in columns]
         if in_a_cycle(models, executed.values[:, columns], angles.angles, starts):
-            words = "the measured angles begin as in a cycle that repeats, and "
-            advice = " is for a motion from rest: if the requests were repeated, leave it out, here"
-            options.warn_of([Remark(words, Key("plan.cyclic", False), f"{advice} and in plan")])
+            words = (
+                "the measured angles begin as in a cycle that repeats, and ‹plan.cyclic = false› "
+                "is for a motion from rest: if the requests were repeated, leave it out, here and "
+                "in plan"
+            )
+            options.warn_of([words])
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
     with Progress(len(desired.names)) as progress:
@@ -208,12 +211,12 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False)
     plan_settings, load = desired.settings.plan, desired.load
     of_foot = plan_settings.method == "foot-optimal"
     if of_foot and (desired.leg is None or desired.foot is None):
-        raise BadSetting(Key("plan.method", "foot-optimal"), " plans for a foot path of a leg")
+        raise BadSetting('‹plan.method = "foot-optimal"› plans for a foot path of a leg')
     setup = replace(desired, load=load(desired.angles) if callable(load) else load)
     single = by_joint or not of_foot
     if single:
-        plan_settings = replace(plan_settings, method="optimal")
-        setup = replace(setup, settings=replace(desired.settings, plan=plan_settings), limits={})
+        plan_settings = plan_settings.having(method="optimal")
+        setup = replace(setup, settings=desired.settings.having(plan=plan_settings), limits={})
     task = task_of(setup)
     task = replace(task, load_of_pose=callable(load) and task.load is not None)
     if not single:

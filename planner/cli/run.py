@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, BadSetting, Key, Progress, speaking_of, warn
+from planner.cli.console import Answer, BadSetting, Progress, in_keys, speaking_of, warn
 from planner.cli.declared import flat, understand
 from planner.cli.declared import template as template_of
 from planner.cli.export import check_export, check_rows, rows_answer, rows_of, write_rows
@@ -60,7 +59,7 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool) -> An
     if not check:
         return carried_out(run_file, desired, folder_of(file, out, desired.settings.out))
     for remark in desired.remarks:
-        warn(str(remark))
+        warn(in_keys(remark))
     samples, method = len(desired.angles), desired.settings.plan.method
     content = {"holds": True, "samples": samples, "period_s": desired.period}
     return Answer(
@@ -110,15 +109,9 @@ def _in_export(number: int) -> Iterator[None]:
     try:
         yield
     except BadSetting as error:
-        parts = (
-            part
-            if isinstance(part, str)
-            else replace(part, name=("export", number, *part.place[1:]))
-            for part in error.parts
-        )
-        raise BadSetting(*parts) from error
+        raise BadSetting(error.args[0].replace("‹export.", f"‹export[{number}].")) from error
     except InvalidInput as error:
-        raise BadSetting(Key(("export", number)), f": {error}") from error
+        raise BadSetting(f"‹export[{number}]›: {error}") from error
 
 
 def _check_names(run: Run) -> None:
@@ -132,9 +125,8 @@ def _check_names(run: Run) -> None:
         path = PurePosixPath(name.casefold())
         for other, owner in owners.items():
             if path == other or path in other.parents or other in path.parents:
-                raise BadSetting(
-                    Key(key), f": got '{name}', which {owner} takes; choose another name"
-                )
+                words = f"got '{name}', which {owner} takes; choose another name"
+                raise BadSetting(f"‹{key}›: {words}")
         owners[path] = key
 
 
@@ -190,7 +182,7 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
         }
         write_text(folder / MANIFEST, to_json(results))
     for remark in (*desired.remarks, *remarks):
-        warn(str(remark))
+        warn(in_keys(remark))
     if answer.missed:
         failure = f"{'; '.join(answer.missed)}; the files are written all the same"
     words += f"\n{len(results['files']) + 1} files in {out}"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import click
 
 from planner.cli import options
@@ -61,7 +59,7 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
         )
     if requests is None:
         method = method or ("optimal" if desired.foot is None else "foot-optimal")
-        plan = plan_of(prepare(replace(run, plan=replace(run.plan, method=method))))
+        plan = plan_of(prepare(run.having(plan=run.plan.having(method=method))))
         planned, loads = plan.predicted, plan.task.load
     else:
         sent = read_joint_path(requests, joints=desired.names)

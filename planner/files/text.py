@@ -199,6 +199,15 @@ def key_name(place: Sequence[str | int]) -> str:
     return name
 
 
+def place_of(name: str) -> Place:
+    """The place of a name by :func:`key_name`."""
+    parts = re.findall(r'\[(\d+)\]|("(?:[^"\\]|\\.)*")|([^.\[]+)', name)
+    return tuple(
+        int(number) if number else json.loads(quoted) if quoted else key
+        for number, quoted, key in parts
+    )
+
+
 def toml_value(value: Any) -> str:
     """A value as TOML has it."""
     if isinstance(value, bool):

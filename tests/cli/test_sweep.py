@@ -71,7 +71,7 @@ def test_periods_that_are_rounded_are_told(tmp_path):
     file = tmp_path / "sweep.toml"
     file.write_text(GAIT + "period_s = [0.4, 0.5, 0.6]\n")
     (told,) = read_sweep(str(file)).rounded()
-    assert str(told).endswith("period_s: 0.5 becomes 0.496 s, rounded to requests 0.008 s apart")
+    assert told.endswith("period_s›: 0.5 becomes 0.496 s, rounded to requests 0.008 s apart")
     file.write_text(GAIT + "period_s = [0.4, 0.504]\n")
     assert read_sweep(str(file)).rounded() == ()
 
