@@ -271,9 +271,9 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
         return json.dumps({"reason": reason_of(error)}).encode()
     path, norm = desired.settings.path, plan.task.norm
     speed = path.speed or 1.0
-    errors, direct = np.degrees(plan.errors), np.degrees(plan.direct - plan.desired)
+    errors, direct = np.degrees(plan.errors), np.degrees(plan.direct.errors)
     if desired.foot is not None:
-        errors, direct = 100.0 * plan.distances[:, None], 100.0 * plan.direct_distances[:, None]
+        errors, direct = 100.0 * plan.distances[:, None], 100.0 * plan.direct.distances[:, None]
         if path.half_ellipse is not None:
             walk = path.half_ellipse
             speed = 100.0 * walking_speed(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -180,9 +180,9 @@ class Plan(ReadOnly, Summarised):
         return angles
 
     @cached_property
-    def direct(self) -> Array:
-        """Angles of the models when the desired angles are requested as they are [rad], (n, k)."""
-        return self.task.response(self.task.desired)
+    def direct(self) -> Plan:
+        """The desired angles requested as they are, without a disturbance: no plan at all."""
+        return Plan(task=replace(self.task, disturbance=None), requests=self.desired)
 
     @cached_property
     def errors(self) -> Array:
@@ -203,22 +203,9 @@ class Plan(ReadOnly, Summarised):
         return distances
 
     @cached_property
-    def direct_foot(self) -> Array:
-        """Position of the foot when the desired angles are requested as they are [m], (n, 3)."""
-        return self.task.foot_at(self.direct)
-
-    @property
-    def direct_distances(self) -> Array:
-        """Distance of the foot then from its desired position [m], shape (n,)."""
-        distances: Array = np.linalg.norm(self.direct_foot - self.task.desired_foot, axis=1)
-        return distances
-
-    @cached_property
     def _judged(self) -> list[Array]:
         """Errors that are judged, each of shape (n,)."""
-        if self.task.goal == "foot":
-            return [self.distances]
-        return columns_of(self.errors)
+        return [self.distances] if self.task.goal == "foot" else columns_of(self.errors)
 
     @property
     def rms(self) -> Array:
@@ -283,8 +270,7 @@ class Plan(ReadOnly, Summarised):
     def errors_of_models(self) -> tuple[Array, ...]:
         """Errors with every model of each judged joint or foot, nominal first, (models,)."""
         task = self.task
-        other_errors = [task.errors_of(self._under_models(models)) for models in task.scenarios[1:]]
-        errors = np.array([self.error, *other_errors])
+        errors = np.array([task.errors_of(self._under_models(each)) for each in task.scenarios])
         many = [len(task.scenarios)] if task.goal == "foot" else map(len, task.models)
         each = [errors[:count, j].copy() for j, count in enumerate(many)]
         freeze(*each)
@@ -376,7 +362,7 @@ class Plan(ReadOnly, Summarised):
         """Share of the desired path above the joint's top speed, shape (k,)."""
         return np.array([float(np.mean(each.too_fast)) for each in self.speeds])
 
-    def under(self, torques: Array) -> Self:
+    def under(self, torques: Array) -> Plan:
         """The same requests under the load of a pose [N m], shape (n, k)."""
         return replace(self, task=self.task.under(torques, of_pose=True))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -199,6 +199,12 @@ class Task(ReadOnly):
             if len(angles) < 3:
                 raise InvalidInput(f"foot: got {len(angles)} points, expected at least 3")
         lower, upper = limits_of_each(limits, names)
+        largest_rise = SMOOTHNESS if smoothness is None else as_number(smoothness)
+        if not 0.0 <= largest_rise <= MOST_SMOOTHNESS:
+            raise InvalidInput(
+                f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
+                f"added, from 0 to {MOST_SMOOTHNESS:g}; 0.005 is half a per cent"
+            )
         added = None if disturbance is None else _finite(disturbance)
         if added is not None and added.shape != angles.shape:
             raise InvalidInput(
@@ -214,7 +220,7 @@ class Task(ReadOnly):
             lower=lower,
             upper=upper,
             max_step=steps_of_each(max_step, names),
-            smoothness=_checked_smoothness(smoothness),
+            smoothness=largest_rise,
             start=_starts(start, names, angles[0], cyclic=cyclic),
             robust=(robust or "mean") if max(map(len, several)) > 1 else None,
             tolerance=None
@@ -522,42 +528,39 @@ def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Ar
             joint that is not planned.
         Infeasible: A lower limit is above the upper one.
     """
+    pairs: Iterable[Any]
     if limits is None or isinstance(limits, Mapping) or names == ("",):
         pairs = of_each("limits", limits, names, expected="")
     else:
         try:
-            each = (np.broadcast_to(as_reals(limit), len(names)).tolist() for limit in limits)
-            lowest, highest = each
+            lowest, highest = (np.broadcast_to(as_reals(each), len(names)) for each in limits)
         except (TypeError, ValueError) as error:
             raise InvalidInput(
                 f"limits: got {shown(limits)}, expected (lower, upper) [rad], each a number or one "
                 "for each joint"
             ) from error
-        pairs = list(zip(lowest, highest, strict=True))
-    ends = np.empty((2, len(names)))
+        pairs = zip(lowest, highest, strict=True)
+    ends = np.full((2, len(names)), [[-math.inf], [math.inf]])
     for j, (name, pair) in enumerate(zip(names, pairs, strict=True)):
+        if pair is None:
+            continue
         with about(name):
-            ends[:, j] = (-math.inf, math.inf) if pair is None else _checked_limits(pair)
+            try:
+                lower, upper = (as_number(limit, infinite=True) for limit in pair)
+            except (TypeError, ValueError):
+                lower = upper = math.nan
+            if math.isnan(lower) or math.isnan(upper):
+                raise InvalidInput(
+                    f"limits: got {shown(pair)}, expected (lower, upper) [rad]; use -inf or inf "
+                    "for no limit"
+                )
+            if lower > upper:
+                raise Infeasible(
+                    f"limits: the lower one, {angle_text(lower)}, is above the upper one, "
+                    f"{angle_text(upper)}; swap them, or check their units"
+                )
+            ends[:, j] = lower, upper
     return ends[0], ends[1]
-
-
-def _checked_limits(limits: object) -> tuple[float, float]:
-    """The limits of one joint as floats."""
-    try:
-        lower, upper = (as_number(limit, infinite=True) for limit in limits)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
-        lower = upper = math.nan
-    if math.isnan(lower) or math.isnan(upper):
-        raise InvalidInput(
-            f"limits: got {shown(limits)}, expected (lower, upper) [rad]; use -inf or inf for no "
-            "limit"
-        )
-    if lower > upper:
-        raise Infeasible(
-            f"limits: the lower one, {angle_text(lower)}, is above the upper one, "
-            f"{angle_text(upper)}; swap them, or check their units"
-        )
-    return lower, upper
 
 
 def steps_of_each(
@@ -569,16 +572,18 @@ def steps_of_each(
         InvalidInput: They are not above 0, or not as many as there are joints.
     """
     expected = "an angle above 0 [rad], or one for each joint"
-    values = of_each("max_step", max_step, names, expected=expected)
-    largest = [math.inf if step is None else as_number(step, infinite=True) for step in values]
-    for name, number, step in zip(names, largest, values, strict=True):
-        with about(name):
-            if not number > 0.0:
+    largest = np.full(len(names), math.inf)
+    for j, step in enumerate(of_each("max_step", max_step, names, expected=expected)):
+        if step is None:
+            continue
+        with about(names[j]):
+            largest[j] = as_number(step, infinite=True)
+            if not largest[j] > 0.0:
                 raise InvalidInput(
                     f"max_step: got {shown(step)}, expected an angle above 0 [rad], the largest "
                     "change from one request to the next; leave it out for no limit"
                 )
-    return np.array(largest)
+    return largest
 
 
 def _starts(
@@ -591,10 +596,11 @@ def _starts(
     """From rest: where each joint rests before, by default where its path begins [rad], (k,)."""
     values = of_each("start", start, names, expected="a number [rad] or one for each joint")
     starts = begins.copy()
-    for j, (name, rest) in enumerate(zip(names, values, strict=True)):
-        with about(name):
-            angle = checked_start(rest, cyclic=cyclic)
-            starts[j] = begins[j] if angle is None else angle
+    for j, rest in enumerate(values):
+        if rest is None:
+            continue
+        with about(names[j]):
+            starts[j] = checked_start(rest, cyclic=cyclic)
             far = abs(starts[j] - begins[j]) > MOST_TURNS * TURN
             if far and ANGLE_UNIT.get() == "rad":  # else it is degrees
                 raise InvalidInput(
@@ -602,17 +608,6 @@ def _starts(
                     f"{begins[j]:.3g} rad; if this is in degrees, convert it with numpy.radians"
                 )
     return None if cyclic else starts
-
-
-def _checked_smoothness(smoothness: float | None) -> float:
-    """The relative rise of the error that smoother requests may cost [-]."""
-    number = SMOOTHNESS if smoothness is None else as_number(smoothness)
-    if not 0.0 <= number <= MOST_SMOOTHNESS:
-        raise InvalidInput(
-            f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
-            f"added, from 0 to {MOST_SMOOTHNESS:g}; 0.005 is half a per cent"
-        )
-    return number
 
 
 def _finite(values: npt.ArrayLike) -> Array:

@@ -52,7 +52,7 @@ def plan_page(
         as_given = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
     if foot is None:
         unit, subject = "degrees", "joints" if len(joints) > 1 else "joint"
-        planned, direct = (size(errors) for errors in (plan.errors, plan.direct - plan.desired))
+        planned, direct = (size(errors) for errors in (plan.errors, plan.direct.errors))
         expected = float(np.degrees(np.nan_to_num(plan.expected_rms).max()))
     else:
         unit, subject = "cm", "feet" if answer.parts else "foot"
@@ -146,7 +146,7 @@ def leg_figure(plan: Plan, role: style.Role) -> Figure:
     """The moving leg, as desired, without a plan and with it."""
     task = plan.task
     assert task.leg is not None, "only a leg moves"
-    others = ((WITHOUT, plan.direct), (role, plan.predicted))
+    others = ((WITHOUT, plan.direct.predicted), (role, plan.predicted))
     return Timeline.of(plan).leg(
         "leg", words_of("plan_leg"), task.leg, plan.desired, others, task.desired_foot
     )
@@ -158,7 +158,7 @@ def distances_figure(legs: Mapping[str, Plan], role: style.Role) -> Figure:
     feet = {
         name: [
             timeline.curve(100.0 * distances, looks)
-            for distances, looks in ((plan.direct_distances, WITHOUT), (plan.distances, role))
+            for distances, looks in ((plan.direct.distances, WITHOUT), (plan.distances, role))
         ]
         for name, plan in legs.items()
     }
@@ -172,7 +172,7 @@ def joint_figure(plan: Plan, role: style.Role, j: int) -> Figure:
         Timeline.of(plan),
         f"joint_{j}",
         words_of("plan_joint", name=plan.names[j], shift=plan.method == "shift"),
-        angles=[desired, (plan.direct[:, j], WITHOUT), (plan.predicted[:, j], role)],
+        angles=[desired, (plan.direct.predicted[:, j], WITHOUT), (plan.predicted[:, j], role)],
         requests=[desired, (plan.requests[:, j], style.REQUESTED)],
         limits=(plan.task.lower[j], plan.task.upper[j]),
         clock=plan.task.leg is not None or len(plan.names) > 1,

@@ -85,7 +85,7 @@ def foot_numbers(feet: Sequence[Plan]) -> FootNumbers:
         size(np.concatenate(each), 100.0)
         for each in (
             [foot.distances for foot in feet],
-            [foot.direct_distances for foot in feet],
+            [foot.direct.distances for foot in feet],
             [shift.distances for shift in shifts],
         )
     )
@@ -140,7 +140,7 @@ class PlanAnswer:
                     name=name,
                     unit=self.units[j] if self.units else "deg",
                     planned=size(np.ascontiguousarray(plan.errors[:, j])),
-                    direct=size(np.ascontiguousarray(plan.direct[:, j] - plan.desired[:, j])),
+                    direct=size(np.ascontiguousarray(plan.direct.errors[:, j])),
                     early=math.degrees(rms(shift.errors[:, j])),
                     lead=shift.leads[j],
                     expected=plan.expected[j],

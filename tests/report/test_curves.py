@@ -49,7 +49,10 @@ def test_a_plan(planned):
     for j in range(2):
         figure = plan.joint_figure(planned, FOOT_OPTIMAL, j)
         desired = planned.desired[:, j]
-        angles = {"without a plan": planned.direct[:, j], "foot-optimised": planned.predicted[:, j]}
+        angles = {
+            "without a plan": planned.direct.predicted[:, j],
+            "foot-optimised": planned.predicted[:, j],
+        }
         requests = {"requested": planned.requests[:, j]}
         above, below = {"desired": desired, **angles}, {"desired": desired, **requests}
         same(drawn(figure, len(desired)), [above, below])

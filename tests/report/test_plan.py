@@ -154,7 +154,7 @@ def test_the_foot_is_drawn_where_it_should_be_though_the_leg_does_not_reach(outc
     far = WALK.desired_foot + np.array([0.0, 0.0, -0.1])
     desired, direct, planned = leg_figure(asked(outcome, foot=far), FOOT_OPTIMAL).live["motions"]
     np.testing.assert_allclose(foot_of(desired), 100.0 * far, atol=DRAWN)
-    for motion, angles in ((direct, outcome.direct), (planned, outcome.predicted)):
+    for motion, angles in ((direct, outcome.direct.predicted), (planned, outcome.predicted)):
         foot = WALK.leg.foot_positions(angles)
         np.testing.assert_allclose(foot_of(motion), 100.0 * foot, atol=DRAWN)
         distances = 100.0 * np.linalg.norm(foot - far, axis=1)
@@ -164,7 +164,7 @@ def test_the_foot_is_drawn_where_it_should_be_though_the_leg_does_not_reach(outc
 def test_the_distances_of_the_foot_are_drawn_by_what_was_requested(outcome):
     figure = distances_figure({"": outcome}, FOOT_OPTIMAL)
     drawn = {curve.name: curve.y[: len(outcome.distances)] for curve in figure.panels[0].curves}
-    np.testing.assert_allclose(drawn[WITHOUT.label], 100.0 * outcome.direct_distances)
+    np.testing.assert_allclose(drawn[WITHOUT.label], 100.0 * outcome.direct.distances)
     np.testing.assert_allclose(drawn[FOOT_OPTIMAL.label], 100.0 * outcome.distances)
 
 
