@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tests.snapshots import Snapshot, close
 
@@ -39,26 +34,3 @@ def test_a_changed_line_is_shown_and_rewritten_and_close_ones_are_kept(tmp_path)
     assert (tmp_path / "it.txt").read_text() == kept
     Snapshot(tmp_path, rewrite=True).check("it", got)
     assert (tmp_path / "it.txt").read_text() == "a 1.0000001\nB\nc\n"
-
-
-def drawn():
-    """Examples of a property test."""
-    examples = []
-
-    @settings(max_examples=500)
-    @given(st.floats(0.0, 9.0))
-    def property_test(value):
-        examples.append(value)
-
-    property_test()
-    return examples
-
-
-def test_examples_are_the_same_after_another_file_is_imported(tmp_path, monkeypatch):
-    before = drawn()
-    file = tmp_path / "another_file.py"
-    file.write_text("NUMBERS = " + repr([k / 64 for k in range(500)]))
-    spec = importlib.util.spec_from_file_location("another_file", file)
-    monkeypatch.setitem(sys.modules, "another_file", importlib.util.module_from_spec(spec))
-    spec.loader.exec_module(sys.modules["another_file"])
-    assert drawn() == before

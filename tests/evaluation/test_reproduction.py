@@ -6,12 +6,17 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 import planner
 from planner.evaluation import reproduction as paper
-from planner.evaluation.reproduction import measure_step_response
+from planner.evaluation.reproduction import best_lead, measure_step_response
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import simulate, simulate_joints
+from planner.trajectory import Distance, angle_distance, foot_distance
+from tests.independent import equation_3
 
 PRINTED = 0.005
 """Figures known from an independent computation to two decimals [deg, cm]."""
@@ -97,3 +102,62 @@ def test_lag_and_acceleration_time_are_read_off_any_joint():
     response = measure_step_response(joint, 1.0, samples=200)
     assert (response.lag, response.acceleration) == (7, 3)
     assert response.v_max == pytest.approx(4.0)
+
+
+@pytest.fixture(scope="session")
+def reproduction(reproduced):
+    return reproduced.answer
+
+
+JOINT = JointModel.ers210a()
+PHASE = 2.0 * np.pi * np.arange(88) / 88
+DESIRED = np.column_stack([0.5 * np.sin(PHASE), 0.3 * np.cos(2.0 * PHASE)])
+
+
+def _distance(angles):
+    return angle_distance(angles.ravel(), DESIRED.ravel())
+
+
+def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
+    angles = []
+    for wanted in DESIRED.T:
+        done = equation_3(
+            lambda t, wanted=wanted: wanted[t % 88],
+            20 * 88,  # of which the last cycle repeats the one before it to 1e-12
+            wanted[0],
+            v_max=math.radians(2.5),
+            theta_0=math.radians(7.0),
+            lag=4,
+            acceleration=6,
+        )
+        angles.append(done[-88:])
+    distances = [_distance(np.roll(np.column_stack(angles), -lead, axis=0)) for lead in range(88)]
+    best = min(range(88), key=lambda lead: distances[lead].rms)
+    unshifted = simulate_joints([JOINT, JOINT], DESIRED, cyclic=True)
+    assert best_lead(unshifted, _distance) == best
+    least = _distance(np.roll(unshifted, -best, axis=0)).rms
+    assert least == pytest.approx(distances[best].rms, abs=1e-10)
+
+
+ROUNDING = 1e-12
+"""What rounding leaves of sums of a few dozen terms [relative]."""
+
+PAIRS = st.integers(2, 40).flatmap(
+    lambda n: st.tuples(
+        *[arrays(np.float64, n, elements=st.floats(-10.0, 10.0, allow_subnormal=False))] * 2
+    )
+)
+
+
+def test_known_distances():
+    assert angle_distance(np.array([3.0, 4.0]), np.zeros(2)) == Distance(np.sqrt(12.5), 4.0)
+    assert foot_distance(
+        np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 1.0]]), np.zeros((2, 3))
+    ) == Distance(np.sqrt(13.0), 5.0)
+
+
+@given(PAIRS, st.integers(0, 39))
+def test_a_distance_does_not_depend_on_where_a_cycle_begins(pair, shift):
+    one, other = pair
+    shifted = angle_distance(np.roll(one, shift), np.roll(other, shift))
+    assert shifted == pytest.approx(angle_distance(one, other), rel=ROUNDING, abs=1e-150)

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
+import sys
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 import planner
 from planner.exceptions import InvalidFile
+from planner.files.joint_model import read_model_file
 from planner.files.paths import (
     SampledPath,
+    foot_path,
+    is_foot_path,
     joint_path,
     read_foot_path,
     read_joint_path,
     resampled,
     write_curve,
+    write_foot_path,
     write_joint_path,
 )
 from planner.files.table import read_table, write_table
@@ -135,3 +142,232 @@ def test_a_motion_at_its_own_rate_keeps_its_last_row(period):
         rows = np.arange(float(count))[:, np.newaxis]
         same = resampled(0.3 + period * np.arange(count), rows, period, cyclic=False)
         np.testing.assert_allclose(same, rows, atol=1e-9)
+
+
+WRITTEN = 1e-12
+"""A written number is off by half of its last decimal at most [deg, m]."""
+
+ANGLES = arrays(
+    np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-100.0, 100.0)
+)
+
+
+@given(angles=ANGLES)
+def test_a_written_joint_path_is_read_back(tmp_path_factory, angles):
+    file = tmp_path_factory.mktemp("paths") / "path.csv"
+    write_joint_path(file, ["rotator", "abductor", "knee"], angles, period=0.008)
+    path = read_joint_path(file)
+    assert path.names == ("rotator", "abductor", "knee")
+    assert np.max(np.abs(path.values - angles)) <= WRITTEN
+    assert path.times == pytest.approx(0.008 * np.arange(len(angles)), abs=WRITTEN)
+    path.check_period(0.008)
+
+
+@given(positions=ANGLES)
+def test_a_written_foot_path_is_read_back(tmp_path_factory, positions):
+    file = tmp_path_factory.mktemp("paths") / "foot.csv"
+    write_foot_path(file, positions)
+    path = read_foot_path(file)
+    assert path.times is None
+    assert np.max(np.abs(path.values - positions)) <= WRITTEN
+
+
+READ = {
+    "degrees": b"\xef\xbb\xbfindex, knee_deg ,sample\r\n0,180,1\r\n\r\n1,-90,2\r\n",
+    "radians": b"hip_rad,knee_rad\n0.1,1.5\n0.2,-2\n",
+    "shares beside angles": b"hip_deg,jaw_percent\n0,25\n1,50\n",
+    "shares": b"t_ms,jaw_range\n5,0.25\n15,0.5\n",
+    "loads": b"t_s,hip_deg,knee_deg,knee_load_Nm\n0,1,2,0.5\n0.01,3,4,0.6\n",
+    "no loads of these joints": (b"hip_deg,knee_deg,knee_load_Nm\n1,2,0.5\n3,4,0.6\n", ["hip"]),
+    "chosen joints": (b"note,knee_deg,hip_deg\nstart,1,2\nend,3,4\n", ["hip", "knee"]),
+    "a column of a log": (b"t_s,req_knee_deg,act_knee_deg\n0,1,2\n1,3,4\n", ["act_knee"]),
+    "a spreadsheet's": b"sep=;\r\nt_ms;knee_deg\r\n0;1,5\r\n20,5;-2,5e1\r\n",
+    "semicolons": b"\n\nt_ms;knee_deg\n0;1,5\n20,5;-2,5e1\n",
+    "tabs": b"t_ms\tknee_deg\n0\t1,5\n20,5\t-2.5e1\n",
+    "titles of formulas": b"'=1+2_deg,'knee_deg,'-a_deg\n1,2,3\n4,5,6\n",
+    "a joint that is called t": b"t_deg,knee_deg\n1,2\n3,4\n",
+    "steps that are nearly even": b"t_ms,knee_deg\n0,1\n10,2\n19.91,3\n29.91,4\n",
+    "dates": b"clock,knee_deg\n2026-11-23T10:04:00.000,1\n2026-11-23T10:04:00.020,2\n",
+    "comments": b"# robot 3\n#t_s, knee_deg\n0,1\n# paused\n0.5,2\n",
+    "a length beside a joint": (b"height_m,knee_deg\n1,2\n3,4\n", ["knee"]),
+    "metres": b"x_m,y_m,z_m\n1,2,3\n4,5,6\n",
+    "centimetres": b"z_cm,note,x_cm,y_cm,t_s\n3,a,1,2,0\n6,b,4,5,0.5\n",
+    "millimetres": b"t_us,x_mm,y_mm,z_mm\n0,1,2,3\n2000,4,5,6\n9000,7,8,9\n",
+}
+"""What a file holds, and the joints to read."""
+
+
+def test_a_path_is_what_its_columns_say(tmp_path, snapshot):
+    file, said = tmp_path / "path.csv", []
+    for name, case in READ.items():
+        content, joints = case if isinstance(case, tuple) else (case, [])
+        file.write_bytes(content)
+        table = read_table(file)
+        path = (
+            foot_path(table, even=False)
+            if is_foot_path(table)
+            else joint_path(table, joints=joints, even=False)
+        )
+        values = vars(path).values()
+        said.append(
+            f"{name}: {[v.tolist() if isinstance(v, np.ndarray) else v for v in values][1:]}\n"
+        )
+    snapshot.check("paths", "".join(said))
+
+
+def test_what_is_read_is_read_only(tmp_path):
+    file = tmp_path / "path.csv"
+    file.write_text("knee_rad\n1\n2\n")
+    with pytest.raises(ValueError, match="read-only"):
+        read_joint_path(file).values[0] = 0.0
+
+
+def test_a_dash_is_standard_input_and_standard_output(monkeypatch, capsys):
+    stdin = io.TextIOWrapper(io.BytesIO(b"knee_rad\n1\n2\n"))
+    monkeypatch.setattr(sys, "stdin", stdin)
+    path = read_joint_path("-")
+    write_joint_path("-", path.names, path.values, period=0.5)
+    out = capsys.readouterr().out
+    assert out == "t_s,knee_deg\n0.0,57.295779513082\n0.5,114.591559026165\n"
+
+
+@pytest.mark.parametrize(
+    "name", ["=1+2", "+knee", "-knee", "@SUM(A1)", "'=knee", "'knee", "\tknee"]
+)
+def test_a_title_that_a_spreadsheet_takes_as_a_formula_is_written_as_text_and_read_back(
+    tmp_path, name
+):
+    angles = np.linspace(0.0, 0.1, 12).reshape(6, 2)
+    write_joint_path(tmp_path / "path.csv", [name, "hip"], angles, period=0.02)
+    titles = (tmp_path / "path.csv").read_text().splitlines()[0].split(",")
+    assert not any(title.startswith(("=", "+", "-", "@")) for title in titles)
+    assert read_joint_path(tmp_path / "path.csv").names == (name, "hip")
+
+
+MODEL = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
+
+
+JOINT_PATHS = {
+    "empty": b"",
+    "only blank lines": b"\n\n  \n",
+    "only names": b"knee_deg\n",
+    "one row": b"knee_deg\n1\n",
+    "not UTF-8": b"knee_deg\n1\n\xb0\n",
+    "NaN": b"knee_deg\n1\nnan\n",
+    "infinite": b"knee_deg\n1\n-inf\n",
+    "text": b"knee_deg\n1\nfast\n",
+    "digits grouped by underscores": b"knee_deg\n1\n1_0\n",
+    "empty cell": b"knee_deg,hip_deg\n1,2\n3,\n",
+    "ragged row": b"knee_deg,hip_deg\n1,2\n3\n4,5\n",
+    "too many cells": b"knee_deg,hip_deg\n1,2\n3,4,5\n",
+    "truncated": b"knee_deg,hip_deg\n1,2\n3,4\n5",
+    "no names": b"1.0,2.0\n3.0,4.0\n",
+    "a column without a name": b"knee_deg,\n1,2\n3,4\n",
+    "a name twice": b"knee_deg,knee_deg\n1,2\n3,4\n",
+    "decimal commas between commas": b"knee_deg,hip_deg\n1,5,2,5\n3,5,4,5\n",
+    "an open quote": b'knee_deg\n"1\n2\n',
+    "no unit": b"knee\n1\n2\n",
+    "several without a unit": b"joint_1,hip_deg,joint_2\n0,1,2\n1,2,3\n",
+    "a strange unit": b"knee_turns\n1\n2\n",
+    "mixed units": b"knee_deg,hip_rad\n1,2\n3,4\n",
+    "a joint twice": b"knee_deg,knee [deg]\n1,2\n3,4\n",
+    "digits of another script": "knee_deg\n1\n٣\n".encode(),
+    "a number among names": b"knee_deg,7\n1,2\n3,4\n",
+    "an open quote after comments": b'# a\n# b\nknee_deg\n1\n"2\n',
+    "no names after comments": b"# 1.0,2.0\n3.0,4.0\n5,6\n",
+    "more names than can be shown": ",".join(f"joint_{k}_deg" for k in range(20)) + "\n1\n2\n",
+    "beyond belief": b"t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,-1e300\n",
+    "only time": b"t_s,index\n0,0\n1,1\n",
+    "time backwards": b"t_s,knee_deg\n0,1\n0.02,2\n0.01,3\n",
+    "time stands still": b"t_s,knee_deg\n0,1\n0,2\n0.01,3\n",
+    "uneven time": b"t_s,knee_deg\n0,1\n0.01,2\n0.02,3\n0.05,4\n",
+    "a step too short": b"t_ms,knee_deg\n0,1\n10,2\n19.89,3\n29.89,4\n",
+    "a date that is missing": b"clock,knee_deg\n2026-11-23T10:04:00,1\nNaT,2\n",
+    "times twice": b"time_s,t_ms,knee_deg\n0,0,1\n0.01,10,2\n",
+    "time that is no number": b"t_s,knee_deg\n0,1\nlater,2\n",
+}
+
+
+FOOT_PATHS = {
+    "a missing axis": b"x_m,y_m\n1,2\n3,4\n",
+    "mixed units": b"x_m,y_cm,z_m\n1,2,3\n4,5,6\n",
+    "uneven time": b"t_s,x_m,y_m,z_m\n0,1,2,3\n0.1,2,3,4\n0.3,3,4,5\n",
+    "axes without a unit": b"x,y,z\n1,2,3\n3,4,5\n",
+    "an axis in other units": b"x_km,y_Inch,z_m\n1,2,3\n3,4,5\n",
+    "an axis twice": b"x_m,x_cm,y_m,z_m\n1,2,3,4\n4,5,6,7\n",
+    "NaN": b"x_m,y_m,z_m\n1,2,3\n4,NaN,6\n",
+}
+
+
+MODELS = {
+    "not TOML": "v_max = 5.0\nlag = = 1\n",
+    "empty": "",
+    "unknown key": MODEL + "vmax = 3\n",
+    "unknown key in a table": MODEL + "[knee]\nlagg = 3\n",
+    "missing key": "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\n",
+    "missing key in a table": "v_max = 5.0\n[knee]\nlag = 0.03\n",
+    "text for a number": MODEL.replace("5.0", "'fast'"),
+    "an impossible joint": MODEL.replace("5.0", "-1"),
+    "a key twice": MODEL + "lag = 1\n",
+    "times in ms": "v_max = 5.0\ntheta_0 = 0.1\nlag = 32\nacceleration_time = 48\n",
+    "in degrees": MODEL.replace("5.0", "301.9").replace("0.1\n", "18.25\n"),
+    "theta_0 in degrees": "[knee]\n" + MODEL.replace("0.1\n", "18.25\n"),
+}
+
+
+def test_every_bad_file_says_what_is_wrong(tmp_path, snapshot):
+    said = []
+    for kind, read, cases in (
+        ("joint path", read_joint_path, JOINT_PATHS),
+        ("foot path", read_foot_path, FOOT_PATHS),
+        ("model", read_model_file, MODELS),
+    ):
+        file = tmp_path / "FILE"
+        for name, content in cases.items():
+            file.write_bytes(content.encode() if isinstance(content, str) else content)
+            with pytest.raises(InvalidFile) as caught:
+                read(file)
+            said.append(f"{kind}, {name}: {caught.value}\n".replace(str(file), "FILE"))
+    snapshot.check("bad_input", "".join(said))
+
+
+PATH = "t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,4\n"
+
+
+LIMITS = {
+    "columns": ("table.MOST_COLUMNS", 3, "3 columns, expected at most 2; leave out"),
+    "cells": ("table.MOST_CELLS", 6, "more than 5 cells; split the file"),
+    "rows": ("paths.MOST_SAMPLES", 2, "more than 1 rows, expected at most so many samples"),
+    "joints": ("paths.MOST_JOINTS", 2, "2 joints, expected at most 1; choose some with --joint"),
+    "characters": ("text.MOST_BYTES", len(PATH), "longer than 0 MiB; is it the right file?"),
+    "size": ("columns.LARGEST", math.radians(4.0), "'hip_deg': got 4, expected at most 3.99"),
+}
+"""The constant of a limit, what the path has, and the message of one that has more."""
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+def test_a_path_may_be_as_large_as_a_limit_and_no_larger(tmp_path, monkeypatch, limit):
+    place, has, message = LIMITS[limit]
+    file = tmp_path / "path.csv"
+    file.write_text(PATH)
+    monkeypatch.setattr(f"planner.files.{place}", has)
+    assert read_joint_path(file).names == ("knee", "hip")
+    monkeypatch.setattr(f"planner.files.{place}", has - 1 if has >= 1 else 0.999 * has)
+    with pytest.raises(InvalidFile, match=message):
+        read_joint_path(file)
+
+
+def test_a_joint_without_a_model_and_a_misspelt_table_are_refused(tmp_path):
+    file = tmp_path / "model.toml"
+    tables = "".join(f"[{name}]\n{MODEL}" for name in ("rotator", "knee"))
+    file.write_text(tables)
+    with pytest.raises(InvalidFile, match="no table for the joint 'abductor'; tables: "):
+        read_model_file(file).for_joints(["rotator", "abductor"])
+    file.write_text(MODEL + "[rotater]\nlag = 0.05\n")
+    with pytest.raises(InvalidFile, match="'rotator' \\(did you mean 'rotater'\\?\\)"):
+        read_model_file(file).for_joints(["rotator"])
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return tmp_path_factory.mktemp("any") / "file"

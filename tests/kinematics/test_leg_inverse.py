@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_up_robots import (
+
+from kinematics import UnreachableFoot
+from kinematics.chain import Limits
+from kinematics.inverse import nearest_poses
+from tests.kinematics.made_up_robots import (
     CLOSED,
     LEGS,
     SHAPES,
@@ -20,10 +24,6 @@ from made_up_robots import (
     made_up_leg,
     reference_leg,
 )
-
-from kinematics import UnreachableFoot
-from kinematics.chain import Limits
-from kinematics.inverse import choose, nearest_poses
 
 EXACT = 1e-9
 """An answer puts the foot within this of the point [m]."""
@@ -126,23 +126,6 @@ def test_a_path_stays_on_its_pose_where_a_single_point_would_take_another():
     np.testing.assert_allclose(leg.joint_angles(foot), angles, atol=SAME_POSE)
     alone = leg.joint_angles(foot[-1:])  # the rotator is near its limit: the other knee is deeper
     assert alone[0, 2] == pytest.approx(-0.6, abs=0.05)
-
-
-def test_the_first_pose_is_the_one_deepest_inside_the_limits():
-    poses = np.array([[[0.9, 0.0], [0.2, -0.3], [0.1, 0.8]]])
-    limits = Limits(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
-    allowed = np.ones((1, 3), dtype=bool)
-    np.testing.assert_array_equal(choose(poses, allowed, limits), [[0.2, -0.3]])
-    allowed[0, 1] = False
-    np.testing.assert_array_equal(choose(poses, allowed, limits), [[0.1, 0.8]])
-
-
-def test_each_later_pose_is_the_nearest_to_the_one_before():
-    poses = np.array([[[0.0], [3.0]], [[2.9], [0.3]], [[3.1], [0.4]], [[0.5], [0.6]]])
-    limits = Limits(np.array([-1.0]), np.array([4.0]))
-    allowed = np.array([[True, False], [True, True], [True, True], [True, True]])
-    chosen = choose(poses, allowed, limits)
-    np.testing.assert_array_equal(chosen[:, 0], [0.0, 0.3, 0.4, 0.5])
 
 
 def endless_leg(folder, name, *, end=np.inf):

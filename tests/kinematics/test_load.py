@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_robots import LEGS, Joint, Y, ers210a_leg, made_up_leg
 
 from kinematics import Leg, UnsupportedLeg
 from kinematics.leg import GRAVITY
+from tests.kinematics.made_up_robots import LEGS, Joint, Y, ers210a_leg, made_up_leg
 
 ROUNDING = 1e-12
 """Two routes to the same torque agree to this [N m]; the torques are of order 1."""

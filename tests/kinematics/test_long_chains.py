@@ -9,12 +9,12 @@ import pinocchio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
 
 from kinematics import Leg, Limits, UnsupportedLeg
 from kinematics.inverse import choose, jumps
 from kinematics.scene import Scene
 from planner.gait.stride import LEAST_DEXTERITY, dexterity, standing_pose
+from tests.kinematics.made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
 
 ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m]."""

@@ -7,15 +7,11 @@ from typing import NamedTuple
 
 import coal
 import numpy as np
-import pinocchio
 import pytest
 
-from kinematics import Leg, foot_function
+from kinematics import Leg
 from kinematics.scene import Scene
 from planner.gait.stride import standing_pose
-
-ROUNDING = 1e-12
-"""Two routes through the same kinematics agree to this [m, m/rad]."""
 
 REACHED = 1e-9
 """Largest distance to the foot that the inverse leaves [m]."""
@@ -78,39 +74,9 @@ def poses(leg):
     return np.random.default_rng(1).uniform(*leg.limits.central, (20, len(leg.joint_names)))
 
 
-def by_pinocchio(path, chosen, leg, pose):
-    """Foot and Jacobian in the base frame, from the whole robot."""
-    model = pinocchio.buildModelFromUrdf(str(path))
-    data, coordinates = model.createData(), pinocchio.neutral(model)
-    angles = {**chosen.locked, **dict(zip(leg.joint_names, pose, strict=True))}
-    for name, angle in angles.items():
-        coordinates[model.joints[model.getJointId(name)].idx_q] = angle
-    pinocchio.computeJointJacobians(model, data, coordinates)
-    pinocchio.updateFramePlacements(model, data)
-    frames = {frame.name: number for number, frame in reversed(list(enumerate(model.frames)))}
-    base, foot = (data.oMf[frames[name]] for name in (chosen.base, chosen.foot))
-    jacobian = pinocchio.getFrameJacobian(
-        model, data, frames[chosen.foot], pinocchio.LOCAL_WORLD_ALIGNED
-    )
-    columns = [model.joints[model.getJointId(name)].idx_v for name in leg.joint_names]
-    return base.actInv(foot).translation, base.rotation.T @ jacobian[:3, columns]
-
-
 def test_the_leg_has_the_joints_that_are_left(chosen, leg):
     assert len(leg.joint_names) == chosen.joints
     assert not set(leg.joint_names) & set(chosen.locked)
-
-
-def test_numbers_and_symbols_agree_with_pinocchio(chosen, path, leg, poses):
-    symbolic = foot_function(leg)
-    feet, jacobians = leg.foot_positions(poses), leg.jacobians(poses)
-    for pose, foot, jacobian in zip(poses, feet, jacobians, strict=True):
-        expected, derivatives = by_pinocchio(path, chosen, leg, pose)
-        by_casadi, its_derivatives = (np.array(each) for each in symbolic(pose))
-        np.testing.assert_allclose(foot, expected, atol=ROUNDING)
-        np.testing.assert_allclose(by_casadi[:, 0], expected, atol=ROUNDING)
-        np.testing.assert_allclose(jacobian, derivatives, atol=ROUNDING)
-        np.testing.assert_allclose(its_derivatives, derivatives, atol=ROUNDING)
 
 
 def test_the_inverse_finds_a_pose_for_every_place_the_foot_can_be(leg, poses):

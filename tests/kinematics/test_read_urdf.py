@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from made_up_robots import Joint, X, Y, made_up_leg, urdf_text
 
 from kinematics import InvalidInput, Leg, UnsupportedLeg
+from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, urdf_text
 
 KNEE = Joint((0.0, 0.0, -0.2), Y)
 TIP = (0.0, 0.0, -0.2)

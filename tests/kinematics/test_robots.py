@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_up_robots import LEGS, ers210a_leg, reference_leg
 
 from kinematics import Leg, urdf_path
+from tests.kinematics.made_up_robots import LEGS, ers210a_leg, reference_leg
 
 DRAWING = 5e-5
 """Sony's vectors are rounded and their ball fitted: they hold to this [m]."""

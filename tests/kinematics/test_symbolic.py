@@ -6,10 +6,10 @@ import numpy as np
 import pinocchio
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_robots import Joint, made_up_leg, urdf_text
 
 from kinematics import Leg
 from kinematics.leg import foot_function
+from tests.kinematics.made_up_robots import Joint, made_up_leg, urdf_text
 
 ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m, m/rad]."""

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_up_robots import LEGS, SHAPES, ers210a_leg, made_up_leg, reference_leg
 
 from kinematics import Leg, UnreachableFoot, UnsupportedLeg
 from kinematics.chain import Chain, Limits
+from tests.kinematics.made_up_robots import LEGS, SHAPES, ers210a_leg, made_up_leg, reference_leg
 
 EXACT = 1e-9
 """Distances are right to this [m]."""
@@ -61,16 +61,6 @@ def test_random_legs_hide_no_nearer_pose_either():
         assert (found <= least + EXACT).all()
 
 
-def test_moving_any_joint_a_little_brings_the_foot_no_nearer(leg):
-    points = around(leg, 50, seed=3)
-    solution = leg.inverse(points, unreachable="nearest")
-    for step in (1e-4, 1e-2):
-        for move in step * np.concatenate([np.eye(3), -np.eye(3)]):
-            moved = leg.limits.clip(solution.angles + move)
-            distance = np.linalg.norm(leg.foot_positions(moved) - points, axis=1)
-            assert (distance >= solution.distance - EXACT).all()
-
-
 def test_beyond_a_stretched_leg_the_nearest_point_lies_on_the_way_to_the_hip():
     leg = reference_leg()
     directions = np.array([[0.3, 0.2, -1.0], [-0.5, 0.1, -0.8], [0.6, 0.5, -0.3]])
@@ -95,28 +85,6 @@ def test_the_error_lists_which_points_are_out_of_reach_and_by_how_much(name, tmp
     np.testing.assert_allclose(error.value.distances, nearest.distance[[4, 17]], atol=EXACT)
     assert not error.value.indices.flags.writeable
     assert not error.value.distances.flags.writeable
-
-
-def test_clamping_is_the_rule_of_the_simplified_legs_own_inverse():
-    leg = reference_leg()
-    upper, lower = 0.064, 0.069
-    rng = np.random.default_rng(5)
-    x, y, z = points = rng.uniform([-0.1, 0.0, -0.13], [0.15, 0.12, -0.02], (300, 3)).T
-    square = (points * points).sum(axis=0)
-    knee = np.arccos(np.clip((square - upper**2 - lower**2) / (2 * upper * lower), -1, 1))
-    reach = upper + lower * np.cos(knee)
-    abductor = np.arcsin(np.clip(y / np.abs(reach), -1, 1))
-    below, before = reach * np.cos(abductor), lower * np.sin(knee)
-    rotator = np.arctan2(x * below + z * before, x * before - z * below)
-    expected = np.clip(np.stack([rotator, abductor, knee], axis=-1), *leg.limits)
-    one_by_one = [leg.inverse([point], unreachable="clamp") for point in points.T]
-    out = np.array([not solution.reachable[0] for solution in one_by_one])
-    assert out.sum() > 100
-    for solution, angles, point in zip(one_by_one, expected, points.T, strict=True):
-        rule = np.linalg.norm(leg.foot_positions([angles])[0] - point)
-        assert solution.distance[0] <= rule + EXACT  # of the clamped poses the best is taken
-    agree = np.abs([s.angles[0] for s in one_by_one] - expected).max(axis=1) < 1e-9
-    assert agree[out].mean() > 0.5
 
 
 def test_clamping_needs_a_closed_form(tmp_path):

@@ -227,22 +227,6 @@ def with_inertia(rng, model, integral="integral_rate"):
     return replace(inert, max_acceleration=most)
 
 
-def test_the_bending_is_the_slope_of_the_slopes():
-    rng = np.random.default_rng(8)
-    model = replace(random_dry_model(rng, whole=False), dead_band=0.0)
-    before, load = rng.uniform(-1.0, 1.0, 9), loads(9)
-    width, step = request_ages(model).width, 1e-5
-    windows = before[:, np.newaxis] + rng.uniform(-2.0, 2.0, (9, width)) * model.theta_0
-    bending = rounded_periods(model, before, windows, 0.3, load=load).bending[:, 0]
-    for j in range(width):
-        push = step * (np.arange(width) == j)
-        above, below = (
-            rounded_periods(model, before, windows + s * push, 0.3, load=load).by_request[:, 0, j]
-            for s in (1.0, -1.0)
-        )
-        np.testing.assert_allclose(bending[:, j], (above - below) / (2.0 * step), atol=1e-6)
-
-
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_a_load_between_samples_acts_as_one_that_changes_continuously(cyclic):
     """At 50 Hz as in ticks of 2 ms, to a fifth of what the load of either end would miss."""

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import planner
 from planner.model.joint import JointModel
 from planner.model.law import State, fastest_integral
 from planner.model.response import motion_under, rest_angles, rest_requests, simulate
@@ -146,18 +145,3 @@ def test_a_speed_loop_reaches_its_top_speed_against_any_load(way):
     low, high = model.speed_limits(-2.0, 0.3)
     assert (float(low), float(high)) == pytest.approx((-5.0, 5.0))
     assert line_offset(model, 4.9 * way, load=-2.0) == pytest.approx(line_offset(model, 4.9 * way))
-
-
-PATH = np.radians(25.0) * np.cos(2.0 * np.pi * np.arange(250) / 250)
-"""Slow enough to be followed [rad]."""
-
-
-@EACH
-def test_direct_transcription_finds_the_same_plan(name):
-    model = servo(name)
-    for cyclic in (True, False):
-        own = planner.invert_optimal(model, PATH[::4], cyclic=cyclic, smoothness=0.0)
-        other = planner.invert_optimal(
-            model, PATH[::4], cyclic=cyclic, solver="ipopt", smoothness=0.0
-        )
-        assert own.rms <= 1.05 * other.rms + 1e-5

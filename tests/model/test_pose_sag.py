@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import planner
 from planner.model.joint import MOST_POSE_SAG, JointModel
-from planner.model.law import State
 from planner.model.response import (
     load_columns,
     path_speeds,
@@ -22,8 +21,7 @@ from planner.model.response import (
 )
 from planner.planning.line_inverse import line_offset
 from planner.trajectory import rms
-from tests.model.test_symbolic import SAME, chained
-from tests.strategies import models, trajectories
+from tests.strategies import models
 
 PAPER = JointModel.ers210a()
 
@@ -32,14 +30,6 @@ HANGING = replace(PAPER, sag_sin=-0.06, sag_cos=0.02)
 
 PATH = np.radians(25.0) * np.cos(2.0 * np.pi * np.arange(250) / 250)
 """Slow enough to be followed, from rest, too [rad]."""
-
-
-@given(models(poses=True), trajectories(least=2, most=12))
-def test_periods_in_symbols_in_a_row_are_the_simulation(model, requests):
-    angles = simulate(model, requests, cyclic=False)
-    begin = State(float(model.rest(requests[0])))
-    run = chained(model, requests, begin, cyclic=False)
-    np.testing.assert_allclose(run, angles, rtol=0.0, atol=10.0 * SAME)
 
 
 @given(models(friction=True, poses=True), st.floats(-7.0, 7.0), st.floats(-1.0, 1.0))

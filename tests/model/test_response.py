@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,7 +11,6 @@ from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel
 from planner.model.response import path_speeds, simulate
 from tests.independent import next_cycle, of_whole_ticks
-from tests.instances import random_model
 from tests.strategies import models, trajectories
 
 SAME = 1e-12
@@ -29,25 +25,6 @@ def test_whole_ticks_are_equation_3_to_the_letter(model, requests, start):
     expected = of_whole_ticks(model, requests, start)
     angles = simulate(model, requests, cyclic=False, start=start)
     np.testing.assert_allclose(angles, expected, rtol=0.0, atol=SAME)
-
-
-@pytest.mark.parametrize("hold", [1, 3])
-@pytest.mark.parametrize("samples", [2, 3, 40])
-def test_repeated_from_rest_the_joint_settles_into_the_steady_cycle(samples, hold):
-    rng = np.random.default_rng(samples)
-    for _ in range(5):
-        model = random_model(rng, whole=False, hold=hold, offset=True)
-        requests = rng.uniform(-0.2, 0.2, size=samples)
-        repetitions = math.ceil(1200 / samples)
-        settled = simulate(model, np.tile(requests, repetitions), cyclic=False)[-samples:]
-        np.testing.assert_allclose(settled, simulate(model, requests), rtol=0.0, atol=1e-9)
-
-
-def test_from_rest_the_start_is_the_angle_one_tick_before_the_first_request():
-    model = replace(ERS210A, lag=0.0, acceleration_time=ERS210A.tick)  # M(t) needs R(t-1) only
-    step = model.v_max_per_tick
-    angles = simulate(model, [1.0, 1.0, 1.0], cyclic=False, start=0.0)
-    np.testing.assert_allclose(angles, [step, 2.0 * step, 3.0 * step], rtol=1e-14)
 
 
 @given(models(), trajectories(), st.integers(0, 19))

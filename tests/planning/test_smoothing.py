@@ -16,6 +16,8 @@ from planner.planning.problem import problem_of
 from planner.planning.result import UNFORESEEN
 from planner.planning.search import (
     NARROW,
+    Motion,
+    allowed,
     judged,
     minimise,
     smoothed,
@@ -274,6 +276,22 @@ def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenar
     expected = np.sqrt(squares)
     assert [found.mean, found.model_error, found.unseen] == pytest.approx(expected, rel=ROUNDING)
     assert found.error == both.error(angles)
+
+
+def test_more_is_allowed_where_nearly_the_same_motion_follows_from_many_requests():
+    """For a foot and with dry friction an encoder's step in any case."""
+    best = Motion(np.zeros((5, 1)), np.zeros((5, 1)), 0.3, 0.2, 0.4, 0.05)
+    desired = np.zeros(5)
+    plain = track(ERS210A, desired, cyclic=True)
+    sticky = track(replace(ERS210A, dead_band=0.01), desired, cyclic=True)
+    foot, _ = foot_problem()
+    for problem, unseen in ((plain, False), (sticky, True), (foot, True)):
+        smooth, plan = replace(problem, smoothness=0.1), replace(problem, smoothness=0.0)
+        assert allowed(smooth, best._replace(error=0.37), best)  # hypot(0.37, 0.4) is 0.545
+        assert not allowed(smooth, best._replace(error=0.39), best)
+        assert allowed(smooth, best._replace(error=0.04, model_error=2.0), best) == unseen
+        assert allowed(plan, best, best)
+        assert not allowed(plan, best._replace(error=0.3001), best)
 
 
 def test_the_best_end_of_all_sharp_stages_is_kept_even_if_the_last_is_worse():

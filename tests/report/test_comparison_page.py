@@ -67,10 +67,3 @@ def test_the_bound_on_the_foot_stands_below_its_error(check, norm, place):
     assert bound.kind == "bound"
     assert [bool(cell) for cell in bound.cells] == [k == place for k in range(5)]
     assert bound.cells[place] == f"{80.0 * plan.error[0]:.3f}"
-
-
-def test_every_figure_comes_to_life_and_fits_a_phone(page, browser, tmp_path):
-    file = tmp_path / "compare.html"
-    file.write_text(page, encoding="utf-8")
-    figures = ["leg", "joint_0", "joint_1", "joint_2", "foot_distances"]
-    assert browser.read_through(file, width=390, dark=True) == figures

@@ -25,10 +25,9 @@ from planner.report.figure import (
 )
 from planner.report.matplotlib_figure import (
     draw,
-    to_svg,
 )
 from planner.report.page import Page
-from planner.report.plotly_figure import packed, plot
+from planner.report.plotly_figure import plot
 from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED
 
 X = np.array([0.0, 1.0, 2.0])
@@ -102,13 +101,6 @@ def test_names_are_text_and_nothing_else():
     assert "<hip>" not in element
     assert 'aria-label="title. axes: angle [deg], ' in element
     assert "panels: &lt;hip&gt;, foot; curves: desired, requested, knots, cloud" in element
-
-
-def test_the_same_figure_is_the_same_bytes():
-    figure = figure_of(*everything(), clock=1000.0)
-    assert json.dumps(plot(figure)) == json.dumps(plot(figure))
-    assert to_svg(draw(figure)) == to_svg(draw(figure))
-    assert packed(X) == packed(X.copy())
 
 
 def test_plotly_is_told_the_same_of_every_part(snapshot):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from planner.evaluation.reproduction import STEP_AMPLITUDES
-from planner.report.paper_figures import paper_figures
+from planner.files.staging import list_files
+from planner.report.paper_figures import ROLES, paper_figures, virtual_figures
 from planner.report.plotly_figure import plot
 from tests.report.test_figure import check_words
 
@@ -58,3 +62,55 @@ def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):
         assert panel.words[0].text == f"lag {response.lag} ticks"
         angles = curve_of(panel, "actual").y[:-1]
         np.testing.assert_array_equal(angles, np.degrees(response.angles))
+
+
+@pytest.fixture(scope="module")
+def outcome(virtually_reproduced):
+    return virtually_reproduced.answer
+
+
+def values(curve):
+    """The values of a curve without its gaps and without the sample that closes each cycle."""
+    parts = np.split(curve.y, np.flatnonzero(np.isnan(curve.y)))
+    return np.array([part[np.isfinite(part)][:-1] for part in parts])
+
+
+def test_every_cycle_of_every_joint_is_drawn_under_its_method(outcome):
+    figures = {figure.name: figure for figure in virtual_figures(outcome)}
+    panels, walk = figures["joints_by_method"].panels, outcome.planned.walk
+    for j, (panel, name) in enumerate(zip(panels[:3], walk.joint_names, strict=True)):
+        assert panel.title == name
+        curves = {curve.name: curve for curve in panel.curves}
+        assert values(curves["desired"]) == pytest.approx(np.degrees([walk.desired[:, j]]))
+        for method, role in ROLES.items():
+            if method != "shift":
+                curve = curves[role.label]
+                angles = np.degrees(outcome.runs[method].angles[:, :, j])
+                assert values(curve) == pytest.approx(angles)
+                assert curve.hidden == (method == "optimal")
+    for name, method in (
+        ("joints_direct", "direct"),
+        ("foot_optimised_trajectories", "foot_optimal"),
+    ):
+        for j, panel in enumerate(figures[name].panels):
+            mean, actual = (each for each in panel.curves if each.name.startswith("actual"))
+            assert values(mean) == pytest.approx(values(actual).mean(axis=0, keepdims=True))
+            told = next(each for each in panel.curves if each.name == "predicted")
+            assert values(actual) == pytest.approx(np.degrees(outcome.runs[method].angles[..., j]))
+            assert values(told) == pytest.approx(
+                np.degrees([outcome.planned.plans[method].predicted[:, j]])
+            )
+
+
+METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
+PLANS = METHODS[2:]
+
+
+def test_the_manifest_lists_every_file_of_the_folder(folder, results):
+    assert sorted({*results["files"], "results.json"}) == list_files(folder)
+
+
+def test_the_readme_states_the_figures_of_the_foot(results):
+    told = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    for method in PLANS:
+        assert re.search(rf"\b{results['foot'][method]['L2']:.2f}\b", told), method

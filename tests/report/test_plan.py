@@ -12,8 +12,6 @@ import planner
 from kinematics import Limits
 from planner.model.response import PathSpeeds
 from planner.report.plan_page import (
-    WITHOUT,
-    distances_figure,
     joints_table,
     jumps_of,
     leg_figure,
@@ -159,13 +157,6 @@ def test_the_foot_is_drawn_where_it_should_be_though_the_leg_does_not_reach(outc
         np.testing.assert_allclose(foot_of(motion), 100.0 * foot, atol=DRAWN)
         distances = 100.0 * np.linalg.norm(foot - far, axis=1)
         np.testing.assert_allclose(motion["distances"], distances, atol=DRAWN)
-
-
-def test_the_distances_of_the_foot_are_drawn_by_what_was_requested(outcome):
-    figure = distances_figure({"": outcome}, FOOT_OPTIMAL)
-    drawn = {curve.name: curve.y[: len(outcome.distances)] for curve in figure.panels[0].curves}
-    np.testing.assert_allclose(drawn[WITHOUT.label], 100.0 * outcome.direct.distances)
-    np.testing.assert_allclose(drawn[FOOT_OPTIMAL.label], 100.0 * outcome.distances)
 
 
 def test_every_figure_comes_to_life_and_fits_a_phone(page, browser, tmp_path):

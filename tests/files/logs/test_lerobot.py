@@ -61,15 +61,6 @@ def test_episodes_come_in_the_order_of_their_numbers_whatever_the_order_of_their
     assert [number for _, number in found] == [0, 1, 2]
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_episodes_are_chosen_by_number(tmp_path, layout):
-    root = LAYOUTS[layout](tmp_path / "set")
-    options = LogOptions(joint="gripper", unit="deg", episodes="1-2")
-    first, second = read_logs(root, options=options)
-    _assert_is(first, 1, "gripper")
-    _assert_is(second, 2, "gripper")
-
-
 def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
     root = v30(tmp_path / "set")
     file = root / "data" / "chunk-000" / "file-000.parquet"

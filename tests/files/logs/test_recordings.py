@@ -43,17 +43,6 @@ def test_bams_json_and_its_csv_copy_are_the_same_log(recordings, run):
     np.testing.assert_array_equal(log.torque_on, copy.torque_on)
 
 
-def test_the_dropped_pendulum_is_without_torque_for_most_of_the_run(recordings):
-    (log,) = read_logs(recordings / "sts3250" / "sts3250_kp32_lift_and_drop.csv")
-    assert 0.2 < log.torque_on.mean() < 0.3
-
-
-def test_the_xl330_is_read_at_its_rate(recordings):
-    for file in sorted((recordings / "xl330").glob("*.csv")):
-        (log,) = read_logs(file)
-        assert 1.0 / log.period == pytest.approx(188, abs=5)
-
-
 def test_the_g1_is_read_by_the_names_of_its_joints(recordings):
     folder = recordings / "lerobot_g1"
     joints = joints_in(folder)

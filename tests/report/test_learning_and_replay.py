@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import planner
+from planner import replay
 from planner.report import learning_page as learning
-from planner.report import plan_page as plan
-from planner.report import replay_page as replay
 from planner.report.learning_page import AFTER, BEFORE, ERROR, EXECUTED, LEARNT, NEXT
-from planner.report.style import FOOT_OPTIMAL
+from planner.report.replay_page import replay_page
 from tests.corpus.page_text import figures_of, text_of
 from tests.corpus.test_corpus import masked
+from tests.report.test_made_up_pages import SERVO, logs
 
 WALK = planner.reference_walk()
 JOINT = planner.JointModel.ers210a()
-SERVO = planner.JointModel(
-    v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4
-)
 
 
 def drawn(figure, samples):
@@ -43,19 +41,6 @@ def same(got, expected):
 @pytest.fixture(scope="module")
 def planned():
     return planner.plan([JOINT, replace(JOINT, v_max=1.3 * JOINT.v_max)], WALK.desired[:, 1:])
-
-
-def test_a_plan(planned):
-    for j in range(2):
-        figure = plan.joint_figure(planned, FOOT_OPTIMAL, j)
-        desired = planned.desired[:, j]
-        angles = {
-            "without a plan": planned.direct.predicted[:, j],
-            "foot-optimised": planned.predicted[:, j],
-        }
-        requests = {"requested": planned.requests[:, j]}
-        above, below = {"desired": desired, **angles}, {"desired": desired, **requests}
-        same(drawn(figure, len(desired)), [above, below])
 
 
 def test_learning(planned, snapshot):
@@ -88,35 +73,10 @@ def test_learning(planned, snapshot):
         same(drawn(figure, 88), expected)
 
 
-@pytest.fixture(scope="module")
-def replayed():
-    requests = 0.8 * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 80)))
-    angles = planner.simulate(SERVO, requests, cyclic=False)
-    times = SERVO.period * np.arange(80)
-    logs = [
-        planner.Log(times=times, requests=requests, angles=angles, joint=name)
-        for name in ("elbow", "gripper")
-    ]
-    return planner.replay(logs, SERVO, speed=2.0, track="action")
-
-
-def test_a_replay(replayed):
-    elbow, gripper = replayed.joints
-    samples = len(replayed.moments)
-    sent = {"path": elbow.desired, "recorded requests": elbow.recorded_requests}
-    shifted, predicted = elbow.shifted, elbow.predicted
-    angles = {"path": elbow.desired, "as it is": elbow.direct}
-    expected = [
-        angles | {"best time shift": shifted, "optimised": predicted},
-        {"best time shift": shifted - elbow.desired, "optimised": predicted - elbow.desired},
-        sent | {"requested": elbow.requests},
-    ]
-    same(drawn(replay.joint_figure(replayed, 0), samples), expected)
-    (alone,) = drawn(replay.joint_figure(replayed, 1), samples)
-    assert alone["requested"] == pytest.approx(np.degrees(gripper.requests))
-    live = replay.moment_figure(replayed).live
-    kinds = {each["name"]: each["values"] for each in live["kinds"]}
-    assert kinds["path"][0] == pytest.approx(np.degrees(elbow.desired), abs=0.0051)
-    assert kinds["request"][0] == pytest.approx(np.degrees(elbow.requests), abs=0.0051)
-    assert kinds["predicted"][0] == pytest.approx(np.degrees(predicted), abs=0.0051)
-    assert kinds["predicted"][1] is None
+@pytest.mark.parametrize(("size", "speed"), [(2.0, 1.5), (4.0, 2.0), (3.0, 3.0)])
+def test_the_error_that_joints_stay_within_is_not_rounded_down(size, speed):
+    made = replay(logs("elbow", size=size), SERVO, speed=speed)
+    page = replay_page(made, title="demo.csv", models="model: arm.toml").html()
+    (promised,) = re.findall(r"stays within\s(\S+) degrees", page)
+    largest = np.degrees(np.max(np.abs(made.planned[0].errors["planned"])))
+    assert largest <= float(promised) <= 1.1 * largest

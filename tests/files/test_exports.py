@@ -1,0 +1,290 @@
+"""CSV for a controller: held requests at its rate, in its unit."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from planner import LogOptions, read_logs
+from planner.exceptions import InvalidInput, MissingExtra
+from planner.files.exports import (
+    TOPIC,
+    TYPE,
+    Layout,
+    Ticks,
+    check_format,
+    joint_trajectory,
+    lerobot_dataset,
+    to_ticks,
+    write_bag,
+    write_controller_csv,
+    write_trajectory_yaml,
+)
+from planner.files.paths import read_joint_path
+from planner.files.staging import list_files
+from planner.robot.schedule import ON_TIME, Schedule, never_sent, resampled
+
+ROUNDING = 1e-10
+"""Twelve decimals of a degree are written [rad]."""
+
+
+def _numbered(rows, period):
+    """A joint whose request is the number of the request."""
+    return Schedule(("knee",), np.arange(float(rows))[:, None], period)
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_what_is_written_is_read_back_as_a_joint_path(schedule, tmp_path, unit):
+    file = tmp_path / "requests.csv"
+    write_controller_csv(file, schedule, unit=unit)
+    assert file.read_text().splitlines()[0] == f"t_s,hip_{unit},on_{unit},knee_{unit}"
+    given = read_joint_path(file)
+    assert np.max(np.abs(given.values - schedule.requests)) <= ROUNDING
+    assert np.max(np.abs(given.times - schedule.times)) <= ROUNDING
+
+
+def test_ticks_are_whole_numbers_nearest_to_the_requests(tmp_path):
+    file = tmp_path / "ticks.csv"
+    turns = Schedule(("hip", "knee"), np.array([[0.0, 0.0], [0.25, -0.125]]) * 2.0 * np.pi, 0.02)
+    write_controller_csv(file, turns, unit="ticks", ticks=Ticks(zeros={"knee": 1000}))
+    rows = list(csv.reader(file.read_text().splitlines()))
+    assert rows == [
+        ["t_s", "hip_ticks", "knee_ticks"],
+        ["0.0", "2048", "1000"],
+        ["0.02", "3072", "488"],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("angle", "ticks", "message"),
+    [
+        (
+            np.pi,
+            Ticks(),
+            "knee: request 0, 180.00 deg, is tick 4096, expected 0 to 4095; check the zero tick, "
+            "the ticks per turn and the direction",
+        ),
+    ],
+)
+def test_a_servo_cannot_go_beyond_its_turn(angle, ticks, message):
+    with pytest.raises(InvalidInput) as caught:
+        to_ticks(Schedule(("knee",), np.array([[angle]]), 0.02), ticks)
+    assert str(caught.value) == message
+
+
+def test_a_slower_controller_that_would_leave_requests_out_is_refused():
+    with pytest.raises(InvalidInput, match="rate: at 50 Hz 4 of 8 requests would never be sent"):
+        resampled(_numbered(8, 0.008), 50.0)
+    slow = resampled(_numbered(8, 0.008), 50.0, between="linear")
+    assert np.allclose(slow.requests[:, 0], [0.0, 2.5, 5.0, 7.0], atol=ROUNDING)
+
+
+def test_a_straight_line_leads_to_the_next_request_and_the_last_is_held():
+    fast = resampled(_numbered(3, 0.02), 100.0, between="linear")
+    assert np.allclose(fast.requests[:, 0], [0.0, 0.5, 1.0, 1.5, 2.0, 2.0], atol=ROUNDING)
+
+
+@given(st.integers(1, 60), st.floats(1e-3, 1.0), st.floats(10.0, 2000.0))
+def test_a_held_row_is_the_request_of_its_time(rows, period, rate):
+    given_rows = _numbered(rows, period)
+    assume(not never_sent(given_rows, rate))
+    held = resampled(given_rows, rate)
+    numbers = held.requests[:, 0]
+    slack = 2.0 * ON_TIME * max(period, 1.0 / rate)
+    assert (held.times >= numbers * period - slack).all()
+    assert (held.times <= (numbers + 1.0) * period + slack).all()
+    assert held.duration - given_rows.duration + slack >= 0.0
+    assert held.duration - given_rows.duration <= 1.0 / rate + slack
+
+
+def test_a_period_that_is_written_rounded_loses_no_request():
+    for period in (0.033333333334, 0.033333333333):
+        same = resampled(_numbered(90, period), 30.0)
+        assert same.requests[:, 0].tolist() == list(range(90))
+
+
+def test_hobby_servos_get_pulses_in_microseconds_of_their_own_centre_and_direction(tmp_path):
+    file = tmp_path / "pulses.csv"
+    quarter = Schedule(("hip", "knee"), np.array([[0.0, 0.0], [0.25, 0.125]]) * 2.0 * np.pi, 0.02)
+    servos = Ticks(per_turn=4000, zero=1500, zeros={"knee": 1460}, reversed=["knee"], unit="us")
+    write_controller_csv(file, quarter, unit="us", ticks=servos)
+    assert file.read_text() == "t_s,hip_us,knee_us\n0.0,1500,1460\n0.02,2500,960\n"
+    beyond = r"knee: request 1, 45\.00 deg, is a pulse of 2540 us, expected 500 to 2500; check"
+    with pytest.raises(InvalidInput, match=beyond):
+        to_ticks(quarter, Ticks(4000, 1500, {"knee": 2040}, unit="us"))
+    with pytest.raises(InvalidInput, match="reverse: no joint 'ankle'; joints: hip, knee"):
+        check_format("csv", quarter, ticks=Ticks(reversed=["ankle"]))
+
+
+SHORT = Schedule(("knee",), np.zeros((3, 1)), 0.02)
+
+
+@pytest.mark.parametrize(
+    ("form", "schedule", "given", "message"),
+    [
+        ("xml", SHORT, {}, "format: got 'xml', expected csv, yaml, bag, mcap, lerobot"),
+        ("csv", SHORT, {"ticks": Ticks(zeros={"hip": 3})}, "zero tick: no joint 'hip'"),
+        ("csv", SHORT, {"ticks": Ticks(reversed=["hip"], unit="us")}, "reverse: no joint 'hip'"),
+        ("lerobot", Schedule(("knee",), np.zeros((3, 1)), 2.5), {}, "is 0.4 per second, expected"),
+        *((form, SHORT, {"lead": 1e12}, "whole nanoseconds") for form in ("yaml", "bag", "mcap")),
+        *((form, SHORT, {"topic": "/"}, "topic: got '/'") for form in ("bag", "mcap")),
+        ("csv", SHORT, {"lead": -1.0, "topic": "/"}, None),
+        ("yaml", SHORT, {"topic": "/"}, None),
+        ("lerobot", SHORT, {"lead": -1.0, "topic": "/"}, None),
+    ],
+)
+def test_what_a_format_cannot_hold_is_refused_before_there_are_angles(
+    form, schedule, given, message
+):
+    if message is None:
+        check_format(form, schedule, **given)
+        return
+    with pytest.raises(InvalidInput, match=message):
+        check_format(form, schedule, **given)
+
+
+@pytest.mark.parametrize(
+    ("form", "extra"), [("yaml", "yaml"), ("bag", "bags"), ("mcap", "bags"), ("lerobot", "parquet")]
+)
+def test_a_format_whose_package_is_not_installed_is_refused_at_once(form, extra, monkeypatch):
+    monkeypatch.setattr("planner.files.exports.find_spec", lambda _: None)
+    check_format("csv", SHORT)
+    with pytest.raises(MissingExtra, match=rf"request-planner\[{extra}\]"):
+        check_format(form, SHORT)
+
+
+@pytest.fixture
+def schedule():
+    phase = 2.0 * np.pi * np.arange(64) / 64
+    rows = np.column_stack([0.4 * np.sin(phase), 0.3 * np.cos(phase), 1.0 + 0.2 * np.sin(phase)])
+    return Schedule(("hip", "on", "knee"), rows, 0.008)
+
+
+def test_times_carry_over_into_seconds_and_do_not_drift():
+    third = Schedule(("knee",), np.zeros((4000, 1)), 1.0 / 30.0)
+    points = joint_trajectory(third, lead=1.5)["points"]
+    assert points[0]["time_from_start"] == {"sec": 1, "nanosec": 500_000_000}
+    assert points[3000]["time_from_start"] == {"sec": 101, "nanosec": 500_000_000}
+    assert points[1]["time_from_start"] == {"sec": 1, "nanosec": 533_333_333}
+
+
+def test_velocities_are_those_of_the_requests_and_end_at_rest(schedule):
+    points = joint_trajectory(schedule, velocities=True)["points"]
+    velocities = np.array([point["velocities"] for point in points])
+    phase = 2.0 * np.pi * np.arange(64) / 64
+    exact = 0.4 * np.cos(phase) * 2.0 * np.pi / (64 * 0.008)
+    assert (
+        np.max(np.abs(velocities[1:-1, 0] - exact[1:-1])) < 0.01
+    )  # h² / 6 of the third derivative
+    assert velocities[-1].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_yaml_is_read_back_by_the_parser_of_ros(schedule, tmp_path):
+    yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
+    message = joint_trajectory(schedule, velocities=True)
+    file = tmp_path / "trajectory.yaml"
+    write_trajectory_yaml(file, message)
+    assert yaml.safe_load(file.read_text()) == message
+    lines = file.read_text().splitlines()
+    assert lines[:2] == ["header:", "  stamp: {sec: 0, nanosec: 0}"]
+    assert "joint_names: [hip, 'on', knee]" in lines  # bare, YAML 1.1 takes it for true
+    assert "  time_from_start: {sec: 0, nanosec: 8000000}" in lines
+
+
+def test_small_numbers_stay_numbers_in_yaml(tmp_path):
+    yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
+    rows = np.array([[1e-7], [-3e-12], [-1e-14], [-1e-14]])
+    tiny = joint_trajectory(Schedule(("knee",), rows, 0.1), velocities=True)
+    write_trajectory_yaml(tmp_path / "tiny.yaml", tiny)
+    text = (tmp_path / "tiny.yaml").read_text()
+    assert yaml.safe_load(text) == tiny
+    assert "-0.0]" not in text
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_bag_is_read_back(schedule, tmp_path, storage):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra bags")
+    from rosbags.typesys import Stores, get_typestore
+
+    out = tmp_path / "walk"
+    points = joint_trajectory(schedule, lead=2.0, velocities=storage == "mcap")
+    write_bag(out, points, storage=storage)
+    ending = {"sqlite3": "db3", "mcap": "mcap"}[storage]
+    assert list_files(out) == ["metadata.yaml", "results.json", f"walk.{ending}"]
+    with rosbag2.Reader(out) as reader:
+        ((connection, stamp, content),) = reader.messages()
+    assert (connection.topic, connection.msgtype, stamp) == (TOPIC, TYPE, 0)
+    message = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(content, TYPE)
+    assert message.joint_names == ["hip", "on", "knee"]
+    positions = np.array([point.positions for point in message.points])
+    assert np.max(np.abs(positions - schedule.requests)) <= ROUNDING
+    assert [point.time_from_start.nanosec for point in message.points[:2]] == [0, 8_000_000]
+    assert message.points[0].time_from_start.sec == 2
+    for point, told in zip(message.points, points["points"], strict=True):
+        assert point.velocities.tolist() == told.get("velocities", [])
+
+
+SINGLE = 1e-7
+"""Half a step of float32 at angles below 1.5 rad, rounded up [rad]."""
+
+
+@pytest.fixture
+def parquet():
+    return pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet")
+
+
+def test_episodes_follow_one_another(tmp_path, parquet):
+    rng = np.random.default_rng(2)
+    actions = [rng.normal(size=(count, 2)) for count in (4, 5, 3)]
+    layout = Layout(features={"action": ("a", "b"), "observation.state": ("a", "b")}, rate=30)
+    with lerobot_dataset(tmp_path / "out", layout) as add:
+        for number, action in enumerate(actions):
+            add({"action": action, "observation.state": -action}, "up" if number > 1 else "down")
+    read = read_logs(tmp_path / "out", options=LogOptions(joint="a", unit="rad"))
+    for log, action in zip(read, actions, strict=True):
+        assert log.requests == pytest.approx(action[:, 0], abs=1e-6)
+        assert log.angles == pytest.approx(-action[:, 0], abs=1e-6)
+    data = parquet.read_table(tmp_path / "out/data/chunk-000/file-000.parquet").to_pylist()
+    assert [row["index"] for row in data] == list(range(12))
+    assert [row["frame_index"] for row in data] == [*range(4), *range(5), *range(3)]
+    times = [row["timestamp"] for row in data]
+    assert times == pytest.approx([row["frame_index"] / 30 for row in data], abs=SINGLE)
+    assert [row["episode_index"] for row in data] == [0] * 4 + [1] * 5 + [2] * 3
+    assert [row["task_index"] for row in data] == [0] * 9 + [1] * 3
+    rows = parquet.read_table(tmp_path / "out" / "meta/episodes/chunk-000/file-000.parquet")
+    about = rows.to_pylist()
+    assert [each["dataset_from_index"] for each in about] == [0, 4, 9]
+    assert [each["data/chunk_index"] for each in about] == [0, 0, 0]
+    assert [each["data/file_index"] for each in about] == [0, 0, 0]
+    assert [each["length"] for each in about] == [4, 5, 3]
+    assert [each["episode_index"] for each in about] == [0, 1, 2]
+    assert [each["tasks"] for each in about] == [["down"], ["down"], ["up"]]
+    assert [each["dataset_to_index"] for each in about] == [4, 9, 12]
+    stats = json.loads((tmp_path / "out" / "meta" / "stats.json").read_text())["action"]
+    every = np.vstack(actions).astype(np.float32)
+    assert stats["std"] == pytest.approx(every.std(axis=0), abs=1e-6)
+    assert stats["mean"] == pytest.approx(every.mean(axis=0), abs=1e-6)
+    assert stats["count"] == [12]
+    assert stats["min"] == every.min(axis=0).tolist()
+    assert stats["max"] == every.max(axis=0).tolist()
+    parts = [np.quantile(each.astype(np.float32), 0.99, axis=0) for each in actions]
+    assert about[1]["stats/action/q99"] == pytest.approx(parts[1], abs=1e-6)
+    assert stats["q99"] == pytest.approx(np.average(parts, axis=0, weights=[4, 5, 3]), abs=1e-6)
+
+
+def test_a_dataset_that_is_not_finished_is_not_there(tmp_path, parquet):  # noqa: ARG001
+    layout = Layout(features={"action": ("a",)}, rate=30)
+
+    def fail():
+        with lerobot_dataset(tmp_path / "out", layout) as add:
+            add({"action": np.zeros((3, 1))}, "stay")
+            raise InvalidInput("an episode failed")
+
+    with pytest.raises(InvalidInput, match="an episode failed"):
+        fail()
+    assert list_files(tmp_path) == []
