@@ -40,7 +40,7 @@ os.environ.pop("COLUMNS", None)
 
 SLOWEST = (
     "tests/docs/test_pages.py",
-    "tests/approximation/test_search.py",
+    "tests/approximation/test_fit.py",
     "tests/identification/test_terms.py",
     "tests/planning/test_stream.py",
     "tests/identification/test_recordings.py",

@@ -221,3 +221,12 @@ def test_an_error_out_of_reach_is_infeasible_and_says_what_is_in_reach():
     # One sample apart, one unit apart, 0.2 allowed: each side gives way by 0.4.
     with pytest.raises(Infeasible, match=r"max_error: got 0\.1 rad.*attainable is 0\.4 rad"):
         fit_pwl(jump, v_max=0.2, tick=1.0, cyclic=False, max_error=0.1)
+
+
+def test_ten_thousand_samples_are_fitted_with_hundreds_of_segments():
+    rng = np.random.default_rng(0)
+    desired = np.resize(samples_of("sines", 100, rng), 10_000) + 0.01 * rng.normal(size=10_000)
+    fit = fit_pwl(desired, v_max=0.1, tick=1.0, segments=800)
+    ideal = fit_pwl(desired[:100], v_max=0.1, tick=1.0, segments=8)
+    assert np.max(np.abs(fit.slopes)) <= 0.1 * (1.0 + 1e-12)
+    assert fit.rms <= 1.5 * ideal.rms

@@ -9,8 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.approximation import kernel
+from planner.approximation.kernel import segment_costs
 from planner.approximation.problem import Problem, candidate
-from planner.approximation.values import best_values, solve_values, within_slopes
+from planner.approximation.values import (
+    attainable_error,
+    best_values,
+    descend,
+    slope_bounded,
+    solve_values,
+    within_slopes,
+)
+from planner.trajectory import steps
+from tests.approximation.samples import KINDS, samples_of
 from tests.from_python import from_python
 
 minimise_damped = from_python(kernel.minimise_damped)
@@ -75,3 +85,179 @@ def test_the_small_qp_is_solved_like_an_independent_solver_does(seed):
     expected = cp.Problem(cp.Minimize(cost), [rows @ x <= bounds]).solve(solver="CLARABEL")
     assert np.all(rows @ step <= bounds + 1e-9)
     assert 0.5 * step @ hessian @ step + gradient @ step == pytest.approx(expected, abs=1e-7)
+
+
+constraints = from_python(kernel.constraints)
+evaluate = from_python(kernel.evaluate)
+
+SAME = 1e-9
+"""Rounding of sums over some 60 samples of unit size, and of a few steps of Newton's."""
+
+
+def problem_of(rng, *, cyclic):
+    n = 60
+    desired = np.sin(np.arange(n) / 7.0) + 0.1 * rng.normal(size=n)
+    return Problem(desired=desired, step=0.08, cyclic=cyclic)
+
+
+def knots_of(rng, *, size, cyclic):
+    knots = np.linspace(0.0, 54.0, size) + rng.uniform(0.0, 3.0, size=size)
+    if cyclic:
+        return np.sort(knots) + rng.uniform(-20.0, 30.0)
+    return np.r_[0.0, knots[1:-1], 59.0]
+
+
+def slacks_of(problem, curve):
+    rows, limits = constraints(problem, curve.knots.size)
+    return limits - rows @ np.append(curve.knots, curve.values)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_a_descent_keeps_the_slopes_and_is_never_worse(cyclic):
+    rng = np.random.default_rng(3)
+    problem = problem_of(rng, cyclic=cyclic)
+    for _ in range(6):
+        start = best_values(problem, knots_of(rng, size=5, cyclic=cyclic))
+        end = descend(problem, start, rounds=6)
+        assert end.error <= start.error * (1.0 + SAME)
+        assert end.error == pytest.approx(candidate(problem, end.knots, end.values).error, rel=SAME)
+        assert np.min(slacks_of(problem, end)) >= -SAME
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_a_descent_between_knots_that_stay_moves_the_others(cyclic):
+    rng = np.random.default_rng(5)
+    knots = knots_of(rng, size=6, cyclic=cyclic)
+    problem = problem_of(rng, cyclic=cyclic)
+    required = np.sort(np.mod(knots[[1, 2]], 60.0))
+    problem = problem._replace(required=required, pins=np.full(2, np.nan))
+    start = best_values(problem, knots)
+    end = descend(problem, start, rounds=8)
+    assert np.array_equal(end.knots[1:3], knots[1:3])
+    assert end.error < 0.999 * start.error
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_gradient_and_hessian_are_those_of_finite_differences(cyclic):
+    rng = np.random.default_rng(0)
+    problem = Problem(desired=rng.normal(size=40), step=1.0, cyclic=cyclic)
+    at = np.r_[0.3, 7.2, 18.9, 30.4, 38.6, rng.normal(size=5)]
+    error, gradient, hessian, _ = evaluate(problem, at)
+    if cyclic:
+        assert error == pytest.approx(candidate(problem, at[:5], at[5:]).error, rel=1e-12)
+    for i, way in enumerate(1e-6 * np.eye(10)):
+        ahead, behind = evaluate(problem, at + way), evaluate(problem, at - way)
+        half = 0.5 * (ahead[0] - behind[0]) / 2e-6
+        assert gradient[i] == pytest.approx(half, rel=1e-6, abs=1e-7)
+        change = (ahead[1] - behind[1]) / 2e-6
+        np.testing.assert_allclose(hessian[i], change, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_conditions_are_those_on_slopes_and_lengths(cyclic):
+    rng = np.random.default_rng(1)
+    problem = Problem(desired=rng.normal(size=40), step=0.7, cyclic=cyclic)
+    knots, values = np.array([1.0, 9.0, 20.0, 33.0]), rng.normal(size=4)
+    lengths = np.diff(problem.ends(knots))
+    rises = np.diff(np.append(values, values[0]) if cyclic else values)
+    expected = np.r_[0.7 * lengths - rises, 0.7 * lengths + rises, lengths - 1.0]
+    slacks = slacks_of(problem, candidate(problem, knots, values))
+    np.testing.assert_allclose(slacks, expected, atol=1e-12)
+
+
+STEP = 0.3
+
+
+NODES = np.array([0, 2, 3, 6, 9])
+
+
+SAMPLES = 10
+
+
+def squared_error(desired, start, end, at_start, slope):
+    """Of a line over the samples after its start."""
+    k = np.arange(1, end - start + 1)
+    return float(np.sum((at_start + slope * k - desired[start + 1 : end + 1]) ** 2))
+
+
+def pairs(fixed):
+    """Numbers of two nodes, and whether a segment between them passes no node that must be one."""
+    for i in range(len(NODES)):
+        for j in range(len(NODES)):
+            yield i, j, j > i and not fixed[i + 1 : j].any()
+
+
+@pytest.fixture(params=range(6))
+def instance(request):
+    """Samples, and nodes that must be knots."""
+    rng = np.random.default_rng(request.param)
+    return rng.normal(scale=0.5, size=SAMPLES), rng.random(len(NODES)) < 0.3
+
+
+def test_a_segment_costs_what_the_best_line_within_the_slopes_leaves(instance):
+    desired, fixed = instance
+    costs = segment_costs(desired, STEP, NODES, np.zeros((len(NODES), 1)), fixed, True)
+    for i, j, possible in pairs(fixed):
+        expected = np.inf
+        if possible:
+            start, end = NODES[i], NODES[j]
+            # The error is a parabola of the slope: the nearest slope within the bounds is best.
+            k, part = np.arange(1, end - start + 1), desired[start + 1 : end + 1]
+            slope = np.clip(np.polyfit(k, part, 1)[0], -STEP, STEP) if len(k) > 1 else 0.0
+            expected = squared_error(desired, start, end, np.mean(part - slope * k), slope)
+        assert costs[j, i] == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_chord_costs_its_squared_error_where_it_is_not_too_steep(instance):
+    desired, fixed = instance
+    states = np.stack([desired[NODES] - 0.1, desired[NODES] + 0.2], axis=1)
+    costs = segment_costs(desired, STEP, NODES, states, fixed, False)
+    for i, j, possible in pairs(fixed):
+        for a, b in np.ndindex(2, 2):
+            start, end, expected = NODES[i], NODES[j], np.inf
+            if possible:
+                slope = (states[j, b] - states[i, a]) / (end - start)
+                if abs(slope) <= STEP:
+                    expected = squared_error(desired, start, end, states[i, a], slope)
+            assert costs[2 * j + b, 2 * i + a] == pytest.approx(expected, abs=1e-12)
+
+
+SOLVED = 1e-6
+"""What Clarabel leaves of a squared error or a largest error of about one."""
+
+
+def programme(desired, step, cyclic, objective):
+    angles = cp.Variable(desired.size)
+    rises = cp.diff(cp.hstack([angles, angles[0]]) if cyclic else angles)
+    error = cp.Problem(cp.Minimize(objective(angles - desired)), [cp.abs(rises) <= step])
+    return error.solve(solver="CLARABEL")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("step", [1e-5, 0.02, 0.1, 10.0])
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_ideal_is_the_least_squares_sequence_within_the_slopes(kind, step, cyclic):
+    desired = samples_of(kind, 50, np.random.default_rng(1))
+    ideal = slope_bounded(desired, step, cyclic=cyclic)
+    assert np.all(np.abs(steps(ideal, cyclic=cyclic)) <= step * (1.0 + 1e-9) + 1e-8)
+    expected = programme(desired, step, cyclic, cp.sum_squares)
+    assert np.sum((ideal - desired) ** 2) == pytest.approx(expected, rel=SOLVED, abs=SOLVED)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_sample_counts_by_its_own_weight(seed):
+    rng = np.random.default_rng(seed)
+    desired, weights = rng.normal(size=30), rng.choice([1.0, 5.0, 50.0], size=30)
+    ideal = slope_bounded(desired, 0.2, cyclic=False, weights=weights)
+    expected = programme(
+        desired, 0.2, False, lambda error: cp.sum_squares(cp.multiply(np.sqrt(weights), error))
+    )
+    assert weights @ (ideal - desired) ** 2 == pytest.approx(expected, rel=SOLVED)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_attainable_error_is_that_of_a_linear_programme(kind, cyclic):
+    desired = samples_of(kind, 50, np.random.default_rng(2))
+    expected = programme(desired, 0.03, cyclic, cp.norm_inf)
+    assert attainable_error(desired, 0.03, cyclic=cyclic) == pytest.approx(expected, abs=SOLVED)

@@ -59,6 +59,11 @@ def test_a_signal_uses_what_the_limits_allow(kind):
     assert np.max(np.abs(made.requests - made.centre)) > 0.98 * made.reach
 
 
+def test_equation_1_is_the_amplitude_for_half_a_cycle_and_then_zero():
+    assert step_test(0.7).tolist() == [0.7] * 44 + [0.0] * 44
+    assert step_test(-1.0, samples=6).tolist() == [-1.0] * 3 + [0.0] * 3
+
+
 def test_steps_are_those_of_equation_1_about_the_centre():
     made = signal("steps", amplitudes=(0.2, 1.0), cycles=2, duration=9.0, centre=0.1)
     assert made.amplitudes == (0.2, 1.0)

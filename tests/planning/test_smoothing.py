@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from planner.planning.search import (
     Motion,
     allowed,
     judged,
+    known_errors,
     minimise,
     smoothed,
     solve,
@@ -276,6 +278,23 @@ def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenar
     expected = np.sqrt(squares)
     assert [found.mean, found.model_error, found.unseen] == pytest.approx(expected, rel=ROUNDING)
     assert found.error == both.error(angles)
+
+
+def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion():
+    """A model whose error grows with the acceleration, and motions that are seen as they repeat."""
+    by_acceleration = Evidence(0.01, by_acceleration=((0.0, 0.004), (60.0, 0.05)))
+    models = [
+        ERS210A,
+        ERS210A.with_evidence(Evidence(1e-9)),
+        ERS210A.with_evidence(Evidence(math.nan)),
+        ERS210A.with_evidence(by_acceleration),
+    ]
+    ramp = np.tile(np.linspace(0.0, 1.0, 30)[:, np.newaxis], 4)  # jumps back where it repeats
+    cyclic, once = (known_errors(models, ramp, cyclic=each) for each in (True, False))
+    np.testing.assert_array_equal(cyclic[:3], ENCODER_STEP)
+    np.testing.assert_array_equal(once[:3], ENCODER_STEP)
+    assert once[3] == pytest.approx(0.004, rel=0.05)
+    assert cyclic[3] > 2.0 * once[3]
 
 
 def test_more_is_allowed_where_nearly_the_same_motion_follows_from_many_requests():

@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import math
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from planner.cli import cli
 from planner.evaluation import reproduction as paper
 from planner.evaluation import virtual_experiment
 from planner.evaluation.virtual_experiment import execute
-from planner.exceptions import NoSteadyCycle
+from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
 from planner.trajectory import angle_distance
 from planner.virtual.robot import VirtualRobot
@@ -144,3 +147,60 @@ def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(playe
     assert max(errors) < errors[0] + 100.0 * last.floor[1]
     assert bound < np.mean(errors[5:]) < 1.02 * bound
     assert sum(trial.cycles for trial in last.trials) == 20
+
+
+@pytest.fixture
+def cli_run():
+    """The command line in this process: arguments to a click result."""
+    return lambda *arguments: CliRunner().invoke(cli, list(arguments))
+
+
+@pytest.fixture(scope="session")
+def played(virtually_reproduced):
+    """What the experiment gave."""
+    return virtually_reproduced.answer
+
+
+@pytest.fixture(scope="session")
+def printed(virtually_reproduced):
+    """The folder that `reproduce --robot virtual` wrote, and what it printed."""
+    return virtually_reproduced.folder, virtually_reproduced.printed
+
+
+@pytest.fixture(scope="session")
+def folder(printed):
+    return printed[0]
+
+
+@pytest.fixture(scope="session")
+def results(folder):
+    return json.loads((folder / "results.json").read_text())
+
+
+PICTURES = (
+    "foot_paths",
+    "step_tests",
+    "joints_direct",
+    "trajectories",
+    "foot_optimised_trajectories",
+    "learning",
+    "joints_by_method",
+)
+
+
+def test_every_figure_comes_to_life_without_a_complaint_or_a_request(folder, browser):
+    assert set(browser.read_through(folder / "report.html", dark=True)) == set(PICTURES)
+    title = browser.ask("document.querySelector('h1').textContent")
+    assert title == "The paper’s experiment on a virtual robot"
+
+
+def test_without_mujoco_the_extra_that_brings_it_is_named(cli_run, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingExtra, match="the virtual robot needs the extra 'mujoco'"):
+        VirtualRobot()
+    out = tmp_path / "out"
+    result = cli_run("reproduce", "--robot", "virtual", "--out", str(out))
+    assert result.exit_code == 2
+    assert "request-planner[mujoco]" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not out.exists()
