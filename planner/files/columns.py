@@ -251,7 +251,7 @@ def time_column(table: Table, *, advice: str = "") -> str | None:
 
 
 def read_clock(
-    table: Table, column: str, unit: str | None = None, *, missing: bool = False, advice: str = ""
+    table: Table, column: str, unit: str | None = None, *, missing: bool = False
 ) -> tuple[Array, str]:
     """Times [s], shape (n,), and where they come from, in words.
 
@@ -260,9 +260,9 @@ def read_clock(
     dates = _dates(table, column, missing=missing)
     if dates is not None:
         return dates, f"time from the dates in column '{column}', shifted to start at 0"
-    unit = unit or split_name(column, TIME_NAMES)[1] or TIME_NAMES.get(column.lower())
+    unit = unit or clock_unit(table, column)
     if unit is None:
-        raise table.fault(f"column '{column}' has no unit; {advice}rename it {column}_s")
+        raise table.fault(f"column '{column}' has no unit; rename it {column}_s")
     seconds = SECONDS[unit]
     numbers = table.numbers([column], missing=missing)[:, 0]
     note = f"time from column '{column}'"
@@ -292,25 +292,26 @@ def check_increasing(times: Array, fault: Callable[[str, int], InvalidFile]) -> 
         raise fault(problem, k)
 
 
+def clock_unit(table: Table, column: str) -> str | None:
+    """The unit of a column of times; "" of dates, None where neither name nor cells say it."""
+    place = table.place(column)
+    if any(_date(row[place]) for row in table.rows):
+        return ""
+    return split_name(column, TIME_NAMES)[1] or TIME_NAMES.get(column.lower())
+
+
 def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
     """Times [s] since the first of a column of ISO 8601 dates and times, shape (n,), or None."""
-
-    def date_of(cell: str) -> datetime | None:
-        try:
-            return datetime.fromisoformat(cell) if "-" in cell and ":" in cell else None
-        except ValueError:
-            return None
-
     place, absent = table.place(column), ("", "nan", "nat")
     cells = [row[place].strip() for row in table.rows]
-    first = date_of(next((cell for cell in cells if cell.lower() not in absent), ""))
+    first = _date(next((cell for cell in cells if cell.lower() not in absent), ""))
     if first is None:
         return None
     times = np.full(len(cells), np.nan)
     for k, cell in enumerate(cells):
         if missing and cell.lower() in absent:
             continue
-        date = date_of(cell)
+        date = _date(cell)
         if date is None or (date.tzinfo is None) != (first.tzinfo is None):
             raise table.fault(
                 f"column '{column}': got '{cell[:40]}', expected a date and time as in the rows "
@@ -319,6 +320,14 @@ def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
             )
         times[k] = (date - first).total_seconds()
     return times
+
+
+def _date(cell: str) -> datetime | None:
+    """The date and time that a cell holds; None for numbers and other text."""
+    try:
+        return datetime.fromisoformat(cell.strip()) if "-" in cell and ":" in cell else None
+    except ValueError:
+        return None
 
 
 class Pair(NamedTuple):

@@ -56,7 +56,7 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
                 f"topic {requested.topic}; expected the same clock and time in both topics",
             )
         unit = options.unit_of(joint)
-        scale = options.scale(unit or "rad", partial(InvalidFile, path), "")
+        scale = options.scale(unit or "rad", partial(InvalidFile, path))
         said = "--unit said" if unit else "is the custom of ROS (REP 103)"
         return Rows(
             source=source,

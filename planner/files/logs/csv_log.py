@@ -26,6 +26,7 @@ from planner.files.columns import (
     Pair,
     Scale,
     check_radians,
+    clock_unit,
     meaning,
     pairs,
     read_clock,
@@ -120,10 +121,11 @@ def _recorded(table: Table, options: LogOptions, *, units: str = "") -> Recorded
 
     @cache
     def shared() -> tuple[Array, str, str, Switch | None]:  # names of joints need no times
-        return *_read_clock(table, options), *_read_torque(table, options)
+        time, unit = _clock(table, options)
+        times, clock = read_clock(table, time, unit, missing=True)
+        return times, clock, *_read_torque(table, options)
 
     def rows_of(joint: str) -> Rows:
-        times, clock, torque, switch = shared()
         pair = joints[joint]
         for role in ROLES:
             if len(own := getattr(pair, role)) > 1:
@@ -132,12 +134,10 @@ def _recorded(table: Table, options: LogOptions, *, units: str = "") -> Recorded
                     f"with --{role}"
                 )
         columns = [pair.requested[0], pair.actual[0]]
-        numbers = table.numbers(columns, missing=True)
         user_units = [options.unit_of(joint, role) for role in ROLES]
-        scales = [
-            _scale(table, column, unit, options)
-            for column, unit in zip(columns, user_units, strict=True)
-        ]
+        scales = _scales(table, columns, user_units, options)
+        times, clock, torque, switch = shared()
+        numbers = table.numbers(columns, missing=True)
         if scales[0].name == "rad" and not units:  # requests only: angles may have glitches
             advice = (
                 "name the columns so or give --unit deg; a joint that turns further is read in "
@@ -214,25 +214,39 @@ def _pairs(table: Table, options: LogOptions) -> list[Pair]:
     return [Pair(joint, **columns)]
 
 
-def _scale(table: Table, column: str, user_unit: str | None, options: LogOptions) -> Scale:
-    _, column_unit = split_name(column, ANGLE_NAMES)
-    if column_unit is not None and user_unit is not None and column_unit != user_unit:
-        raise table.fault(
-            f"column '{column}' says {column_unit}, but --unit says {user_unit}; rename the column "
-            "or leave the option out"
+def _scales(
+    table: Table, columns: list[str], user_units: list[str | None], options: LogOptions
+) -> list[Scale]:
+    """The scales of requested and actual angles; what has no unit, times too, is said at once."""
+    own = [split_name(column, ANGLE_NAMES)[1] for column in columns]
+    for column, column_unit, user_unit in zip(columns, own, user_units, strict=True):
+        if None not in (column_unit, user_unit) and column_unit != user_unit:
+            raise table.fault(
+                f"column '{column}' says {column_unit}, but --unit says {user_unit}; rename the "
+                "column or leave the option out"
+            )
+    units = [named or by_user for named, by_user in zip(own, user_units, strict=True)]
+    time, time_unit = _clock(table, options)
+    angles = [column for column, unit in zip(columns, units, strict=True) if unit is None]
+    times = [time] if (time_unit or clock_unit(table, time)) is None else []
+    if bare := times + angles:
+        advice = [f"--time {time}:s (or one of {', '.join(SECONDS)})"] if times else []
+        advice += ["--unit rad (or deg, ticks, turns, range, percent)"] if angles else []
+        one = len(bare) == 1
+        title = (
+            f"column{'' if one else 's'} {', '.join(map(repr, bare))} {'has' if one else 'have'}"
         )
-    return options.scale(
-        column_unit or user_unit,
-        table.fault,
-        f"column '{column}' has no unit; give --unit rad (or deg, ticks, turns, range, percent), "
-        f"or rename it {column}_rad",
-    )
+        endings = [f"{each}_s" for each in times] + [f"{each}_rad" for each in angles]
+        raise table.fault(
+            f"{title} no unit; give {' and '.join(advice)}, or rename {'it' if one else 'them'} "
+            f"{', '.join(endings)}"
+        )
+    return [options.scale(unit, table.fault) for unit in units if unit]
 
 
-def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
-    """Times [s], shape (n,), and where they come from, in words."""
-    units = ", ".join(SECONDS)
-    name, unit = options.time, None
+def _clock(table: Table, options: LogOptions) -> tuple[str, str | None]:
+    """The column of times, and its unit where the user gives one."""
+    name = options.time
     if name is None:
         name = time_column(table, advice="name it with --time, or ")
         if name is None:
@@ -242,12 +256,13 @@ def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
             )
     elif name not in table.names:
         stem, _, word = name.rpartition(":")
+        if stem in table.names and word not in TIME_NAMES:
+            units = ", ".join(SECONDS)
+            raise table.fault(f"time in '{word}' is unknown; expected one of {units}")
         if stem in table.names:
-            name, unit = stem, TIME_NAMES.get(word)
-            if unit is None:
-                raise table.fault(f"time in '{word}' is unknown; expected one of {units}")
-    advice = f"give --time {name}:s (or one of {units}), or "
-    return read_clock(table, name, unit, missing=True, advice=advice)
+            return stem, TIME_NAMES[word]
+    table.place(name)
+    return name, None
 
 
 def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]:

@@ -75,12 +75,14 @@ def _rows(
     joints: Mapping[str, tuple[int, int]],
     joint: str,
 ) -> Rows:
-    scale = options.scale(
-        options.unit_of(joint),
-        partial(InvalidFile, path),
-        f"LeRobot does not say the unit of '{joint}'; give --unit rad, deg, range_m100_100 "
-        "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks",
-    )
+    unit = options.unit_of(joint)
+    if unit is None:
+        raise InvalidFile(
+            path,
+            f"LeRobot does not say the unit of '{joint}'; give --unit rad, deg, range_m100_100 "
+            "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks",
+        )
+    scale = options.scale(unit, partial(InvalidFile, path))
     action, state = joints[joint]
     return Rows(
         source=Source(path=episode.file, part=f"episode {episode.number}"),

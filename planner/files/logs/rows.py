@@ -116,10 +116,8 @@ class LogOptions:
             units[joint.strip()] = unit
         return units
 
-    def scale(self, unit: str | None, fault: Callable[[str], InvalidFile], missing: str) -> Scale:
-        """The scale of a unit, or the error that it is ``missing`` or not known in radians."""
-        if unit is None:
-            raise fault(missing)
+    def scale(self, unit: str, fault: Callable[[str], InvalidFile]) -> Scale:
+        """The scale of a unit, or the error that it is not known in radians."""
         try:
             return scale(unit, self.ticks_per_turn)
         except InvalidInput as error:

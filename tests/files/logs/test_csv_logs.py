@@ -169,6 +169,7 @@ BAD = {
     "repeated": "t_s,req_rad,act_rad\n0,0,0\n\n1,0,0\n1,0,1\n",
     "no unit": "t_s,req,act\n0,0,0\n1,0,0\n2,0,0\n",
     "no unit of one column": "t_s,req_rad,act\n0,0,0\n1,0,0\n2,0,0\n",
+    "no unit at all": "time,req,act\n0,0,0\n1,0,0\n2,0,0\n",
     "no unit of time": "time,req_rad,act_rad\n0,0,0\n1,0,0\n2,0,0\n",
     "two units": (GOOD, {"unit": "deg"}),
     "ticks of no turn": "t_s,req_ticks,act_ticks\n0,0,0\n1,0,0\n2,0,0\n",
