@@ -201,15 +201,28 @@ def write_bag(
     with importing("a ROS 2 bag", "bags"):
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
-    types = get_typestore(Stores.ROS2_HUMBLE)
-    content = types.serialize_cdr(_as_message(types.types, message), TYPE)
+    store, nothing = get_typestore(Stores.ROS2_HUMBLE), np.zeros(0)
+    types = store.types
+    stamp = types["builtin_interfaces/msg/Time"](**message["header"]["stamp"])
+    points = [
+        types["trajectory_msgs/msg/JointTrajectoryPoint"](
+            positions=np.array(each["positions"]),
+            velocities=np.array(each.get("velocities", nothing), dtype=np.float64),
+            accelerations=nothing,
+            effort=nothing,
+            time_from_start=types["builtin_interfaces/msg/Duration"](**each["time_from_start"]),
+        )
+        for each in message["points"]
+    ]
+    header = types["std_msgs/msg/Header"](stamp, message["header"]["frame_id"])
+    content = store.serialize_cdr(types[TYPE](header, message["joint_names"], points), TYPE)
     plugin = StoragePlugin.SQLITE3 if storage == "sqlite3" else StoragePlugin.MCAP
     with output_folder(path, export=f"ROS 2 bag ({storage})") as folder:
         inner = folder / Path(path).resolve().name  # the writer names its files after its folder
         try:
             # version 8 is the last that ROS 2 reads before Jazzy
             with Writer(inner, version=8, storage_plugin=plugin) as writer:
-                connection = writer.add_connection(topic, TYPE, typestore=types)
+                connection = writer.add_connection(topic, TYPE, typestore=store)
                 writer.write(connection, 0, content)
         except sqlite3.Error as error:  # such as where the disk is full
             raise cannot_write(path, error) from error
@@ -218,37 +231,11 @@ def write_bag(
         inner.rmdir()
 
 
-def _as_message(types: Any, message: Mapping[str, Any]) -> Any:
-    point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
-    duration = types["builtin_interfaces/msg/Duration"]
-    time = types["builtin_interfaces/msg/Time"]
-    nothing = np.zeros(0)
-    return types[TYPE](
-        header=types["std_msgs/msg/Header"](
-            stamp=time(**message["header"]["stamp"]), frame_id=message["header"]["frame_id"]
-        ),
-        joint_names=message["joint_names"],
-        points=[
-            point(
-                positions=np.array(each["positions"]),
-                velocities=np.array(each.get("velocities", nothing), dtype=np.float64),
-                accelerations=nothing,
-                effort=nothing,
-                time_from_start=duration(**each["time_from_start"]),
-            )
-            for each in message["points"]
-        ],
-    )
-
-
 LEROBOT_VERSION = "v3.0"
 """Version of the layout."""
 
 LEROBOT_TASK = "follow the planned requests"
 """Default task of an episode."""
-
-LEROBOT_FILE = "chunk-000/file-000.parquet"
-"""The one file of rows, and that of episodes, below the folder of their kind."""
 
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 """Quantiles by which some policies normalise, under LeRobot's names."""
@@ -282,32 +269,53 @@ def lerobot_dataset(
     with importing("a LeRobot dataset", "parquet"):
         import pyarrow as pa
         from pyarrow import parquet
+    # one number a row is a plain column, as LeRobot writes it
+    schema = {
+        name: pa.float32() if len(names) == 1 else pa.list_(pa.float32(), len(names))
+        for name, names in layout.features.items()
+    }
     tasks: dict[str, int] = {}
     episodes: list[dict[str, Any]] = []
     with output_folder(path, export=f"LeRobot dataset {LEROBOT_VERSION}") as folder:
-        for kind in ("data", "meta/episodes"):
-            (folder / kind / LEROBOT_FILE).parent.mkdir(parents=True)
+        rows_file, episodes_file = (
+            folder / kind / "chunk-000/file-000.parquet" for kind in ("data", "meta/episodes")
+        )
+        for file in (rows_file, episodes_file):
+            file.parent.mkdir(parents=True)
         # the file is opened here, as Arrow takes no name that is not UTF-8
         with (
-            (folder / "data" / LEROBOT_FILE).open("wb") as stream,
-            parquet.ParquetWriter(stream, _schema(layout)) as writer,
+            rows_file.open("wb") as stream,
+            parquet.ParquetWriter(stream, pa.schema(schema | COUNTED)) as writer,
         ):
 
             def add(values: Mapping[str, Array], task: str) -> None:
                 first = episodes[-1]["dataset_to_index"] if episodes else 0
-                number = tasks.setdefault(task, len(tasks))
-                columns = _columns(layout, values, (len(episodes), first, number))
-                table = pa.table({name: _cells(column) for name, column in columns.items()})
-                writer.write_table(table)
+                columns: dict[str, Any] = {
+                    name: np.asarray(values[name]).astype(np.float32) for name in layout.features
+                }
+                rows = np.arange(len(next(iter(columns.values()))))
+                numbers = (len(episodes), first + rows, tasks.setdefault(task, len(tasks)))
+                counted = (rows / layout.rate, rows, *(0 * rows + number for number in numbers))
+                for (name, kind), column in zip(COUNTED.items(), counted, strict=True):
+                    columns[name] = column.astype(kind)
+                cells = {}
+                for name, column in columns.items():
+                    flat = pa.array(column.ravel())
+                    several = len(flat) > len(column)
+                    width = column.shape[-1]
+                    cells[name] = (
+                        pa.FixedSizeListArray.from_arrays(flat, width) if several else flat
+                    )
+                writer.write_table(pa.table(cells))
                 episodes.append(
                     {
                         "episode_index": len(episodes),
                         "tasks": [task],
-                        "length": len(table),
+                        "length": len(rows),
                         "data/chunk_index": 0,
                         "data/file_index": 0,
                         "dataset_from_index": first,
-                        "dataset_to_index": first + len(table),
+                        "dataset_to_index": first + len(rows),
                         **{
                             f"stats/{name}/{figure}": numbers.tolist()
                             for name, column in columns.items()
@@ -320,11 +328,11 @@ def lerobot_dataset(
 
             yield add
         numbers = pa.table({"task_index": [*tasks.values()], "task": [*tasks]})
-        for name, table in {
-            f"episodes/{LEROBOT_FILE}": pa.Table.from_pylist(episodes),
-            "tasks.parquet": numbers.replace_schema_metadata(_INDEXED_BY_TASK),
-        }.items():
-            with (folder / "meta" / name).open("wb") as stream:
+        for file, table in (
+            (episodes_file, pa.Table.from_pylist(episodes)),
+            (folder / "meta/tasks.parquet", numbers.replace_schema_metadata(_INDEXED_BY_TASK)),
+        ):
+            with file.open("wb") as stream:
                 parquet.write_table(table, stream)
         statistics = {
             name: {figure: numbers.tolist() for figure, numbers in _of_all(episodes, name).items()}
@@ -347,35 +355,6 @@ def frame_rate(period: float) -> float:
             "LeRobot; resample to a higher rate"
         )
     return whole if abs(rate - whole) <= near * rate else float(f"{rate:.6g}")
-
-
-def _schema(layout: Layout) -> Any:
-    """The types of the columns; one number a row is a plain column, as LeRobot writes it."""
-    import pyarrow as pa
-
-    features = {
-        name: pa.float32() if len(names) == 1 else pa.list_(pa.float32(), len(names))
-        for name, names in layout.features.items()
-    }
-    return pa.schema(features | COUNTED)
-
-
-def _columns(
-    layout: Layout, values: Mapping[str, Array], numbers: tuple[int, int, int]
-) -> dict[str, Any]:
-    """The columns of an episode: features are (n, k), counters (n,).
-
-    ``numbers`` are those of the episode, of its first row and of its task.
-    """
-    columns: dict[str, Any] = {
-        name: np.asarray(values[name]).astype(np.float32) for name in layout.features
-    }
-    rows = np.arange(len(next(iter(columns.values()))))
-    episode, first, task = numbers
-    counted = (rows / layout.rate, rows, episode + 0 * rows, first + rows, task + 0 * rows)
-    for (name, kind), column in zip(COUNTED.items(), counted, strict=True):
-        columns[name] = column.astype(kind)
-    return columns
 
 
 def _info(layout: Layout, episodes: int, rows: int, tasks: int) -> dict[str, Any]:
@@ -438,17 +417,6 @@ def _of_all(episodes: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
     }
 
 
-def _cells(column: Any) -> Any:
-    """A column as an Arrow array."""
-    import pyarrow as pa
-
-    flat = pa.array(column.ravel())
-    if len(flat) == len(column):
-        return flat
-    return pa.FixedSizeListArray.from_arrays(flat, column.shape[1])
-
-
-_TASK_COLUMNS = (("task_index", "int64", "int64"), ("task", "unicode", "object"))
 _INDEXED_BY_TASK = {
     "pandas": json.dumps(
         {
@@ -462,7 +430,10 @@ _INDEXED_BY_TASK = {
                     "numpy_type": numpy_type,
                     "metadata": None,
                 }
-                for name, kind, numpy_type in _TASK_COLUMNS
+                for name, kind, numpy_type in (
+                    ("task_index", "int64", "int64"),
+                    ("task", "unicode", "object"),
+                )
             ],
             "pandas_version": "2.0.0",
         }

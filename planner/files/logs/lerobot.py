@@ -361,19 +361,15 @@ def find_dataset(path: Path) -> Dataset:
     )
 
 
-def _flat(names: Any) -> Iterable[str]:
+def _flat(names: Any) -> list[str]:
     """Names in a list, in lists within, or in an object ({"motors": [...]} or name: place)."""
     if isinstance(names, str):
-        yield names
-    elif isinstance(names, list):
-        for item in names:
-            yield from _flat(item)
-    elif isinstance(names, dict):
+        return [names]
+    if isinstance(names, dict):
         if names and all(isinstance(place, int) for place in names.values()):
-            yield from sorted(names, key=lambda name: names[name])
-        else:
-            for item in names.values():
-                yield from _flat(item)
+            return sorted(names, key=lambda name: names[name])
+        names = list(names.values())
+    return [name for item in names for name in _flat(item)] if isinstance(names, list) else []
 
 
 def _numbers(path: Path, array: Any, name: str) -> Array:
