@@ -32,11 +32,7 @@ KINDS = {
 """Columns of the table, by their name in the document."""
 
 
-def episodes_page(
-    document: Mapping[str, Any],
-    *,
-    title: str,
-) -> Page:
+def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
     """The page about the document of ``replay --json`` for many recordings."""
     rows, failures = document["recordings"], document["left_out"]
     total = len(rows) + len(failures)

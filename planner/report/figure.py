@@ -347,12 +347,7 @@ class Timeline:
         return Curve(role, points[:, 0], points[:, 2], notes=times)
 
     def figure(
-        self,
-        name: str,
-        panels: Sequence[Panel],
-        words: tuple[str, str],
-        *,
-        clock: bool = False,
+        self, name: str, panels: Sequence[Panel], words: tuple[str, str], *, clock: bool = False
     ) -> Figure:
         """Panels over time, with title and caption; ``clock``: whether they follow a moving leg."""
         return Figure(

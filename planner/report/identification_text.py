@@ -36,11 +36,7 @@ RECORD: dict[str, dict[Topic, str]] = {
         "top speed": "top speed",
         "delays": "delays",
     },
-    "slow-triangle": {
-        "friction": "dry friction",
-        "shaken": "calm motion",
-        "threshold": "theta_0",
-    },
+    "slow-triangle": {"friction": "dry friction", "shaken": "calm motion", "threshold": "theta_0"},
 }
 """Signals of `excite` that settle a topic, and what each shows; for several, the combined one."""
 

@@ -107,11 +107,7 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
         Timeline.of(plan),
         f"learning_joint_{j + 1}",
         words_of("learning_joint", name=plan.names[j]),
-        angles=[
-            (desired, style.DESIRED),
-            (measured[:, j], EXECUTED),
-            (plan.predicted[:, j], NEXT),
-        ],
+        angles=[(desired, style.DESIRED), (measured[:, j], EXECUTED), (plan.predicted[:, j], NEXT)],
         errors=[(error, ERROR), (disturbance[:, j], LEARNT)],
         requests=[(executed[:, j], BEFORE), (plan.requests[:, j], AFTER)],
         clock=False,

@@ -73,10 +73,7 @@ class Page:
         self.template, self.values = template, values
 
     def html(
-        self,
-        place: Path | str = "",
-        origins: Iterable[tuple[str, str]] = (),
-        written: Written = (),
+        self, place: Path | str = "", origins: Iterable[tuple[str, str]] = (), written: Written = ()
     ) -> str:
         """The whole page; the same content makes the same page.
 
@@ -165,9 +162,7 @@ def versions(*more: str) -> dict[str, str]:
 
 
 def sources_of(
-    page: Path | str,
-    origins: Iterable[tuple[str, str]] = (),
-    files: Written = (),
+    page: Path | str, origins: Iterable[tuple[str, str]] = (), files: Written = ()
 ) -> list[tuple[str, list[tuple[str, Any]]]]:
     """The lists at the end of a page: its inputs, the files of its run by role, and versions.
 

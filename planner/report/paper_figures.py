@@ -146,10 +146,7 @@ def direct_foot_figure(planned: PlannedWalk) -> Figure:
 
 
 def foot_paths_figure(
-    name: str,
-    planned: PlannedWalk,
-    paths: Sequence[Curve],
-    legs: Mapping[str, Array],
+    name: str, planned: PlannedWalk, paths: Sequence[Curve], legs: Mapping[str, Array]
 ) -> Figure:
     """The foot's paths, with the leg at one instant; on the page the leg moves.
 
@@ -335,10 +332,7 @@ def _virtual_paths(outcome: VirtualOutcome) -> Figure:
         mean = draw(cycles.mean(axis=0), role)
         paths += [mean, thin(mean, [draw(path, role) for path in cycles])]
     return foot_paths_figure(
-        "foot_paths",
-        outcome.planned,
-        paths,
-        {method: outcome.legs[method][0] for method in ROLES},
+        "foot_paths", outcome.planned, paths, {method: outcome.legs[method][0] for method in ROLES}
     )
 
 
@@ -364,11 +358,7 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
         rest = Curve(style.MUTED._replace(width=0.9), times, angles - model, "residual")
         title = f"{joint}, residual, {np.degrees(identification.rms):.2f} deg rms"
         panels.append(Panel(Axis("residual", "deg"), (rest,), title, height=0.6))
-    return once.figure(
-        "step_tests",
-        panels,
-        words_of("step_tests"),
-    )
+    return once.figure("step_tests", panels, words_of("step_tests"))
 
 
 def _virtual_joints(outcome: VirtualOutcome) -> list[Figure]:

@@ -12,15 +12,7 @@ import numpy as np
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure, style
-from planner.report.figure import (
-    Axis,
-    Curve,
-    Figure,
-    Panel,
-    Span,
-    Timeline,
-    line,
-)
+from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, line
 from planner.report.page import Page, models_table
 from planner.report.plan_results import errors_results, motions_table
 from planner.report.table import NOTHING, Column, Row, Table, number

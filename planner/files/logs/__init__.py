@@ -11,14 +11,7 @@ from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.logs.bag import read_bag
 from planner.files.logs.csv_log import read_bam, read_csv_log
 from planner.files.logs.lerobot import is_dataset, lerobot_episodes, read_lerobot
-from planner.files.logs.rows import (
-    ALL_JOINTS,
-    ROLES,
-    LogOptions,
-    Recorded,
-    chosen_joints,
-    make_log,
-)
+from planner.files.logs.rows import ALL_JOINTS, ROLES, LogOptions, Recorded, chosen_joints, make_log
 from planner.files.staging import reason
 from planner.files.text import STANDARD_STREAM
 from planner.identification.log import Log

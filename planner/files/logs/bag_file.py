@@ -231,10 +231,7 @@ def _limited(path: Path | str) -> Iterator[None]:
     messages = limited(zstd.ZstdDecompressor, "a message")
     tables: tuple[tuple[dict[str, Any], dict[str, Any]], ...] = (
         (ros1_reader.decompressors, {"lz4": lz4_frames, "bz2": limited(bz2.BZ2Decompressor)}),
-        (
-            storage_mcap.DECOMPRESSORS,
-            {"lz4": lz4_frames, "zstd": limited(zstd.ZstdDecompressor)},
-        ),
+        (storage_mcap.DECOMPRESSORS, {"lz4": lz4_frames, "zstd": limited(zstd.ZstdDecompressor)}),
         (vars(ros2_reader), {"zstd": SimpleNamespace(open=opened, decompress=messages)}),
     )
     before = [{key: table[key] for key in entries} for table, entries in tables]
