@@ -7,9 +7,9 @@ curve is a role, which gives its looks, and two arrays.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -129,50 +129,49 @@ class Panel:
         return middle - 0.5 * self.y.least, middle + 0.5 * self.y.least
 
 
-class LegMotion(NamedTuple):
-    """How a leg moves."""
-
-    role: Role  # meaning, with its looks
-    points: Array  # positions of its joints and, last, its foot [m], shape (n, joints + 1, 3)
-
-    # distances of the foot from its desired positions [m], shape (n,), or None
-    distances: Array | None = None
-    hidden: bool = False  # whether it is drawn only on demand
-
-
 def moving_leg(
-    motions: Sequence[LegMotion], period: float, *, cyclic: bool, ground: float | None = None
+    desired: Array,
+    others: Iterable[tuple[Role, Array]],
+    period: float,
+    *,
+    cyclic: bool,
+    ground: float | None = None,
+    hidden: Collection[str] = (),
 ) -> dict[str, Any]:
     """Data of a moving leg with a time slider; it may stand on the ground [m].
 
-    Motions have one length; later ones lie over earlier ones.
+    It moves as desired and in other ways, by role; later ones lie over earlier ones, and some are
+    ``hidden`` at first. Points are the positions of its joints and, last, its foot [m], all of
+    shape (n, joints + 1, 3).
     """
-    stride = -(-len(motions[0].points) // MOST_FRAMES)
-    return {
-        "kind": "leg",
-        "period": stride * period,
-        "cyclic": cyclic,
-        "ground": _rounded(ground, 100.0),
-        "motions": [
+    stride = -(-len(desired) // MOST_FRAMES)
+    motions = []
+    for role, points in ((DESIRED, desired), *others):
+        far = np.linalg.norm(points[::stride, -1] - desired[::stride, -1], axis=1)
+        known = role is not DESIRED
+        motions.append(
             {
                 "name": role.label,
                 "colour": role.colour,
                 "width": role.pixels,
                 "dashes": role.strokes.replace("solid", "none").replace("px", ""),
-                "hidden": hidden,
+                "hidden": role.label in hidden,
                 "points": _rounded(points[::stride], 100.0),
-                "distances": None if far is None else _rounded(far[::stride], 100.0),
-                "rms": None if far is None else _rounded(rms(far[::stride]), 100.0),
+                "distances": _rounded(far, 100.0) if known else None,
+                "rms": _rounded(rms(far), 100.0) if known else None,
             }
-            for role, points, far, hidden in motions
-        ],
+        )
+    return {
+        "kind": "leg",
+        "period": stride * period,
+        "cyclic": cyclic,
+        "ground": None if ground is None else _rounded(ground, 100.0),
+        "motions": motions,
     }
 
 
 def _rounded(values: Any, factor: float = 1.0) -> Any:
     """Plain numbers with two decimals, less than a pixel, times a factor: 100 for centimetres."""
-    if values is None:
-        return None
     return (np.round(factor * np.asarray(values), 2) + 0.0).tolist()  # no minus before zero
 
 
@@ -223,49 +222,28 @@ class Figure:
         return around(values, margin=0.0 if self.over_time else MARGIN)
 
 
-@dataclass(frozen=True)
 class Timeline:
     """The samples of a motion, ``period`` [s] apart, on an axis of time."""
 
-    period: float
-    samples: int
-    cyclic: bool = True
+    def __init__(self, period: float, samples: int, cyclic: bool = True) -> None:
+        """Measure in milliseconds, or a long motion in seconds."""
+        self.period, self.samples, self.cyclic = period, samples, cyclic
+        self.last = samples if cyclic else samples - 1  # the sample at the end of the axis
+        self.unit = "ms" if 1000.0 * period * samples <= 5000.0 else "s"
+        self.per_second = 1000.0 if self.unit == "ms" else 1.0  # units of the axis in a second
+        self.step = period * self.per_second  # units from a sample to the next
+        self.axis = Axis(
+            "time",
+            self.unit,
+            (0.0, self.step * self.last),
+            decimals=next((k for k in range(3) if abs(round(self.step, k) - self.step) < 1e-9), 3),
+            note="; it repeats" if cyclic else "",
+        )
 
     @classmethod
     def of(cls, plan: Plan) -> Timeline:
         """The times of a plan."""
         return cls(plan.period, len(plan.desired), plan.cyclic)
-
-    @property
-    def unit(self) -> str:
-        """Milliseconds, or seconds for a long motion."""
-        return "ms" if 1000.0 * self.period * self.samples <= 5000.0 else "s"
-
-    @property
-    def per_second(self) -> float:
-        """Units of the axis in a second."""
-        return 1000.0 if self.unit == "ms" else 1.0
-
-    @property
-    def step(self) -> float:
-        """Units of the axis from a sample to the next."""
-        return self.period * self.per_second
-
-    @property
-    def last(self) -> int:
-        """The sample at the end of the axis."""
-        return self.samples if self.cyclic else self.samples - 1
-
-    @property
-    def axis(self) -> Axis:
-        """The axis of time."""
-        return Axis(
-            "time",
-            self.unit,
-            (0.0, self.step * self.last),
-            decimals=next((k for k in range(3) if abs(round(self.step, k) - self.step) < 1e-9), 3),
-            note="; it repeats" if self.cyclic else "",
-        )
 
     def curve(
         self,
@@ -308,12 +286,8 @@ class Timeline:
         points = leg.joint_positions(desired)
         if foot is not None:
             points = np.concatenate([points[:, :-1], foot[:, None]], axis=1)
-        motions = [LegMotion(DESIRED, points)]
-        for role, angles in others:
-            own = leg.joint_positions(angles)
-            distances = np.linalg.norm(own[:, -1] - points[:, -1], axis=1)
-            motions.append(LegMotion(role, own, distances))
-        live = moving_leg(motions, self.period, cyclic=self.cyclic)
+        moving = ((role, leg.joint_positions(angles)) for role, angles in others)
+        live = moving_leg(points, moving, self.period, cyclic=self.cyclic)
         return Figure(name, *words, self.axis, live=live)
 
     def moments(
@@ -390,9 +364,13 @@ def joint_figure(
             for values, role in drawn
         )
 
-    requested, end = curves(requests, held=True), timeline.step * timeline.last
-    ends = limits and (factor * limits[0], factor * limits[1])
-    lines = near_limits(ends, requested[-1], end=end)
+    requested = curves(requests, held=True)
+    low, high = around([requested[-1].y], margin=NEAR)
+    lines = [
+        Curve(LIMIT, np.array([0.0, timeline.step * timeline.last]), np.full(2, factor * limit))
+        for limit in limits or ()
+        if low <= factor * limit <= high
+    ]
     panels = [
         Panel(Axis("angle", sign, least=1.0), curves(angles), title, spans),
         Panel(Axis("error", sign, least=0.05), curves(errors), "errors"),
@@ -442,15 +420,3 @@ def joined(parts: Iterable[Array]) -> Array:
 def line(x: Sequence[float], y: Sequence[float], role: Role = MUTED) -> Curve:
     """A line for reference, which no legend has."""
     return Curve(role._replace(width=0.9), np.asarray(x, float), np.asarray(y, float), legend=False)
-
-
-def near_limits(
-    limits: tuple[float, float] | None, requests: Curve, *, end: float
-) -> tuple[Curve, ...]:
-    """The limits of requests, in their unit, that are near enough to be drawn."""
-    low, high = around([requests.y], margin=NEAR)
-    return tuple(
-        Curve(LIMIT, np.array([0.0, end]), np.full(2, limit))
-        for limit in limits or ()
-        if low <= limit <= high
-    )

@@ -14,7 +14,6 @@ from planner.report.figure import (
     Axis,
     Curve,
     Figure,
-    LegMotion,
     Panel,
     Span,
     Timeline,
@@ -172,11 +171,14 @@ def foot_paths_figure(
         ),
         height=2.5,
     )
-    motions = [LegMotion(style.DESIRED, planned.legs["desired"])]
-    for method, role in ROLES.items():
-        distances = np.linalg.norm(legs[method][:, -1] - foot, axis=1)
-        motions.append(LegMotion(role, legs[method], distances, hidden=method in HIDDEN))
-    live = moving_leg(motions, planned.models[0].period, cyclic=True, ground=ground)
+    live = moving_leg(
+        planned.legs["desired"],
+        [(role, legs[method]) for method, role in ROLES.items()],
+        planned.models[0].period,
+        cyclic=True,
+        ground=ground,
+        hidden=[ROLES[method].label for method in HIDDEN],
+    )
     return Figure(name, *words_of(name), ACROSS, (panel,), equal=True, live=live)
 
 

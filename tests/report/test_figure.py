@@ -14,14 +14,13 @@ from planner.report.figure import (
     Axis,
     Curve,
     Figure,
-    LegMotion,
     Panel,
     Span,
     Timeline,
     Words,
     around,
+    joint_figure,
     moving_leg,
-    near_limits,
 )
 from planner.report.matplotlib_figure import (
     draw,
@@ -135,16 +134,17 @@ def test_a_cycle_ends_where_it_begins_and_cycles_do_not_touch():
 
 
 def test_limits_are_drawn_where_the_requests_come_near():
-    requests = Curve(REQUESTED, X, np.array([0.0, 10.0, 5.0]))
-    drawn = near_limits((-5.0, 100.0), requests, end=2.0)
-    assert [curve.y[0] for curve in drawn] == [-5.0]
-    near = near_limits((-5.9, 15.9), requests, end=2.0)
-    assert [(curve.y.tolist(), curve.x.tolist()) for curve in near] == [
-        ([-5.9, -5.9], [0.0, 2.0]),
-        ([15.9, 15.9], [0.0, 2.0]),
-    ]
-    assert near_limits((-6.1, 16.1), requests, end=2.0) == ()
-    assert near_limits(None, requests, end=2.0) == ()
+    timeline, requests = Timeline(0.5, 3, cyclic=False), [(np.array([0.0, 10.0, 5.0]), REQUESTED)]
+
+    def lines(limits):
+        about = {"requests": requests, "unit": ("deg", 1.0), "limits": limits}
+        *drawn, _ = joint_figure(timeline, "name", ("title", "caption"), **about).panels[0].curves
+        return [(curve.y.tolist(), curve.x.tolist()) for curve in drawn]
+
+    end = [0.0, 1000.0]
+    assert lines((-5.0, 100.0)) == [([-5.0, -5.0], end)]
+    assert lines((-5.9, 15.9)) == [([-5.9, -5.9], end), ([15.9, 15.9], end)]
+    assert lines((-6.1, 16.1)) == lines(None) == []
     low, high = around([X, X - 5.0])
     assert low < -5.0
     assert high > 2.0
@@ -154,14 +154,16 @@ def motion(samples):
     points = np.zeros((samples, 3, 3))
     points[:, 1:, 2] = -0.0501
     points[:, 2, 0] = np.linspace(0.0, 0.1, samples)
-    return LegMotion(DIRECT, points, points[:, 2, 0])
+    desired = points.copy()
+    desired[:, 2, 0] = 0.0
+    return desired, [(DIRECT, points)]
 
 
 def test_a_leg_is_shown_in_centimetres_with_its_ground_and_its_error():
-    told = moving_leg([motion(3)], 0.008, cyclic=True, ground=-0.0501)
-    (only,) = told["motions"]
+    told = moving_leg(*motion(3), 0.008, cyclic=True, ground=-0.0501)
+    desired, only = told["motions"]
     assert only["points"][1] == [[0.0, 0.0, 0.0], [0.0, 0.0, -5.01], [5.0, 0.0, -5.01]]
     assert only["distances"] == [0.0, 5.0, 10.0]
     assert only["rms"] == pytest.approx(math.sqrt(125.0 / 3.0), abs=0.005)
-    assert told["ground"] == -5.01
+    assert (desired["distances"], desired["rms"], told["ground"]) == (None, None, -5.01)
     assert only["colour"] == "var(--direct)"

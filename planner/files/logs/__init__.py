@@ -117,7 +117,15 @@ def format_of(path: Path | str, options: LogOptions) -> Format:
     place = Path(path)
     try:
         if place.is_dir():
-            form = _of_folder(place)
+            form = LEROBOT if is_dataset(place) else BAG
+            if form is BAG and not (place / "metadata.yaml").is_file():
+                endings = {file.suffix.lower() for file in place.iterdir()} & {*BY_SUFFIX, ".csv"}
+                names = " or ".join(str(place / f"*{ending}") for ending in sorted(endings))
+                raise InvalidFile(
+                    place,
+                    "a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
+                    "(metadata.yaml), or " + (f"its files: {names}" if names else "a file"),
+                )
         else:
             suffix = "" if str(path) == STANDARD_STREAM else place.suffix.lower()
             if suffix == ".toml":
@@ -131,20 +139,6 @@ def format_of(path: Path | str, options: LogOptions) -> Format:
                 path, f"--{name.replace('_', '-')} means nothing to {form.name}; leave it out"
             )
     return form
-
-
-def _of_folder(place: Path) -> Format:
-    if is_dataset(place):
-        return LEROBOT
-    if (place / "metadata.yaml").is_file():
-        return BAG
-    endings = {file.suffix.lower() for file in place.iterdir()} & {*BY_SUFFIX, ".csv"}
-    files = " or ".join(str(place / f"*{ending}") for ending in sorted(endings))
-    raise InvalidFile(
-        place,
-        "a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
-        "(metadata.yaml), or " + (f"its files: {files}" if files else "a file"),
-    )
 
 
 @dataclass(frozen=True)

@@ -220,7 +220,13 @@ def make_log(rows: Rows) -> Log:
             f"requests in {rows.request_scale.name} but angles in {rows.angle_scale.name}; "
             "expected angles for both, or shares of the range for both",
         )
-    _check_times(rows)
+    if len(rows.times) < FEWEST_ROWS:
+        raise InvalidFile(
+            source.name,
+            f"rows of samples: got {len(rows.times)}, expected at least {FEWEST_ROWS}; record "
+            "longer",
+        )
+    check_increasing(_checked(rows, "time", rows.times, Scale("s", 1.0, 0.0, "s")), rows.fault)
     requests = _checked(rows, "requested angle", rows.requests, rows.request_scale)
     angles = _checked(rows, "actual angle", rows.angles, rows.angle_scale)
     if rows.angle_scale.name == "deg" and _in_radian_steps(rows.angles):
@@ -379,20 +385,8 @@ def _slow(times: Array, requests: Array) -> Switch:
     return straight if _share(requests[straight], requests) >= SLOW_RANGE else slow
 
 
-def _check_times(rows: Rows) -> None:
-    times = rows.times
-    if len(times) < FEWEST_ROWS:
-        raise InvalidFile(
-            rows.source.name,
-            f"rows of samples: got {len(times)}, expected at least {FEWEST_ROWS}; record longer",
-        )
-    if not np.isfinite(times).all():
-        k = int(np.argmin(np.isfinite(times)))
-        raise rows.fault(f"time: got {times[k]}, expected a finite number; remove the row", k)
-    check_increasing(times, rows.fault)
-
-
 def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
+    """Numbers in the unit of their scale, all of them finite and of a likely size."""
     if not np.isfinite(numbers).all():
         k = int(np.argmin(np.isfinite(numbers)))
         raise rows.fault(
@@ -400,9 +394,8 @@ def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
             k,
         )
     values: Array = scale.factor * numbers + scale.shift
-    largest = MOST_SHARE if scale.unit == "1" else LARGEST
-    beyond = np.abs(values) > largest
-    if beyond.any():
+    largest = {"1": MOST_SHARE, "rad": LARGEST}.get(scale.unit, math.inf)
+    if (beyond := np.abs(values) > largest).any():
         k = int(np.argmax(beyond))
         expected = "a share of the range" if scale.unit == "1" else "an angle"
         raise rows.fault(
