@@ -125,6 +125,7 @@ SLACK = 1e-11  # subtracted from the diagonal of conditions: a saturated cycle's
 SIMULATED = 0.1  # radius below which the answer of a stage is worth a simulation [theta_0]
 SPEED_TERM = 1e-6  # Levenberg-Marquardt term of the speeds, on which no error depends
 TOUCHING = 1e-9  # distance from a limit that counts as none [rad]
+STIFF = 1e7  # weight of the distance from an active limit, relative to the largest curvature
 
 
 class Point(NamedTuple):
@@ -586,7 +587,8 @@ def set_step(
     an even weight, and the curvature of the Lagrangian at the corners where it is positive. Which
     limits are active is found by the primal-dual active set strategy (M. Hintermüller, K. Ito,
     M. Kunisch, SIAM J. Optim. 13, 2002), from the active set of the step before. Where it does not
-    end, the search computes the step again with more damping, from the last active set.
+    end, the search computes the step again with more damping, from the last active set. A request
+    is held at a limit by a stiff penalty on its distance from it.
 
     The answer is whether the system had a solution within the limits, and the cost that the
     linearisation predicts.
@@ -600,7 +602,7 @@ def set_step(
     cyclic, acting = spec.cyclic, spec.acting
     bounds, slopes, quadratic = spec.bounds, point.slopes, point.quadratic
     requests, away, defects = point.requests, point.away, point.defects
-    multipliers, limited = search.multipliers, spec.limited
+    multipliers = search.multipliers
     terms, eased = np.zeros((samples, joints)), np.zeros((samples, drives))
     for number in range(state):
         terms[number // joints, number % joints] = search.damping[0]
@@ -630,24 +632,29 @@ def set_step(
         for s in range(states):
             right[multiplier + k * states + s] = defects[k, s]
 
-    values = np.empty(len(pattern.rows))
-    fixed, place = np.zeros(len(step), np.int64), np.zeros(len(step))
+    rows_of_entries, columns, places = pattern.rows, pattern.columns, pattern.factor.place
+    values, matrix = np.empty(len(columns)), np.empty(len(pattern.factor.row))
+    stiffness = STIFF * (point.costs[4] + stage.weight)
+    diagonal, target = terms.copy(), right.copy()
     for _ in range(ACTIVE_SETS):
-        set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
         for number in range(state):
             k, j = number // joints, number % joints
             bound = FIRST if k == 0 and not cyclic else LOWER if at_limit[k, j] < 0 else UPPER
-            fixed[number] = 1 if bound == FIRST or at_limit[k, j] != 0 else 0
-            place[number] = bounds[bound, k, j] - requests[k, j] if fixed[number] else 0.0
-            if limited:
-                room = 0.0
-                if tight[k, j]:
-                    moved = requests[(k + 1) % samples, j] - requests[k, j]
-                    room = tight[k, j] * bounds[LARGEST_CHANGE, k, j] - moved
-                right[change + number] = room
-        if not solve_kkt(pattern, values, right, fixed, place, step):
+            held = stiffness if bound == FIRST or at_limit[k, j] != 0 else 0.0
+            diagonal[k, j], target[number] = terms[k, j] + held, right[number]
+            if held > 0.0:
+                target[number] += held * (bounds[bound, k, j] - requests[k, j])
+            if spec.limited:
+                moved = requests[(k + 1) % samples, j] - requests[k, j]
+                room = tight[k, j] * bounds[LARGEST_CHANGE, k, j] - moved
+                target[change + number] = room if tight[k, j] else 0.0
+        set_entries(spec, stage, point, diagonal, eased, tight, rows_of_entries, columns, values)
+        matrix[:] = 0.0
+        for e in range(len(values)):
+            matrix[places[e]] += values[e]
+        if not solved(pattern.factor, matrix, target, step):
             return False, 0.0
-        if not active_changed(spec, pattern, point, values, right, step, at_limit, tight):
+        if not active_changed(spec, point, step, at_limit, tight):
             break
     else:
         return False, 0.0
@@ -669,69 +676,25 @@ def set_step(
 
 
 @inner
-def solve_kkt(
-    pattern: Pattern, values: Array, right: Array, fixed: Indices, place: Array, step: Array
-) -> bool:
-    """Fill the solution of the system with some requests at a fixed place; False without one.
-
-    ``fixed`` is 1 for these, else 0; ``place`` is 0 for all other unknowns.
-    """
-    matrix, target = np.zeros(len(pattern.factor.row)), right.copy()
-    rows, columns, places = pattern.rows, pattern.columns, pattern.factor.place
-    for e in range(len(values)):
-        row, column = rows[e], columns[e]
-        if not (fixed[row] or fixed[column]):
-            matrix[places[e]] += values[e]
-        elif not fixed[row]:
-            target[row] -= values[e] * place[column]
-        elif not fixed[column]:
-            target[column] -= values[e] * place[row]
-    for number in range(len(fixed)):
-        if fixed[number]:  # a request's first entry is that of the diagonal
-            matrix[places[number]], target[number] = 1.0, place[number]
-    return solved(pattern.factor, matrix, target, step)
-
-
-@inner
 def active_changed(
-    spec: Spec,
-    pattern: Pattern,
-    point: Point,
-    values: Array,
-    right: Array,
-    step: Array,
-    at_limit: Indices,
-    tight: Indices,
+    spec: Spec, point: Point, step: Array, at_limit: Indices, tight: Indices
 ) -> bool:
     """Activate limits that a step would pass, release those with an inward force; any changed?
 
-    The force on a request is half the derivative of the Lagrangian by it: a residual of the system.
+    The force on a request at a limit has the sign of the way by which it passes the limit.
     """
     samples, joints = spec.bounds.shape[1:]
     change, first = samples * (joints + 2 * point.states.shape[1]), 0 if spec.cyclic else 1
     changed, bounds, requests = False, spec.bounds, point.requests
-    rows, columns = pattern.rows, pattern.columns
-    if not (spec.limited or spec.bounded):
-        return False
-    force = -right
-    for e in range(len(values)):
-        row, column = rows[e], columns[e]
-        force[row] += values[e] * step[column]
-        if row != column:
-            force[column] += values[e] * step[row]
-    for k in range(first, samples):
+    for k in range(first, samples if spec.bounded else 0):
         for j in range(joints):
             number, before = k * joints + j, at_limit[k, j]
-            low, high = bounds[LOWER, k, j], bounds[UPPER, k, j]
-            request = requests[k, j] + step[number]
+            low, high = bounds[LOWER, k, j] - requests[k, j], bounds[UPPER, k, j] - requests[k, j]
             if low == high:
                 continue
-            if before != 0:
-                at_limit[k, j] = before if before * force[number] < 0.0 else 0
-            elif request < low - TOUCHING:
-                at_limit[k, j] = -1
-            elif request > high + TOUCHING:
-                at_limit[k, j] = 1
+            beyond = 0.0 if before != 0 else TOUCHING
+            above, below = step[number] > high + beyond, step[number] < low - beyond
+            at_limit[k, j] = 1 if above else -1 if below else 0
             changed |= at_limit[k, j] != before
     for k in range(samples - first if spec.limited else 0):
         for j in range(joints):
