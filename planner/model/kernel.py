@@ -30,15 +30,9 @@ def law_of(row: Array) -> Law:
 def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
     """Equation 2 under a load: the speed that an error demands, without friction.
 
-    A sag by the pose is added to it, ``gain * pose_sag``: it shifts the limits by as much.
-
-    Args:
-        law: The joint.
-        error: Request plus sag minus angle, without the sag by the pose [rad].
-        faster: How much faster it is in the positive direction, b [rad/tick].
-
-    Returns:
-        The speed [rad/tick], and on which side it saturates: 1, -1, or 0 where it does not.
+    A sag by the pose is added to it, ``gain * pose_sag``: it shifts the limits by as much. The
+    error is request plus sag minus angle, without that sag [rad]; ``faster`` is b [rad/tick]. The
+    answer is the speed [rad/tick], and on which side it saturates: 1, -1, or 0 where it does not.
     """
     demand = law.gain * error
     if demand >= law.top + faster:
@@ -55,17 +49,9 @@ def moved(
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
     Without a time constant friction is a dead zone of the drive, before the acceleration limit. The
-    integral of a servo's loops is held while that limit is active, against windup.
-
-    Args:
-        law: The joint.
-        demand: Demanded speed, the drive g(t) [rad/tick].
-        by_sags: What of it is by gravity and a torque, the gain times their sags [rad/tick].
-        speed: Speed in the tick before, w(t-1) [rad/tick].
-        integral: Integral z(t-1) of the servo's loops [rad/tick].
-
-    Returns:
-        w(t) and z(t) [rad/tick].
+    integral of a servo's loops is held while that limit is active, against windup. ``demand`` is
+    the drive g(t), ``by_sags`` what of it is by gravity and a torque, the gain times their sags;
+    from w(t-1) and z(t-1) follow w(t) and z(t), all in rad/tick.
     """
     friction, limited = law.share * law.friction, False
     aim = aimed(law, demand, integral)
@@ -173,17 +159,11 @@ def run_period(
     state: State,
     skipped: int,
 ) -> State:
-    """The state after one request period.
+    """The state after one request period, whose first ``skipped`` ticks are left out.
 
-    Args:
-        law: The joint.
-        weights: Weight of each request at each tick of the period, youngest first, (hold, width).
-        history: Requests, oldest first [rad].
-        first: Number of the oldest one that acts.
-        sag: Sag under the load, kappa tau [rad].
-        faster: How much faster the joint is in the positive direction [rad/tick].
-        state: State before the period.
-        skipped: Ticks left out.
+    ``weights`` are those of each request at each tick, youngest first, (hold, width); ``history``
+    are requests, oldest first [rad], and ``first`` is the number of the oldest one that acts. The
+    load makes the sag kappa tau [rad], and the joint b ``faster`` [rad/tick].
     """
     angle, speed, integral = state
     hold, width = weights.shape
@@ -207,13 +187,9 @@ def moved_along_lines(
 ) -> Array:
     """How far a joint without inertia moves in a period behind each line, S of (6) [rad]: (s,).
 
-    Args:
-        law: The joint.
-        weights: Weight of the request of each age, (m,).
-        steps: Where the held line stands at each tick and age, in ticks, (hold, m).
-        slopes: Slope of each line [rad/tick], (s,).
-        offsets: How far the requests are ahead of it [rad], (s,).
-        faster: How much faster the joint is in the positive direction [rad/tick], (s,).
+    The request of each age has a weight, (m,), and ``steps`` are where the held line stands at each
+    tick and age, in ticks, (hold, m). For each line, (s,), there are its slope [rad/tick], how far
+    requests are ahead of it [rad], and how much faster the joint is upwards [rad/tick].
     """
     distances = np.empty(len(slopes))
     for i in range(len(slopes)):
@@ -248,11 +224,9 @@ def rounded_clip(
 def rounded_moved(
     law: Law, demand: float, speed: float, rounded: float
 ) -> tuple[float, float, float, float]:
-    """:func:`moved` with rounded corners.
+    """:func:`moved` with rounded corners: the speed, and its derivatives.
 
-    Returns:
-        The speed after the tick [rad/tick], its derivatives by ``demand`` and by ``speed``, and the
-        second derivative by ``demand`` [tick/rad].
+    The first ones are by ``demand`` and by ``speed``, the second one by ``demand`` [tick/rad].
     """
     now, by_demand, by_speed, bend = demand, 1.0, 0.0, 0.0
     rounded = rounded * law.share * law.share
@@ -282,10 +256,8 @@ def rounded_integral(
 ) -> tuple[float, float, float]:
     """The integral after a tick where the acceleration limit has a rounded corner: :func:`moved`.
 
-    Returns:
-        The integral [rad/tick], the share of its change that the limit leaves [-], and its
-        derivative by the difference between the speed that is aimed at and the one before, with
-        ``demand`` and ``speed`` fixed.
+    Further the share of its change that the limit leaves [-], and its derivative by the difference
+    between the speed that is aimed at and the one before, with ``demand`` and ``speed`` fixed.
     """
     change = law.integral_share * (demand - by_sags - fed_back(law, speed, before.integral))
     opened, closing = 1.0, 0.0

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -201,22 +201,28 @@ def rest_requests(
 
     There Equation 2 vanishes; shape (..., joints), or (n, joints) under loads.
     """
-    each_load = [None] * len(models) if loads is None else loads
-    torques = [0.0 if load is None else load for load in each_load]
-    columns = zip(models, np.moveaxis(angles, -1, 0), torques, strict=True)
-    each = [column - model.sag(load) - model.pose_sag(column) for model, column, load in columns]
-    return np.stack(np.broadcast_arrays(*each), axis=-1)
+    return _by_joint(
+        lambda model, q, load: q - model.sag(load) - model.pose_sag(q), models, angles, loads
+    )
 
 
 def rest_angles(
     models: Sequence[JointModel], requests: Array, loads: Loads | Array | None = None
 ) -> Array:
     """Angles at which joints rest under these requests, as :func:`rest_requests` [rad]."""
-    each_load = [None] * len(models) if loads is None else loads
-    torques = [0.0 if load is None else load for load in each_load]
-    columns = zip(models, np.moveaxis(requests, -1, 0), torques, strict=True)
-    each = [model.rest(column, load) for model, column, load in columns]
-    return np.stack(np.broadcast_arrays(*each), axis=-1)
+    return _by_joint(JointModel.rest, models, requests, loads)
+
+
+def _by_joint(
+    of: Callable[[JointModel, Array, Any], Array],
+    models: Sequence[JointModel],
+    values: Array,
+    loads: Loads | Array | None,
+) -> Array:
+    """A function of a model, its column of values and its load, for each joint."""
+    torques = [0.0] * len(models) if loads is None else [0.0 if x is None else x for x in loads]
+    columns = zip(models, np.moveaxis(values, -1, 0), torques, strict=True)
+    return np.stack(np.broadcast_arrays(*(of(*each) for each in columns)), axis=-1)
 
 
 def load_columns(loads: Loads, samples: int) -> Array | None:
@@ -267,12 +273,9 @@ def load_by_period(load: Array | None, *, cyclic: bool) -> Array | None:
 
     From rest the first sample's own load acts before it.
     """
-    return None if load is None else means_between(load, cyclic=cyclic)
-
-
-def means_between(samples: Array, *, cyclic: bool) -> Array:
-    """Mean of each sample and the one before, along the last axis; from rest the first itself."""
-    before = np.roll(samples, 1, axis=-1)
+    if load is None:
+        return None
+    before = np.roll(load, 1)
     if not cyclic:
-        before[..., 0] = samples[..., 0]
-    return np.asarray((before + samples) / 2.0)
+        before[0] = load[0]
+    return np.asarray((before + load) / 2.0)

@@ -774,26 +774,27 @@ def merit_of(point: Point, step: Array, penalty: float) -> float:
 
 @compiled
 def go_through(
-    spec: Spec,
-    pattern: Pattern,  # its KKT matrix
-    search: Search,  # the first iterate; replaced by the last one
-    stages: Array,  # in the order of :class:`Stage`, all with the same regularisation, (m, 6)
-    ends: Array,  # filled with the requests with which each stage ends [rad], (m, n, J)
-    # filled, where corners are sharp, with the angles of the exact models under them [rad],
-    # elsewhere and without a steady cycle with NaN, (m, n, A)
-    angles: Array,
-    # filled with the error of these angles, inf for NaN, their root mean square error over all
-    # scenarios, and the squares of the regularisation, (m, 3)
-    figures: Array,
-) -> None:
-    """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one."""
+    spec: Spec, pattern: Pattern, search: Search, stages: Array
+) -> tuple[Array, Array, Array]:
+    """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one.
+
+    The m stages, (m, 6), have the order of :class:`Stage` and the same regularisation, whose
+    pattern this is. ``search`` moves to the last end.
+
+    Returns:
+        The requests with which each stage ends [rad], (m, n, J); where corners are sharp the angles
+        of the exact models under them [rad], (m, n, A), else and without a steady cycle NaN; and
+        (m, 3): their error, inf where it is not known, their root mean square error over all
+        scenarios, and the squares of the regularisation.
+    """
     samples, joints = spec.bounds.shape[1:]
-    errors, figures[:] = np.empty(len(spec.shares) + 1), np.inf
+    errors, figures = np.empty(len(spec.shares) + 1), np.full((len(stages), 3), np.inf)
+    ends = np.empty((len(stages), samples, joints))
+    angles = np.full((len(stages), samples, len(spec.drives)), np.nan)
     states, step = search.states.shape[1], np.zeros(len(pattern.factor.position))
     state, count = samples * joints, samples * (joints + states)
     smoothing, damping = stages[0, 4] != 0.0, search.damping
     point, trial = allocated(spec, smoothing), allocated(spec, smoothing)
-    angles[:] = np.nan
     copied(search.requests, point.requests)
     copied(search.states, point.states)
     for number in range(len(stages)):
@@ -846,6 +847,7 @@ def go_through(
             figures[number, 1] = errors[-1]
     copied(point.requests, search.requests)
     copied(point.states, search.states)
+    return ends, angles, figures
 
 
 @inner

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from planner.model.joint import (
     request_ages,
     weights_by_tick,
 )
-from planner.model.response import means_between, rest_angles, rest_requests
+from planner.model.response import load_by_period, rest_angles, rest_requests
 from planner.planning.candidate_models import Robust
 from planner.planning.gauss_newton import (
     FIRST,
@@ -42,6 +42,8 @@ from planner.trajectory import Array
 if TYPE_CHECKING:
     from kinematics.leg import Leg
 
+NO_LEG = np.empty((0, 10, 3))
+
 RIDGE = 1e-4
 """Curvature added to that of a foot's squared errors, where a joint that does not move the foot has
 none [-]; errors are in radians of a typical joint."""
@@ -60,23 +62,13 @@ LEAST_FOOT_MOTION = 1e-9
 """Movement of the foot per radian that is rounding, relative to the last link's length."""
 
 
-class FootGoal(NamedTuple):
-    """A foot that should follow a path; its errors count in radians of a typical joint's turn."""
-
-    rows: Array  # desired positions, and the disturbance of the joints' angles: ``Spec.goal``
-    links: Array  # the constants of the leg: ``Spec.leg``
-
-    @classmethod
-    def of(cls, leg: Leg, desired: Array, scale: Array, added: Array) -> FootGoal:
-        """The goal of a foot at positions (n, 3) [m], its errors scaled by axis [rad/m], (3,).
-
-        ``added`` is added to the joints' angles before a position is computed [rad], (n, J).
-        """
-        links = np.zeros((len(leg.chain.links) + 1, 10, 3))
-        for own, link in zip(links, leg.chain.links, strict=False):
-            own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
-        links[-1, 0], links[-1, 1] = leg.chain.tip, scale
-        return cls(np.hstack([desired, added]), links)
+def constants_of(leg: Leg, scale: Array) -> Array:
+    """``Spec.leg`` of a leg whose foot's errors are scaled by axis [rad/m], (3,)."""
+    links = np.zeros((len(leg.chain.links) + 1, 10, 3))
+    for own, link in zip(links, leg.chain.links, strict=False):
+        own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
+    links[-1, 0], links[-1, 1] = leg.chain.tip, scale
+    return links
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,7 +88,11 @@ class Problem:
     max_step: Array
     loads: Array  # torque on each model's joint at each sample [N m], (A, n)
     smoothness: float = 0.0
-    foot: FootGoal | None = None  # None where the one joint should follow the desired angles
+    # desired positions, and the disturbance of the joints' angles: ``Spec.goal``; None where the
+    # one joint should follow the desired angles
+    foot: Array | None = None
+    # the constants of the foot's leg, with which errors count in radians of a typical joint's turn
+    leg: Array = field(default_factory=lambda: NO_LEG)
     cyclic: bool = True
     norm: Norm = "rms"
     start: Array | None = None
@@ -137,7 +133,7 @@ class Problem:
     @property
     def torques(self) -> Array:
         """Torque on each model's joint in the period that ends in each sample [N m], (A, n)."""
-        return means_between(self.loads, cyclic=self.cyclic)
+        return np.array([load_by_period(load, cyclic=self.cyclic) for load in self.loads])
 
     @cached_property
     def spec(self) -> Spec:
@@ -177,8 +173,8 @@ class Problem:
             bounds=bounds,
             near=rows,
             smooth=rows,
-            goal=np.array(self.desired) if foot is None else foot.rows,
-            leg=np.empty((0, 10, 3)) if foot is None else foot.links,
+            goal=np.array(self.desired) if foot is None else foot,
+            leg=self.leg,
             shares=np.array(self.weights),
         )
         limit(spec, near)  # in place; second differences are of requests within the limits
@@ -196,10 +192,7 @@ class Problem:
         return spec._replace(smooth=Rows(numbers, factors, centre))
 
     def admissible(self, requests: Array) -> Array:
-        """Requests near the given ones within the limits [rad], (n, J); the first holds the start.
-
-        Without ``max_step`` they are the nearest, with it see :func:`gauss_newton.keep_step`.
-        """
+        """Requests near the given ones within the limits [rad], (n, J): see ``keep_step``."""
         nearest = np.array(requests, dtype=np.float64, order="C")
         limit(self.spec, nearest)
         return nearest
@@ -214,13 +207,13 @@ class Problem:
         return roughness(self.spec, np.ascontiguousarray(requests))
 
     def exact_angles(self, requests: Array) -> Array:
-        """Angles of the exact models, simulated, (n, A); NaN where a joint has no steady cycle."""
+        """Angles of the exact models [rad], (n, A); NaN where a joint has no steady cycle."""
         angles = np.empty((len(requests), len(self.models)))
         simulate_all(self.spec, np.ascontiguousarray(requests), angles)
         return angles
 
     def errors(self, angles: Array) -> tuple[Array, Array]:
-        """See :func:`planner.planning.gauss_newton.errors_of`."""
+        """See :func:`gauss_newton.errors_of`."""
         return errors_of(self.spec, np.ascontiguousarray(angles))
 
     def errors_of_models(self, angles: Array) -> tuple[float, Array]:
@@ -276,7 +269,7 @@ def problem_of(task: Task) -> Problem:
         Infeasible: No joint moves the foot where it counts.
     """
     models, loads = task.nominal, task.loads_on(task.nominal)
-    desired, goal = task.desired, None
+    desired, foot, links = task.desired, None, NO_LEG
     added = np.zeros_like(desired) if task.disturbance is None else task.disturbance
     if task.disturbance is not None or task.goal == "foot":  # where requests can hold them
         least, most = (rest_angles(models, end, loads) for end in (task.lower, task.upper))
@@ -290,11 +283,13 @@ def problem_of(task: Task) -> Problem:
                 "leg: none of its joints moves the foot along an axis that counts; choose another "
                 "foot frame, or give the axis along which it moves a weight"
             )
-        goal = FootGoal.of(task.leg, task.desired_foot, task.axis_scales / moved, added)
+        links = constants_of(task.leg, task.axis_scales / moved)
+        foot = np.hstack([task.desired_foot, added])
     return Problem(
         models=models,
         desired=np.ascontiguousarray(desired),
-        foot=goal,
+        foot=foot,
+        leg=links,
         cyclic=task.cyclic,
         norm=task.norm,
         lower=task.lower,

@@ -296,19 +296,9 @@ def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
 def descend(
     problem: Problem, search: Search, stages: Sequence[Stage]
 ) -> tuple[Array, Array, Array]:
-    """Go through m stages, each from the end of the one before; ``search`` moves to the last end.
-
-    Returns:
-        The requests with which each stage ends [rad], (m, n, J); where corners are sharp the angles
-        of the exact models under them [rad], (m, n, A), else NaN; and (m, 3): their error, inf
-        where it is not known, their root mean square, and the squares of the regularisation.
-    """
-    ends = np.empty((len(stages), *search.requests.shape))
-    angles = np.empty((len(stages), len(search.requests), len(problem.models)))
-    figures, numbers = np.empty((len(stages), 3)), np.array(stages, dtype=np.float64)
+    """Go through stages, each from the end of the one before: see :func:`go_through`."""
     pattern = pattern_of(problem.spec, smoothing=stages[0].smoothing)
-    go_through(problem.spec, pattern, search, numbers, ends, angles, figures)
-    return ends, angles, figures
+    return go_through(problem.spec, pattern, search, np.array(stages, dtype=np.float64))
 
 
 BEGINNING = 20.0

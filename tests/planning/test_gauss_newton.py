@@ -14,7 +14,7 @@ from planner.model.joint import JointModel
 from planner.model.response import load_by_period, motion_under, simulate
 from planner.planning import gauss_newton
 from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, pattern_of
-from planner.planning.problem import FootGoal, Problem, problem_of
+from planner.planning.problem import Problem, constants_of, problem_of
 from planner.planning.task import Task
 from tests.from_python import from_python
 from tests.instances import TICK, random_model, saturating
@@ -62,7 +62,6 @@ def leg_problem(cyclic):
     desired = walk.desired[::6]
     foot = walk.leg.foot_positions(desired) + 0.01
     lower, upper = walk.leg.limits
-    goal = FootGoal.of(walk.leg, foot, np.array([9.0, 5.0, 7.0]), np.zeros_like(desired))
     return Problem(
         models=(JointModel.ers210a(),) * 3,
         desired=desired,
@@ -70,7 +69,8 @@ def leg_problem(cyclic):
         upper=upper,
         max_step=np.full(3, np.inf),
         loads=np.zeros((3, len(desired))),
-        foot=goal,
+        foot=np.hstack([foot, np.zeros_like(desired)]),
+        leg=constants_of(walk.leg, np.array([9.0, 5.0, 7.0])),
         cyclic=cyclic,
         start=None if cyclic else desired[0],
     )
