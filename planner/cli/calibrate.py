@@ -65,14 +65,13 @@ if TYPE_CHECKING:
 @options.option("--yes", "Ask nothing: ranges by the servos' limits, and go.", bool)
 @options.option("--resume", "Take the logs of an interrupted run as they are.", bool)
 @options.option("--dry-run", "Check the servos, say what would be done, and end.", bool)
-@options.option("--report", "Also write a page with pictures, as HTML.", options.OUTPUT)
 @options.option(
     "-o --output",
     "Where to write the models and servos; joints that are there already stay.",
     options.Place("file", options._check_file, use=None),
     default="arm.toml",
 )
-@options.answers
+@options.answers("Also write a page with pictures, as HTML.")
 def calibrate(
     *,
     ids: dict[str, int],
@@ -80,7 +79,6 @@ def calibrate(
     yes: bool,
     resume: bool,
     dry_run: bool,
-    report: str | None,
     output: str,
     **choices: Any,
 ) -> Answer | None:
@@ -177,8 +175,8 @@ def calibrate(
                         arm, joint, period, choices["duration_s"], folder, resume, progress
                     )
                 _write(output, results, arm, checked.settings, choices)
-    page = ""
-    if report is not None:
+
+    def page(place: str) -> str:
         settings = {
             "bus": choices["bus"],
             "port": choices["port"],
@@ -186,11 +184,10 @@ def calibrate(
             "rate": f"{choices['rate_hz']:g} Hz",
         }
         origins = [(name, str(value)) for name, value in settings.items() if value]
-        page = calibration_page(results, output).html(report, origins, [("models", output)])
-    summary = calibration_text(results, output)
-    return Answer(
-        calibration_results(results, arm.servos, checked.tick_time), summary, pages=[(report, page)]
-    )
+        return calibration_page(results, output).html(place, origins, [("models", output)])
+
+    document = calibration_results(results, arm.servos, checked.tick_time)
+    return Answer(document, calibration_text(results, output), page=page)
 
 
 @contextmanager
@@ -294,7 +291,7 @@ def _write(
 )
 @options.positive("--duration-s", "How long each joint moves.", 20.0)
 @options.positive("--rate-hz", "Requests per second.  [default: those of the model]")
-@options.answers
+@options.answers()
 def check(
     *,
     model: str,

@@ -35,14 +35,12 @@ if TYPE_CHECKING:
     click.Choice(["slope", "envelope", "exact"]),
     default="envelope",
 )
-@options.option("--report", "Write a page (HTML) about the comparison.", options.OUTPUT)
-@options.answers
+@options.answers("Write a page (HTML) about the comparison.")
 def compare(
     *,
     run: Run,
     path: str,  # noqa: ARG001
     level: Level,
-    report: str | None,
 ) -> Answer:
     """Plan PATH by the closed form, by optimisation, and by CasADi with IPOPT, and compare.
 
@@ -83,9 +81,10 @@ def compare(
             load=load,
             progress=progress,
         )
-    html, unreachable = "", desired.unreachable
-    if report is not None:
-        page = comparison_page(
+    unreachable = desired.unreachable
+
+    def page(place: str) -> str:
+        about = comparison_page(
             check,
             title=leg_title(run.leg) or ", ".join(desired.names),
             leg=whole,
@@ -93,7 +92,7 @@ def compare(
             notes=notes_of(desired),
         )
         origins = [*origins_of(desired, whole), ("bounds up to", level)]
-        html = page.html(report, origins, inputs_of(desired))
+        return about.html(place, origins, inputs_of(desired))
 
     def print_table(_: str) -> None:
         with fitted_to(terminal_width(sys.stdout)):
@@ -108,6 +107,6 @@ def compare(
         {**check.to_dict(), "unreachable_samples": unreachable},
         "\n".join(words),
         print_table,
-        pages=[(report, html)],
+        page,
         failure="" if check.passed else verdict,
     )

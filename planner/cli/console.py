@@ -100,19 +100,23 @@ class Answer(NamedTuple):
     document: Mapping[str, Any]
     summary: str
     write: Callable[[str], None] | None = None  # writes the output, whose name it takes
-    pages: Sequence[tuple[str | None, str]] = ()  # other files, by name, and their text
+    page: Callable[[str], str] | None = None  # the text of the report in a file of this name
+    files: Sequence[tuple[str | None, str]] = ()  # other files, by name, and their text
     warnings: Sequence[str] = ()  # said after the summary
     failure: str = ""  # why the exit status is 1
 
-    def deliver(self, output: str, *, as_json: bool) -> None:
+    def deliver(self, output: str, report: str | None, *, as_json: bool) -> None:
         """Write all files or none, and print; as ``output``, ``-`` is taken by JSON alone."""
+        texts = [(name, text) for name, text in self.files if name is not None]
+        if report is not None and self.page is not None:
+            texts.append((report, self.page(report)))
         with ExitStack() as files:
-            for name, text in self.pages:
-                if name is not None and name != STANDARD_STREAM:
+            for name, text in texts:
+                if name != STANDARD_STREAM:
                     files.enter_context(staged(name, text.encode()))
             if self.write is not None and (not as_json or output != STANDARD_STREAM):
                 self.write(output)
-        for name, text in self.pages:
+        for name, text in texts:
             if name == STANDARD_STREAM:
                 write_text(name, text)
         if as_json:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,7 +16,7 @@ from planner.cli.console import BadSetting, marked
 from planner.cli.models import (
     beside,
     find_leg,
-    legs_among,
+    legs_of,
     load_leg,
     models_of,
     refused_models,
@@ -84,26 +83,16 @@ class Desired:
         """Time between requests [s]."""
         return self.models[0].period
 
-    @cached_property
-    def planned_units(self) -> list[Literal["deg", "percent"]]:
-        """The unit of each joint's degrees: "deg", or "percent" of its range."""
-        return [self.unit(j) for j in range(len(self.names))]
-
-    @cached_property
-    def labels(self) -> list[str]:
-        """The joints, with the unit of those in shares of their range."""
-        pairs = zip(self.names, self.planned_units, strict=True)
-        return [name if unit == "deg" else f"{name} [% of its range]" for name, unit in pairs]
-
-    def unit(self, joint: int) -> Literal["deg", "percent"]:
-        """The unit of a joint's degrees: "deg", or "percent" of its range."""
-        return "deg" if self.units is None or self.units[joint] not in SHARES else "percent"
+    @property
+    def shown_units(self) -> dict[str, Literal["deg", "percent"]]:
+        """The unit of each joint's degrees, by joint: "deg", or "percent" of its range."""
+        pairs = zip(self.names, self.units or ("deg",) * len(self.names), strict=True)
+        return {name: "percent" if unit in SHARES else "deg" for name, unit in pairs}
 
     @contextmanager
     def units_in_messages(self) -> Iterator[None]:
         """Let messages about single joints inside the block use their units."""
-        units = dict(zip(self.names, self.planned_units, strict=True))
-        token = JOINT_UNITS.set(None if ANGLE_UNIT.get() == "rad" else units)
+        token = JOINT_UNITS.set(None if ANGLE_UNIT.get() == "rad" else self.shown_units)
         try:
             yield
         finally:
@@ -135,7 +124,7 @@ def desired_of(run: settings.Run, folder: str = "") -> Desired:
     names = leg.joint_names if of_foot and leg is not None else path.names
     models = models_of(run, names, leg, folder, units=path.units)
     path, closed, remarks = _in_step(path, run, models[0].period)
-    legs = {} if leg is not None else legs_among(names, run.model, folder)
+    legs = {} if leg is not None else legs_of(run.model, folder, among=names)
     foreign = [name for name in names if leg is not None and name not in leg.joint_names]
     if leg is not None and foreign:
         raise BadSetting(
@@ -144,35 +133,34 @@ def desired_of(run: settings.Run, folder: str = "") -> Desired:
         )
     limits = _limits_of(names, legs.values() if leg is None else (leg,), run.model, folder)
     limits |= _by_joint("limits", run.limits, names)
+    starts = starts_of(run.start, names, cyclic=closed)
     if path.loads is not None and run.plan.load is None:
         words = "the load in the path's columns is not used: ask for it with "
         remarks = (*remarks, f'{words}‹plan.load = "column"›')
+    angles, foot, foot_given, unreachable = path.values, None, None, 0
+    if of_foot and leg is not None:  # by inverse kinematics
+        solution = leg.inverse(path.values, unreachable=run.leg.unreachable)
+        angles, foot, unreachable = solution.angles, path.values, int((~solution.reachable).sum())
+        if unreachable and run.leg.unreachable == "clamp":
+            foot, foot_given = leg.foot_positions(angles), foot
     desired = Desired(
         run,
         names,
-        path.values,
+        angles,
         models,
         folder=folder,
         limits={joint: limits[joint] for joint in names if joint in limits},
-        starts=starts_of(run.start, names, cyclic=closed),
+        starts=starts,
         leg=leg,
         legs=legs,
+        foot=foot,
+        foot_given=foot_given,
+        unreachable=unreachable,
         units=None if of_foot else path.units,
         cyclic=closed,
         remarks=(*remarks, *refused_models(names, models)),
         loads=path.loads,
     )
-    if of_foot and leg is not None:  # by inverse kinematics
-        solution = leg.inverse(path.values, unreachable=run.leg.unreachable)
-        count = int((~solution.reachable).sum())
-        clamped = run.leg.unreachable == "clamp" and count > 0
-        desired = replace(
-            desired,
-            angles=solution.angles,
-            foot=leg.foot_positions(solution.angles) if clamped else path.values,
-            foot_given=path.values if clamped else None,
-            unreachable=count,
-        )
     return replace(desired, load=_load_of(run.plan, desired))
 
 

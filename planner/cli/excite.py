@@ -71,7 +71,7 @@ UNNAMED = "requested"
     options.OUTPUT,
 )
 @options.output
-@options.answers
+@options.answers()
 def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) -> Answer:
     """Write test requests within limits, and print which parameters they determine.
 
@@ -146,5 +146,5 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
         lambda file: write_joint_path(
             file, [joint], excitation.requests[:, None], period=excitation.period
         ),
-        pages=[(expected_log, table_text(names, simulated))],
+        files=[(expected_log, table_text(names, simulated))],
     )

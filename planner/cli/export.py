@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     options.INPUT,
     metavar="FILE",
 )
-@options.answers
+@options.answers()
 def export(
     *, run: Run, requests: str, output: str, period_s: float | None, model: str | None
 ) -> Answer:

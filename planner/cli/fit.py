@@ -58,13 +58,8 @@ def _knot(text: str) -> tuple[float, float | None]:
     "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json.",
     options.OUTPUT,
 )
-@options.option(
-    "--report",
-    "Write a page (HTML) about the lines, and the error for other numbers of them.",
-    options.OUTPUT,
-)
 @options.output
-@options.answers
+@options.answers("Write a page (HTML) about the lines, and the error for other numbers of them.")
 def fit(
     *,
     run: Run,
@@ -75,7 +70,6 @@ def fit(
     required_s: tuple[tuple[float, float | None], ...],
     exact: bool,
     knots_file: str | None,
-    report: str | None,
     output: str,
 ) -> Answer:
     """Approximate DESIRED, a CSV of <joint>_deg or <joint>_rad columns, by lines within ±v_max.
@@ -127,17 +121,18 @@ def fit(
     angles = np.column_stack([curve.angles for curve in fits.values()])
     if knots_file is not None:
         write_curve(knots_file, next(iter(fits.values())))
-    page = ""
-    if report is not None:
+
+    def page(place: str) -> str:
         origins = [("path", desired), ("model", run.model.file)]
         files = [*files_of(origins), ("lines", output)]
         about_fits = fit_page(fits, {name: choices(curve) for name, curve in fits.items()})
-        page = about_fits.html(report, origins, files)
+        return about_fits.html(place, origins, files)
+
     return Answer(
         document,
         f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits).text()}",
         lambda file: path.write(file, angles),
-        pages=[(report, page)],
+        page,
     )
 
 

@@ -43,7 +43,7 @@ PATTERNS = ("walk", "trot", "pace", "bound")
 )
 @options.option("--period", "Time between samples [s].", default=0.008)
 @options.output
-@options.answers
+@options.answers()
 def gait(
     *,
     run: Run,

@@ -37,15 +37,14 @@ FEW_ROWS = 20_000
     "Whether to test the model on rows that it was not fitted to.",
     default=True,
 )
-@options.option("--report", "Also write a page with pictures, as HTML.", options.OUTPUT)
 @options.option(
     "-o --output",
     "Where to write the model as TOML; '-' is standard output.",
     options.OUTPUT,
     default="-",
 )
-@options.answers
-def identify(*, logs: tuple[str, ...], report: str | None, output: str, **choices: Any) -> Answer:
+@options.answers("Also write a page with pictures, as HTML.")
+def identify(*, logs: tuple[str, ...], output: str, **choices: Any) -> Answer:
     """Find the parameters of a joint from LOGs of requested against actual angles.
 
     A LOG is CSV with columns such as t_s, requested_deg and actual_deg, a LeRobot dataset, a JSON
@@ -65,8 +64,6 @@ def identify(*, logs: tuple[str, ...], report: str | None, output: str, **choice
     from planner.model.evidence import with_reasons
     from planner.report.identification_text import identification_text, model_comments, remarks
 
-    if report == "-":
-        raise click.UsageError("--report: standard output takes the model; name a file.")
     others, above = list[str](), ""
     try:
         if has_content(output):
@@ -100,12 +97,13 @@ def identify(*, logs: tuple[str, ...], report: str | None, output: str, **choice
         about=model_comments(tables),
         of_joint=of_joint,
     )
-    page = ""
-    if report is not None:
+
+    def page(place: str) -> str:
         from planner.report.identification_page import identification_page
 
         named = [*(("log", file) for file in logs), ("model", output)]
-        page = identification_page(identifications).html(report, written=named)
+        return identification_page(identifications).html(place, written=named)
+
     refused = {name: each.reason for name, each in identifications.items() if not each.accepted}
     failure = ""
     if left_out := [name for name in by_joint if name not in identifications]:
@@ -118,7 +116,7 @@ def identify(*, logs: tuple[str, ...], report: str | None, output: str, **choice
         document,
         identification_text(identifications, "joint.toml" if output == "-" else output),
         lambda file: write_text(file, text),
-        pages=[(report, page)],
+        page,
         failure=failure,
     )
 

@@ -20,16 +20,6 @@ from planner.model.joint import JointModel, joint_of_top_speed
 if TYPE_CHECKING:
     from kinematics import Leg
 
-SHIPPED_LEGS = {
-    "reference": LegPlace("reference_leg.urdf", "hip", "foot"),
-    **{
-        f"{end}-{side}": LegPlace("ers210a.urdf", "body", f"{end}_{side}_ball")
-        for end in ("front", "hind")
-        for side in ("left", "right")
-    },
-}
-"""The simplified leg of the reference walk, and the four legs of the ERS-210A."""
-
 
 def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
     """The description of the leg; None if the settings name no leg."""
@@ -59,9 +49,12 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
 
 
 def _shipped(name: str) -> LegPlace:
+    """The simplified leg of the reference walk, or one of the four legs of the ERS-210A."""
     from kinematics import urdf_path
 
-    return SHIPPED_LEGS[name]._replace(urdf=str(urdf_path(SHIPPED_LEGS[name].urdf)))
+    if name == "reference":
+        return LegPlace(str(urdf_path("reference_leg.urdf")), "hip", "foot")
+    return LegPlace(str(urdf_path("ers210a.urdf")), "body", f"{name.replace('-', '_')}_ball")
 
 
 def load_leg(place: LegPlace | None) -> Leg | None:
@@ -75,22 +68,24 @@ def load_leg(place: LegPlace | None) -> Leg | None:
     )
 
 
-def legs_of(model: settings.Model, folder: str = "") -> dict[str, Leg]:
-    """The legs of the robot in the model file; the ERS-210A's legs for its own model."""
+def legs_of(
+    model: settings.Model, folder: str = "", *, among: Sequence[str] | None = None
+) -> dict[str, Leg]:
+    """The legs of the robot in the model file; the ERS-210A's legs for its own model.
+
+    Of joints that they are ``among``, those whose joints are all there.
+    """
     file = robot_file(model, folder)
     places = {} if file is None else read_legs(file)
     if model.file == settings.SHIPPED_MODEL:
-        places = {name: _shipped(name) for name in SHIPPED_LEGS if name != "reference"}
-    return {name: leg for name, place in places.items() if (leg := load_leg(place)) is not None}
-
-
-def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -> dict[str, Leg]:
-    """The legs of the robot whose joints are all among these, by name."""
-    named = tuple(f"{name.replace('-', '_')}_" for name in SHIPPED_LEGS)
-    if model.file == settings.SHIPPED_MODEL and not any(each.startswith(named) for each in joints):
-        return {}  # the URDF is read for its own joints only
-    legs = legs_of(model, folder).items()
-    return {name: leg for name, leg in legs if set(leg.joint_names) <= set(joints)}
+        _, *names = settings.LEG_NAMES
+        own = tuple(f"{name.replace('-', '_')}_" for name in names)
+        if among is None or any(joint.startswith(own) for joint in among):
+            places = {name: _shipped(name) for name in names}
+    legs = {name: leg for name, place in places.items() if (leg := load_leg(place))}
+    if among is None:
+        return legs
+    return {name: leg for name, leg in legs.items() if {*leg.joint_names} <= {*among}}
 
 
 def leg_title(leg: settings.Leg) -> str:

@@ -22,7 +22,7 @@ from click.shell_completion import CompletionItem
 
 from planner.cli.console import MARKED, Answer, warn
 from planner.cli.declared import NUMBER, SOURCE, Declared, tables
-from planner.cli.settings import LEG_NAMES, Replay, Run
+from planner.cli.settings import LEG_NAMES, ReplayRun, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
 from planner.files.text import place_of
 
@@ -266,20 +266,29 @@ parallel = several(
 """Of commands that carry out many tasks."""
 
 
-def answers(command: Callable[..., Answer | None]) -> Command:
-    """Give a command ``--json``; its answer, if it has one, is written and printed."""
+def answers(report: str = "") -> Callable[[Callable[..., Answer | None]], Command]:
+    """Give a command ``--json``, and with the help of it ``--report``, the page of its answer.
 
-    @option("--json as_json", "Print JSON for machines.", bool)
-    @wraps(command)
-    def answered(*, as_json: bool, **arguments: Any) -> None:
-        for name in ("report", "expected_log"):
-            if as_json and arguments.get(name) == "-":
-                words = "standard output takes the JSON; name a file."
-                raise click.UsageError(f"--{name.replace('_', '-')}: {words}")
-        if answer := command(**arguments):
-            answer.deliver(arguments.get("output", "-"), as_json=as_json)
+    Its answer, if it has one, is written and printed.
+    """
 
-    return answered
+    def decorate(command: Callable[..., Answer | None]) -> Command:
+        @option("--json as_json", "Print JSON for machines.", bool)
+        @wraps(command)
+        def answered(*, as_json: bool, report: str | None = None, **arguments: Any) -> None:
+            for name, place in (
+                ("report", report),
+                ("expected-log", arguments.get("expected_log")),
+            ):
+                if as_json and place == "-":
+                    words = "standard output takes the JSON; name a file."
+                    raise click.UsageError(f"--{name}: {words}")
+            if answer := command(**arguments):
+                answer.deliver(arguments.get("output", "-"), report, as_json=as_json)
+
+        return option("--report", report, OUTPUT)(answered) if report else answered
+
+    return decorate
 
 
 recording_options = several(
@@ -316,7 +325,7 @@ log_options = several(
 
 SETTINGS = {
     ".".join(part for part in (*table.place, name) if part != NUMBER): key
-    for table in (*tables(Run), *tables(Replay, ("replay",)))
+    for table in tables(ReplayRun)
     for name, key in table.keys.items()
     if key.option
 }
@@ -347,8 +356,8 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
 
     A group is a table of a run file, a colon, and those of its keys that become options, with
     spaces between them: ``"plan: method cyclic"``. An argument ``path`` of the command is the file
-    of the path. Settings of a replay are handed to it as ``replay``. A help in ``helps`` takes the
-    place of a setting's own, by the last part of its key, or by the key with underscores.
+    of the path. A help in ``helps`` takes the place of a setting's own, by the last part of its
+    key, or by the key with underscores.
 
     Raises:
         ValueError: A key that is no setting, or has no option, named as in a run file.
@@ -357,6 +366,7 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
     keys = [f"{table}.{key}" for table, _, names in parts for key in names.split()]
     if unknown := [key for key in keys if key not in SETTINGS]:
         raise ValueError(f"got {', '.join(unknown)}, expected keys of a run file with an option")
+    whole = ReplayRun if any(key.startswith("replay.") for key in keys) else Run
 
     def decorate(command: Command) -> Command:
         @wraps(command)
@@ -368,13 +378,9 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
             for key, value in values.items():
                 if value not in (None, ()):
                     put(content, key, value)
-            replay = content.pop("replay", {})
             if "export" in content:
                 content["export"] = [{"file": "rows", **content["export"]}]
-            run = Run.of(content, standard_input=True)
-            if any(key.startswith("replay.") for key in keys):
-                arguments["replay"] = Replay.of(replay, ("replay",))
-            return command(run=run, **arguments)
+            return command(run=whole.of(content, standard_input=True), **arguments)
 
         decorators = []
         for key in keys:

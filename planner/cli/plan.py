@@ -22,9 +22,8 @@ from planner.cli.settings import SMOOTHING, Run
     "tolerance: deg cm",
 )
 @options.output
-@options.option("--report", "Write a page (HTML) about the plan.", options.OUTPUT)
-@options.answers
-def plan(*, run: Run, path: str, output: str, report: str | None) -> Answer:  # noqa: ARG001
+@options.answers("Write a page (HTML) about the plan.")
+def plan(*, run: Run, path: str, output: str) -> Answer:  # noqa: ARG001
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.
 
     PATH holds desired angles (columns <joint>_deg or <joint>_rad), or positions of a foot (x_m,
@@ -55,13 +54,11 @@ def plan(*, run: Run, path: str, output: str, report: str | None) -> Answer:  # 
         result = plan_of(desired, progress)
     answer, remarks = answer_of(desired, result)
     options.warn_of(remarks)
-    page, missed = "", "; ".join(answer.missed or ())
-    if report is not None:
-        page = plan_report(desired, answer, page=report, written=[("requests", output)])
+    missed = "; ".join(answer.missed or ())
     return Answer(
         answer.document(),
         answer.text(),
         lambda file: desired.write(file, result.requests, result.task.load),
-        pages=[(report, page)],
+        lambda page: plan_report(desired, answer, page=page, written=[("requests", output)]),
         failure=f"{missed}; the requests are written all the same" if missed else "",
     )

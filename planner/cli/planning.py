@@ -76,8 +76,7 @@ def plan_of(
 ) -> Plan:
     """Plan by the chosen method, and check the plan before it is handed over.
 
-    The plan's task also has leg and foot, for a path of a leg's joints, and the limits of a closed
-    form, which ignores them. The lower bound of a plan for the foot takes longer.
+    The lower bound of a plan for the foot takes longer, and is left out if not ``bounded``.
     """
     run, chosen = desired.settings, desired.settings.plan
     by_feet = chosen.method == "foot-optimal" and desired.foot is None  # of a whole robot
@@ -95,14 +94,9 @@ def plan_of(
                 lines={"segments": chosen.segments, "rule": chosen.rule or "paper"},
                 progress=progress,
             )
-    if plan.task.goal == "angles":
-        lower, upper = limits_of_each(desired.limits, desired.names)
-        whole = desired.leg is not None and desired.leg.joint_names == desired.names
-        leg, foot = (desired.leg, desired.foot) if whole else (None, None)
-        plan = replace(plan, task=replace(plan.task, lower=lower, upper=upper, leg=leg, foot=foot))
     for each in plan.inversions:
         if each.error < each.lower_bound - ROUNDING:
-            unit = desired.unit(each.column)
+            unit = desired.shown_units[desired.names[each.column]]
             error, bound = np.degrees([each.error, each.lower_bound])
             raise FailedCheck(
                 f"{desired.names[each.column]}: an error of {error:.6g} {unit} is below its own "
@@ -134,13 +128,15 @@ def beyond_limits(desired: Desired, plan: Plan) -> list[str]:
     """The joints whose requests are beyond their limits, a message for each."""
     messages = []
     columns = zip(plan.requests.T, plan.task.lower, plan.task.upper, strict=True)
-    for j, (requests, lower, upper) in enumerate(columns):
+    for (name, unit), (requests, lower, upper) in zip(
+        desired.shown_units.items(), columns, strict=True
+    ):
         excess = np.maximum(lower - requests, requests - upper)
         worst = index_of_largest(excess)
         if excess[worst] > ROUNDING:
             request, low, high = np.degrees([requests[worst], lower, upper])
             messages.append(
-                f"{desired.names[j]}: request {worst} is {request:.2f} {desired.unit(j)}, beyond "
+                f"{name}: request {worst} is {request:.2f} {unit}, beyond "
                 f'the limits {low:.2f} to {high:.2f}; ‹plan.method = "optimal"› keeps to them'
             )
     return messages
@@ -167,19 +163,29 @@ def search_options(
     }
 
 
-def task_of(desired: Desired) -> Task:
-    """The task of the settings; without the torques of a load that depends on the pose."""
-    chosen, limits = desired.settings.plan, desired.limits
+def task_of(desired: Desired, *, by_joint: bool = False, in_limits: bool = True) -> Task:
+    """The task of the settings; without the torques of a load that depends on the pose.
+
+    ``by_joint`` a plan for a foot is one for its joints. A path of a leg's joints has leg and foot,
+    too, and the limits of a closed form, which ignores them, or of a plan that is not ``in_limits``
+    are not checked.
+    """
+    chosen, limits, leg = desired.settings.plan, desired.limits, desired.leg
     options = search_options(chosen, desired.period)
     options["cyclic"] = desired.cyclic
     options["load"] = None if callable(desired.load) else desired.load
-    if chosen.method == "foot-optimal" and desired.foot is not None:
+    if chosen.method == "foot-optimal" and desired.foot is not None and not by_joint:
         options["weights"] = chosen.weights or (1.0, 1.0, 1.0)
         options["limits"] = tuple(zip(*(limits[name] for name in desired.names), strict=True))
-        return Task.of(desired.models, desired.foot, leg=checked_leg(desired.leg), **options)
-    if chosen.method != "closed-form":  # which ignores limits
-        options |= {"limits": limits, "start": desired.starts}
-    return Task.of(desired.models, desired.angles, names=desired.names, **options)
+        return Task.of(desired.models, desired.foot, leg=checked_leg(leg), **options)
+    if in_limits and chosen.method != "closed-form":
+        options["limits"] = limits
+    options |= {"start": desired.starts, "names": desired.names}
+    task = Task.of(desired.models, desired.angles, **options)
+    lower, upper = limits_of_each(limits, desired.names)
+    if leg is not None and leg.joint_names == desired.names:
+        task = replace(task, leg=leg, foot=desired.foot)
+    return replace(task, lower=lower, upper=upper)
 
 
 # The answer: JSON for machines, text and pages for people.
@@ -187,7 +193,7 @@ def task_of(desired: Desired) -> Task:
 
 def answer_of(desired: Desired, plan: Plan) -> tuple[PlanAnswer, list[str]]:
     """The plan with how the settings asked for it, and remarks on it."""
-    tolerance, units = desired.settings.tolerance, desired.planned_units
+    tolerance, units = desired.settings.tolerance, [*desired.shown_units.values()]
     missed, doubted = against_tolerances(
         plan, units, degrees=tolerance.deg, centimetres=tolerance.cm
     )
@@ -228,7 +234,7 @@ def notes_of(desired: Desired) -> list[str]:
             "The URDF has no more than the top speeds of the servos; the rest of their models is "
             "assumed. Identify the joints before these requests are sent."
         )
-    if shares := [name for j, name in enumerate(desired.names) if desired.unit(j) != "deg"]:
+    if shares := [name for name, unit in desired.shown_units.items() if unit != "deg"]:
         notes.append(f"{', '.join(shares)}: degrees stand for percent of the joint's range.")
     return notes
 

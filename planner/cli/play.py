@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @options.option(
     "-o --output", "The log of requested and actual angles.", options.OUTPUT, default="log.csv"
 )
-@options.answers
+@options.answers()
 def play(
     *,
     requests: str,

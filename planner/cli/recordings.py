@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,22 +54,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayTask:
-    """One recording to replay: a unit of work that can be sent to another process.
-
-    A ``rate`` of None is that of the recording.
-    """
+    """One recording to replay: a unit of work that can be sent to another process."""
 
     recording: Recording
     models: JointModels
-    replay: settings.Replay
-    run_settings: settings.Run = field(default_factory=settings.Run)
-    rate: float | None = None
+    settings: settings.ReplayRun
+    rate: float | None = None  # None for that of the recording
 
     def run(
         self, progress: Callable[[str], None] = lambda _: None
     ) -> tuple[Replay, Fastest | None]:
         """Read the recording and plan its replay, if asked for the fastest within the tolerance."""
-        chosen, plan = self.replay, self.run_settings.plan
+        chosen, plan = self.settings.replay, self.settings.plan
         logs, arm = self.recording.read(), self.arm()
         path = recorded_path(
             logs,
@@ -79,7 +75,7 @@ class ReplayTask:
             begin=chosen.begin_s,
             end=chosen.end_s,
             rate=chosen.rate_hz or self.rate,
-            limits=_limits(self.run_settings.limits, logs),
+            limits=_limits(self.settings.limits, logs),
         )
         path = _with_load(plan, replace(path, name=self.recording.name), arm)
         units = {each.name: LOG_UNITS[each.unit][1] for each in path.planned}
@@ -88,7 +84,7 @@ class ReplayTask:
         if not chosen.fastest:
             speed = chosen.speed
             return replay_at(path, path.moments(speed), speed=speed, **options), None
-        tolerance = self.run_settings.tolerance
+        tolerance = self.settings.tolerance
         joints = None if tolerance.deg is None else math.radians(tolerance.deg)
         foot = None if tolerance.cm is None else 0.01 * tolerance.cm
         measure = Measure.of(path, joints, foot, arm)
@@ -97,28 +93,41 @@ class ReplayTask:
 
     def arm(self) -> Leg | None:
         """The leg or arm of the settings, with the recording's joint names."""
-        leg = load_leg(find_leg(self.run_settings.leg, self.recording.folder))
+        leg = load_leg(find_leg(self.settings.leg, self.recording.folder))
         if leg is None:
             return None
-        recorded_names = {name: joint for joint, name in self.replay.urdf_joints.items()}
+        recorded_names = {name: joint for joint, name in self.settings.replay.urdf_joints.items()}
         names = tuple(recorded_names.get(name, name) for name in leg.joint_names)
         return replace(leg, joint_names=names)
 
 
 def tasks_of(
-    run: settings.Run,
-    replay: settings.Replay,
+    run: settings.ReplayRun,
     recordings: Sequence[Recording],
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[ReplayTask, ...]:
     """A task for every recording."""
-    _check_tolerance(run, replay)
-    rate = None  # that of the recording
+    replay, tolerance, fastest = run.replay, run.tolerance, "‹replay.fastest = true›"
+    has_tolerance = tolerance.deg is not None or tolerance.cm is not None
+    if tolerance.deg is not None and tolerance.cm is not None:
+        raise BadSetting("‹tolerance.deg› and ‹tolerance.cm›: expected one of them; leave one out")
+    if tolerance.cm is not None and find_leg(run.leg) is None:
+        raise BadSetting("‹tolerance.cm› is for a foot: name its leg or arm with ‹leg.urdf›")
+    if replay.fastest and not has_tolerance:
+        raise BadSetting(f"{fastest} needs ‹tolerance.deg› or ‹tolerance.cm›")
+    if replay.retime != "constant" and not replay.fastest:
+        key = marked("replay.retime", replay.retime)
+        raise BadSetting(f"{key} has no effect without {fastest}")
+    if replay.fastest and "speed" in replay.keys_set:
+        raise BadSetting(f"‹replay.speed› is what {fastest} finds")
+    rate, folder = None, ""
     if recordings[0].dataset:
         rate = find_dataset(recordings[0].file).rate
     elif len(recordings) > 1 and (logs := first_logs(recordings)):
         rate = 1.0 / float(np.median([log.period for log in logs]))
-    if len(recordings) == 1:  # of several, recordings of unsuitable length are left out
+    if len(recordings) > 1:
+        folder = str(Path.cwd())  # workers have another one
+    else:  # of several, recordings of unsuitable length are left out
         check_length(
             recordings[0].read(),
             speed=replay.speed,
@@ -126,42 +135,33 @@ def tasks_of(
             end=replay.end_s,
             rate=replay.rate_hz or rate,
         )
-    models = joint_models(run.model, replay, recordings, progress)
-    folder = str(Path.cwd()) if len(recordings) > 1 else ""  # workers have another folder
+    models = _models_of(run, recordings, progress)
     return tuple(
-        ReplayTask(
-            recording=replace(each, folder=folder),
-            models=models,
-            replay=replay,
-            run_settings=run,
-            rate=rate,
-        )
+        ReplayTask(recording=replace(each, folder=folder), models=models, settings=run, rate=rate)
         for each in recordings
     )
 
 
-def joint_models(
-    model: settings.Model,
-    replay: settings.Replay,
-    recordings: Sequence[Recording],
-    progress: Callable[[str], None],
+def _models_of(
+    run: settings.ReplayRun, recordings: Sequence[Recording], progress: Callable[[str], None]
 ) -> JointModels:
     """The models that the settings name, or models identified from the recordings."""
-    if model.file == settings.SHIPPED_MODEL and "file" not in model.keys_set:
-        raise BadSetting(
-            "‹model.file› is missing: name a file that `identify` wrote, or identify the joints "
-            f"from the recording itself with {marked('model.file', settings.FROM_LOG)}"
-        )
-    if model.file == settings.FROM_URDF:
-        raise BadSetting(f"{marked('model.file', settings.FROM_URDF)} has no effect on a replay")
+    model, joints = run.model, run.replay.joints
     if model.file == settings.SHIPPED_MODEL:
+        if "file" not in model.keys_set:
+            raise BadSetting(
+                "‹model.file› is missing: name a file that `identify` wrote, or identify the "
+                f"joints from the recording itself with {marked('model.file', settings.FROM_LOG)}"
+            )
         return JointModels(by_joint={"": JointModel.ers210a()}, words=model_words(model))
+    if model.file == settings.FROM_URDF:
+        raise BadSetting(f"{marked('model.file', model.file)} has no effect on a replay")
     if model.file == settings.FROM_LOG:
-        return models_from(recordings, replay.joints, progress)
+        return models_from(recordings, joints, progress)
     file = read_model_file(model.file)
     models = {**({} if file.common is None else {"": file.common}), **file.by_joint}
     recorded = [log.joint for log in first_logs(recordings)]
-    used = replay.joints or [name for name in recorded if not is_gripper(name)] or recorded
+    used = joints or [name for name in recorded if not is_gripper(name)] or recorded
     of_joints = {name: models.get(name, file.common) for name in used}
     words = refusal({name: each.evidence for name, each in of_joints.items() if each})
     return JointModels(
@@ -218,9 +218,9 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
 
 def missed(task: ReplayTask, replay: Replay) -> list[str]:
     """Messages about the tolerances that a replay misses, in the plan's norm."""
-    tolerance, messages = task.run_settings.tolerance, []
+    tolerance, messages = task.settings.tolerance, []
     rounding = 1.0 + 1e-9
-    norm = "max" if task.replay.fastest else task.run_settings.plan.norm or "rms"
+    norm = "max" if task.settings.replay.fastest else task.settings.plan.norm or "rms"
     if tolerance.deg is not None:
         for joint in replay.planned:
             unit, factor = LOG_UNITS[joint.path.unit]
@@ -233,23 +233,6 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
         if ratio > rounding:
             messages.append(off_by("the foot", ratio * tolerance.cm, "cm", norm, tolerance.cm))
     return messages
-
-
-def _check_tolerance(run: settings.Run, replay: settings.Replay) -> None:
-    """Refuse settings of the fastest replay that do not go together."""
-    fastest = "‹replay.fastest = true›"
-    both = run.tolerance.deg is not None, run.tolerance.cm is not None
-    if all(both):
-        raise BadSetting("‹tolerance.deg› and ‹tolerance.cm›: expected one of them; leave one out")
-    if run.tolerance.cm is not None and find_leg(run.leg) is None:
-        raise BadSetting("‹tolerance.cm› is for a foot: name its leg or arm with ‹leg.urdf›")
-    if replay.fastest and not any(both):
-        raise BadSetting(f"{fastest} needs ‹tolerance.deg› or ‹tolerance.cm›")
-    if replay.retime != "constant" and not replay.fastest:
-        key = marked("replay.retime", replay.retime)
-        raise BadSetting(f"{key} has no effect without {fastest}")
-    if replay.fastest and "speed" in replay.keys_set:
-        raise BadSetting(f"‹replay.speed› is what {fastest} finds")
 
 
 def _limits(limits: settings.Limits, logs: Sequence[Log]) -> dict[str, tuple[float, float]] | None:
@@ -284,7 +267,7 @@ def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: s
 
 def write(file: str, task: ReplayTask, replay: Replay) -> None:
     """Write the requests of one recording."""
-    form = task.replay.write_as
+    form = task.settings.replay.write_as
     if form in ("csv", "joints", "lerobot"):
         write_replay(file, task.recording, replay, form)
         return
@@ -313,8 +296,9 @@ def replay_many(
     number of recordings, but for their figures. Returns the answer for machines, and that folder.
     """
     first = recordings[0]
+    run = first.settings
     models = {name: repr((each, each.evidence)) for name, each in first.models.by_joint.items()}
-    inputs = {"models": models, "rate": first.rate, **_chosen(first.run_settings, first.replay)}
+    inputs = {"models": models, "rate": first.rate, **_chosen(run)}
     results = Results(output, inputs, resume=resume)
     tasks = [Task(each.recording.name, each, _inputs(each.recording)) for each in recordings]
     failed = carry_out(replayed, tasks, results, executor, progress=progress)
@@ -343,17 +327,17 @@ def replay_many(
             add(rows, head["task"])
             figures.append(head["figures"])
         document: dict[str, Any] = {
-            "track": first.replay.track,
-            "why": WHY[first.replay.track],
+            "track": run.replay.track,
+            "why": WHY[run.replay.track],
             "models": first.models.words,
-            "speed": None if first.replay.fastest else first.replay.speed,
+            "speed": None if run.replay.fastest else run.replay.speed,
             "recordings": figures,
             "left_out": failed,
             "remarks": [*first.models.remarks, *resent_words(figures)],
         }
         if not failed:
-            every = [each.recording for each in recordings]
-            document |= made_from(origin_of(first.run_settings, first.replay, every), document)
+            origin = origin_of(run, [each.recording for each in recordings])
+            document |= made_from(origin, document)
         about[ABOUT] = to_json(document)
     if not failed:
         results.remove()
@@ -366,25 +350,20 @@ def replayed(task: ReplayTask) -> bytes:
     return encoded(lerobot_episode(task.recording, replay), episode_results(replay))
 
 
-def origin_of(
-    run: settings.Run, replay: settings.Replay, recordings: Sequence[Recording]
-) -> dict[str, Any]:
+def origin_of(run: settings.ReplayRun, recordings: Sequence[Recording]) -> dict[str, Any]:
     """The inputs of a dataset, before any recording is read or identified."""
     return {
         "model": digest_of(run.model.file),
-        **_chosen(run, replay),
+        **_chosen(run),
         "recordings": [[each.name, _inputs(each)] for each in recordings],
     }
 
 
-def _chosen(run: settings.Run, replay: settings.Replay) -> dict[str, Any]:
+def _chosen(run: settings.ReplayRun) -> dict[str, Any]:
     """The settings of a replay, and the content of the URDF that they name."""
-    leg = find_leg(run.leg)
-    return {
-        "replay": replay.values(),
-        **{name: getattr(run, name).values() for name in ("limits", "plan", "tolerance", "leg")},
-        "urdf": None if leg is None else digest_of(leg.urdf),
-    }
+    leg, names = find_leg(run.leg), ("replay", "limits", "plan", "tolerance", "leg")
+    chosen = {name: getattr(run, name).values() for name in names}
+    return {**chosen, "urdf": None if leg is None else digest_of(leg.urdf)}
 
 
 def _inputs(recording: Recording) -> str:

@@ -59,8 +59,7 @@ FOOT = "foot"
     "--reidentify/--no-reidentify", "Whether the cycles may identify the models anew.", default=True
 )
 @options.output
-@options.option("--report", "Write a page (HTML) about what was learnt.", options.OUTPUT)
-@options.answers
+@options.answers("Write a page (HTML) about what was learnt.")
 def refine(
     *,
     run: Run,
@@ -72,7 +71,6 @@ def refine(
     sensor_delay_ms: float | None,
     reidentify: bool,
     output: str,
-    report: str | None,
 ) -> Answer:
     """Learn from executed REQUESTS and the angles MEASURED meanwhile: write the next requests.
 
@@ -162,11 +160,12 @@ def refine(
             if plan.learning
         }
         write_history(history, desired.angles, states)
-    learnt, html = {name: every[name] for name in every if name not in missing}, ""
+    learnt = {name: every[name] for name in every if name not in missing}
     trials = trials_of(desired, learnt)
-    if report is not None:
+
+    def page(place: str) -> str:
         plans = list(learnt.values())
-        page = learning_page(
+        about_learning = learning_page(
             plans[0] if len(plans) == 1 else joined(plans),
             executed=executed.values[:, columns],
             measured=angles.angles.mean(axis=0),
@@ -176,11 +175,12 @@ def refine(
         )
         origins = [("path", path), ("model", run.model.file)]
         files = [*files_of(origins), ("requests", output), ("history", history)]
-        html = page.html(report, origins, files)
+        return about_learning.html(place, origins, files)
+
     rows = np.hstack([plan.requests for plan in every.values()])
     loads = load_columns([load for plan in every.values() for load in plan.task.loads], len(rows))
     joints = {
-        name: joint_results(plan, k, desired.unit(desired.names.index(name)))
+        name: joint_results(plan, k, desired.shown_units[name])
         for plan in every.values()
         for k, name in enumerate(plan.names)
     }
@@ -195,7 +195,7 @@ def refine(
         },
         f"{count} of {len(rows)} requests; {model_words(run.model)}\n{trials_text(trials)}",
         lambda file: desired.write(file, rows, loads),
-        pages=[(report, html)],
+        page,
     )
 
 
@@ -206,27 +206,20 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False)
     """
     from planner.cli.planning import plan_of, task_of
     from planner.planning.plan import Plan
-    from planner.planning.task import limits_of_each
 
-    plan_settings, load = desired.settings.plan, desired.load
-    of_foot = plan_settings.method == "foot-optimal"
+    chosen, load = desired.settings.plan, desired.load
+    of_foot = chosen.method == "foot-optimal"
     if of_foot and (desired.leg is None or desired.foot is None):
         raise BadSetting('‹plan.method = "foot-optimal"› plans for a foot path of a leg')
+    by_joint = by_joint or not of_foot
     setup = replace(desired, load=load(desired.angles) if callable(load) else load)
-    single = by_joint or not of_foot
-    if single:
-        plan_settings = plan_settings.having(method="optimal")
-        setup = replace(setup, settings=desired.settings.having(plan=plan_settings), limits={})
-    task = task_of(setup)
+    task = task_of(setup, by_joint=by_joint, in_limits=not by_joint)
     task = replace(task, load_of_pose=callable(load) and task.load is not None)
-    if not single:
+    if not by_joint:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
-    lower, upper = limits_of_each(desired.limits, desired.names)
-    angles = desired.angles
-    if of_foot:
-        angles = plan_of(desired, bounded=False).predicted  # not the executed requests
-    task = replace(task, lower=lower, upper=upper, desired=angles)
-    plan = Plan(task=task, requests=requests, solver=plan_settings.solver or "gauss-newton")
+    if of_foot:  # what its joints were to do there, not the executed requests
+        task = replace(task, desired=plan_of(desired, bounded=False).predicted)
+    plan = Plan(task=task, requests=requests, solver=chosen.solver or "gauss-newton")
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}
 
 
@@ -299,7 +292,7 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> list[Trials]:
         rows.append(
             Trials(
                 name=name,
-                unit="cm" if foot else desired.unit(desired.names.index(name)),
+                unit="cm" if foot else desired.shown_units[name],
                 errors=factor * learning.errors,
                 predicted=factor * learning.next_error,
                 bound=math.nan if no_bound(plan) else factor * bound,

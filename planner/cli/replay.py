@@ -10,8 +10,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Answer, Progress, remark, warn
-from planner.cli.settings import SMOOTHING, TOLERANCE, Run
-from planner.cli.settings import Replay as ReplaySettings
+from planner.cli.settings import SMOOTHING, TOLERANCE, ReplayRun
 from planner.files.staging import check_folder, check_writable, claimed
 
 if TYPE_CHECKING:
@@ -48,16 +47,13 @@ NORM = "the plan's norm, or with --fastest the largest error"
 )
 @options.recording_options
 @options.output_or_folder
-@options.option("--report", "Write a page (HTML) about the replay.", options.OUTPUT)
 @options.parallel
-@options.answers
+@options.answers("Write a page (HTML) about the replay.")
 def replay(
     *,
-    run: Run,
-    replay: ReplaySettings,
+    run: ReplayRun,
     logs: tuple[str, ...],
     output: str,
-    report: str | None,
     workers: int | None,
     scheduler: str | None,
     resume: bool,
@@ -100,23 +96,23 @@ def replay(
 
     options.check_parallel(workers, scheduler)
     recordings = recordings_in(logs, options.to_log_options({**choices, "joint": "all"}))
-    check_writing(replay.write_as, recordings, output)
-    if replay.write_as in FOLDERS:  # which with the results beside it is this command's
+    check_writing(run.replay.write_as, recordings, output)
+    if run.replay.write_as in FOLDERS:  # which with the results beside it is this command's
         check_folder(output)
         click.get_current_context().with_resource(claimed(output))
     elif output != "-":
         check_writable(output)
-    origin = origin_of(run, replay, recordings) if len(recordings) > 1 and resume else None
+    origin = origin_of(run, recordings) if len(recordings) > 1 and resume else None
     if origin is not None and (before := finished(output, ABOUT, origin)):
         count = len(before["recordings"])
         remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
-        return _answer(before, logs, report=report)
+        return _answer(before, logs)
     with Progress() as progress:
-        tasks = tasks_of(run, replay, recordings, progress)
+        tasks = tasks_of(run, recordings, progress)
     for each in tasks[0].models.remarks:
         warn(each)
     if len(tasks) == 1:
-        return _replay_one(tasks[0], output=output, report=report)
+        return _replay_one(tasks[0], output)
     with (
         executor_of(workers, scheduler) as executor,
         Progress(len(tasks), parallel=True) as progress,
@@ -126,21 +122,22 @@ def replay(
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)
-    return _answer(document, logs, kept=kept, report=report)
+    return _answer(document, logs, kept)
 
 
-def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
+def _replay_one(task: ReplayTask, output: str) -> Answer:
     from planner.cli.recordings import missed, write
     from planner.report.replay_page import fastest_results, replay_page, replay_results, replay_text
 
-    page = ""
     with Progress() as progress:
         result, fastest = task.run(progress)
         progress("the errors of other requests")
         content = replay_results(result, task.models.words, task.models.remarks)
         words = replay_text(result, task.models.words, fastest)
         misses = missed(task, result)
-        if report is not None:
+
+    def page(place: str) -> str:
+        with Progress() as progress:
             progress("the page")
             arm, recording = task.arm(), task.recording
             about = replay_page(
@@ -154,7 +151,8 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
             )
             origins = [("recording", recording.name), ("track", result.path.track)]
             files = [("recording", recording.path), ("requests", output)]
-            page = about.html(report, origins, files)
+            return about.html(place, origins, files)
+
     if fastest is not None:
         content |= {"fastest": fastest_results(fastest)}
     for each in result.path.remarks:
@@ -163,28 +161,24 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None) -> Answer:
         content,
         words,
         lambda file: write(file, task, result),
-        pages=[(report, page)],
+        page,
         failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",
     )
 
 
-def _answer(
-    document: Mapping[str, Any],
-    logs: Sequence[str],
-    *,
-    kept: Path | None = None,
-    report: str | None,
-) -> Answer:
+def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None = None) -> Answer:
     """The errors of the plans of many recordings, and a warning for each that failed."""
     from planner.report.episodes_page import episodes_page, episodes_text
 
-    page, failure = "", ""
-    if report is not None:
+    failure = ""
+
+    def page(place: str) -> str:
         with Progress() as progress:
             progress("the page")
             title = ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
             origins = [*(("recordings", name) for name in logs), ("track", document["track"])]
-            page = episodes_page(document, title=title).html(report, origins)
+            return episodes_page(document, title=title).html(place, origins)
+
     if failed := document["left_out"]:
         count = len(document["recordings"]) + len(failed)
         failure = (
@@ -194,7 +188,7 @@ def _answer(
     return Answer(
         document,
         episodes_text(document),
-        pages=[(report, page)],
+        page=page,
         failure=failure,
         warnings=[f"{name} is left out: {reason}" for name, reason in failed.items()],
     )

@@ -33,7 +33,7 @@ STEPS = {"model": 16, "virtual": 27}
     click.Choice(["model", "virtual"]),
     default="model",
 )
-@options.answers
+@options.answers()
 def reproduce(*, out: str, robot: str) -> Answer:
     """Run the paper's experiment again and put every figure beside the paper's own.
 

@@ -37,7 +37,7 @@ HEADING = (
 @options.option("--out", "Folder for the results, whatever the file says.", options.FOLDER)
 @options.option("--check", "Only check the file and the files that it names.", bool)
 @options.option("--template", "Print a file with every key, to begin with.", bool)
-@options.answers
+@options.answers()
 def run(*, file: str | None, out: str | None, check: bool, template: bool) -> Answer | None:
     """Carry out what RUN.toml describes: leg, models, path, method, limits and outputs.
 

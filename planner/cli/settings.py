@@ -477,6 +477,12 @@ class Run(Settings):
     export: tuple[Export, ...] = ()
 
 
+class ReplayRun(Run):
+    """A run of the command `replay`."""
+
+    replay: Replay = Replay()
+
+
 def _tried(about: str, *values: float, active: bool = False) -> Any:
     """A parameter, with example values, which a template sets if ``active``."""
     return setting(about, example=list(values), set_to=values if active else None)

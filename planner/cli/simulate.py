@@ -26,7 +26,7 @@ from planner.exceptions import InvalidFile, about
 )
 @options.option("--desired", "Joint path to compare the angles with.", options.INPUT)
 @options.output
-@options.answers
+@options.answers()
 def simulate(
     *,
     run: Run,
@@ -81,7 +81,7 @@ def simulate(
         inputs.names,
         inputs.models,
         predicted,
-        units=inputs.planned_units,
+        units=[*inputs.shown_units.values()],
         desired=None if path is None else path.values,
         cyclic=cyclic,
         loads=loads,

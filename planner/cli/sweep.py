@@ -41,7 +41,7 @@ HEADING = (
 )
 @options.option("--template", "Print a file with every key, to begin with.", bool)
 @options.parallel
-@options.answers
+@options.answers()
 def sweep(
     *,
     file: str | None,
