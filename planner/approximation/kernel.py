@@ -60,9 +60,7 @@ def open_ended(desired: Array, weights: Array, step: float) -> Array:
 
 
 @compiled
-def segment_costs(
-    desired: Array, step: float, nodes: Indices, states: Array, fixed: Mask, by_lines: bool
-) -> Array:
+def segment_costs(desired: Array, step: float, nodes: Indices, states: Array, fixed: Mask) -> Array:
     """Squared errors of segments between nodes, each over the samples after its start.
 
     Args:
@@ -71,8 +69,6 @@ def segment_costs(
         nodes: Samples where knots may lie, increasing, shape (m,).
         states: Values that the curve may have there, shape (m, g); infinite where there are fewer.
         fixed: Which nodes must be knots, shape (m,).
-        by_lines: Whether a segment is the best line within the slopes through its samples, whatever
-            its states, of which there is one.
 
     Returns:
         Costs by end and start, shape (m g, m g), infinite where a segment is too steep, does not
@@ -94,13 +90,8 @@ def segment_costs(
             d0, d2 = d0 + sums[j, 0], d2 + sums[j, 2]
             length = float(nodes[j] - nodes[i])
             w1 = 0.5 * length * (length + 1.0)
-            if by_lines:
-                sxx, sxy = length * (length * length - 1.0) / 12.0, d1 - w1 * d0 / length
-                slope = min(max(sxy / max(sxx, 1e-9), -step), step)
-                cost = d2 - d0 * d0 / length + slope * (slope * sxx - 2.0 * sxy)
-                costs[j, i] = max(cost, 0.0)
             w2 = w1 * (2.0 * length + 1.0) / 3.0
-            for start in range(0 if by_lines else count):
+            for start in range(count):
                 a = states[i, start]
                 for end in range(count):
                     slope = (states[j, end] - a) / length

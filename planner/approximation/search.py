@@ -1,25 +1,19 @@
-"""The search for knots: chains on grids, descents, and moves of single knots.
+"""The search for knots: chains on grids, bottom-up merging, descents, and moves of single knots.
 
-Nothing is proved here. Cheapest chains are starts of descents
+Nothing is proved here. Cheapest chains and merged samples are starts of descents
 (:mod:`planner.approximation.values`); a lattice around the best of them gives more. The squared
 error has a kink wherever a knot meets a sample, so a local minimum between any two samples is
 possible; so the knots of the best two curves are moved across samples, one at a time, each move
-with a descent of its own. Beyond 32 segments, knots come from bottom-up merging and one descent.
+with a descent of its own. Beyond 32 segments, knots come from merging and one descent.
 Samples that are piecewise linear already have their corners read off.
 
 A segment from one sample to another has a cost that needs no other segment, so the cheapest chain
 of a given number of segments is a shortest path (Bellman, On the approximation of curves by line
-segments using dynamic programming, 1961; (5a) of docs/math.md). Two costs are used, as they fail on
-different data:
-
-- by states: at each node one of a few angles around the ideal may be taken, and a segment between
-  two of these states has its exact squared error as its cost, infinite if it is too steep. So the
-  cheapest chain is continuous, within the slopes, and best of all on the lattice. With the ideal as
-  the only state, chains need no curve to begin with;
-- by lines: the segment is the best line with a slope within the bounds through its own samples of
-  the ideal; insensitive to noise, but the lines need not meet. Of 150 fits of 2 to 15 segments 7 %
-  are worse by 0.1 % or more without it, by 21 % at worst, and 13 % without chains of one state, by
-  7 % at worst.
+segments using dynamic programming, 1961; (5a) of docs/math.md). At each node one of a few angles
+around the ideal may be taken, and a segment between two of these states has its exact squared error
+as its cost, infinite if it is too steep. So the cheapest chain is continuous, within the slopes,
+and best of all on the lattice. With the ideal as the only state, chains need no curve to begin
+with.
 """
 
 from __future__ import annotations
@@ -93,9 +87,9 @@ NODES = 128
 """Most nodes of a grid without angles: costs take this number squared. 64: 2.5 % of the fits at
 n = 88 worse by 0.1 %, by 2 % at worst; 256: no change there."""
 
-ANCHORS = 6
-"""Places of a cycle at which chains begin and end, its sharpest corner among them. 3: 0.03 % more
-error in the mean, 6 % at worst."""
+ANCHORS = 8
+"""Places of a cycle at which chains begin and end, its sharpest corner among them. 4: 0.03 % more
+error in the mean, 3 % at worst."""
 
 BEND = 1e-10
 """Second difference, relative to the size of the samples, that counts as zero."""
@@ -129,8 +123,7 @@ class KnotSearch:
 
     def rough_error(self, segments: int) -> float:
         """Squared error of the best start of the search."""
-        known = self.curve(segments) if segments > PROPOSED else self._starts(segments)[0]
-        return known.error
+        return self._starts(segments)[0].error
 
     def valued(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""
@@ -157,11 +150,6 @@ class KnotSearch:
         problem = self.problem
         if self.exact is not None and segments == problem.segments(self.exact.knots):
             return self.exact
-        if segments > PROPOSED:
-            count = segments if problem.cyclic else segments + 1
-            knots = with_required(problem, np.sort(self._ranked[:count]))
-            knots = even_knots(problem, segments) if knots is None else knots
-            return descend_by_windows(problem, self.valued(knots), rounds=FEW)
         starts = self._starts(segments)
         best = starts[0]
         if best.knots.size > WINDOW or best.error <= 1e-22 * problem.samples:
@@ -173,7 +161,10 @@ class KnotSearch:
     def _begin(self, segments: int) -> list[Candidate]:
         """Curves a few evaluations from the proposals, the best first."""
         problem = self.problem
-        proposals = proposed_knots(problem, self.ideal, segments)
+        count = segments if problem.cyclic else segments + 1
+        merged = with_required(problem, np.sort(self._ranked[:count]))
+        chains = [] if segments > PROPOSED else proposed_knots(problem, self.ideal, segments)
+        proposals = [*chains, *([] if merged is None else [merged])]
         proposals = proposals or [even_knots(problem, segments)]
         if proposals[0].size <= WINDOW:
             starts = [best_values(problem, knots) for knots in proposals]
@@ -181,7 +172,8 @@ class KnotSearch:
             return sorted(rough, key=by_error)
         starts = sorted(map(self.valued, proposals), key=by_error)[:2]
         rough = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts]
-        return [descend_by_windows(problem, min(rough, key=by_error), rounds=MANY)]
+        best = min(rough, key=by_error)
+        return [best if segments > PROPOSED else descend_by_windows(problem, best, rounds=MANY)]
 
 
 def by_error(curve: Candidate) -> float:
@@ -285,7 +277,7 @@ def exact_curve(problem: Problem) -> Candidate | None:
 
 
 def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]:
-    """Knots of the cheapest chains through the ideal and by lines, without duplicates."""
+    """Knots of the cheapest chains through the ideal, without duplicates."""
     n, starts = problem.samples, [0]
     if problem.cyclic:
         fixed = np.unique(nearest_samples(problem.required) % n)
@@ -293,13 +285,12 @@ def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]
         even = even[np.unique(np.arange(ANCHORS) * even.size // ANCHORS)]
         starts = (fixed[:ANCHORS] if fixed.size else even).tolist()
     proposals: dict[bytes, Array] = {}
-    by_lines = problem._replace(desired=ideal)
-    for own, states in ((problem, ideal[:, np.newaxis]), (by_lines, None)):
-        for first in starts:
-            knots = cheapest_knots(own, segments, nodes=NODES, first=first, states=states)
-            if knots is not None:
-                order = np.sort(knots % n if problem.cyclic else knots)
-                proposals.setdefault(order.tobytes(), knots)
+    for first in starts:
+        states = ideal[:, np.newaxis]
+        knots = cheapest_knots(problem, segments, nodes=NODES, first=first, states=states)
+        if knots is not None:
+            order = np.sort(knots % n if problem.cyclic else knots)
+            proposals.setdefault(order.tobytes(), knots)
     return list(proposals.values())
 
 
@@ -315,7 +306,7 @@ def _nodes(problem: Problem, nodes: int, first: int) -> Indices:
 
 
 def cheapest_knots(
-    problem: Problem, segments: int, *, nodes: int, first: int, states: Array | None
+    problem: Problem, segments: int, *, nodes: int, first: int, states: Array
 ) -> Array | None:
     """Knots of the cheapest chain on a grid.
 
@@ -326,7 +317,7 @@ def cheapest_knots(
             this number, times that of the states, squared.
         first: Of a cycle, the sample where a chain begins and ends.
         states: Angles that a knot may have at every sample, infinite where there are fewer, shape
-            (n, g); None for costs by lines.
+            (n, g).
 
     Returns:
         Knots, of a cycle without its end; None if no chain is within the slopes.
@@ -340,11 +331,11 @@ def cheapest_knots(
     required = required % n if cyclic else required
     desired, stays = problem.desired[around], np.zeros(grid.size, dtype=np.bool_)
     stays[np.searchsorted(grid, required)] = True
-    own = (desired[:, np.newaxis] if states is None else states[around])[grid]
+    own = states[around][grid]
     for place, pin in zip(required, problem.pins, strict=True):
         if np.isfinite(pin) and own.shape[1] > 1:
             own[grid % n == place] = pin, *(np.inf,) * (own.shape[1] - 1)
-    costs = kernel.segment_costs(desired, problem.step, grid, own, stays, states is None)
+    costs = kernel.segment_costs(desired, problem.step, grid, own, stays)
     way = kernel.cheapest_chain(costs, (own[0] - desired[0]) ** 2, segments)
     if not way.size:
         return None

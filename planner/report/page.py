@@ -28,7 +28,7 @@ from planner.report.wording import breakable, environment
 if TYPE_CHECKING:
     from planner.model.joint import JointModel
 
-LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib", "plotly")
+LIBRARIES = ("numpy", "scipy", "casadi", "clarabel", "cvxpy", "pin", "matplotlib", "plotly")
 """Libraries whose versions a page lists."""
 
 Written = Iterable[tuple[str, "Path | str | None"]]

@@ -21,7 +21,7 @@ HEAVY = (
     "meshcat",
     "mujoco",
     "numpy",
-    "osqp",
+    "clarabel",
     "pinocchio",
     "pyarrow",
     "pyscipopt",
