@@ -21,7 +21,6 @@ HEAVY = (
     "meshcat",
     "mujoco",
     "numpy",
-    "clarabel",
     "pinocchio",
     "pyarrow",
     "pyscipopt",
