@@ -194,24 +194,10 @@ def instance(request):
     return rng.normal(scale=0.5, size=SAMPLES), rng.random(len(NODES)) < 0.3
 
 
-def test_a_segment_costs_what_the_best_line_within_the_slopes_leaves(instance):
-    desired, fixed = instance
-    costs = segment_costs(desired, STEP, NODES, np.zeros((len(NODES), 1)), fixed, True)
-    for i, j, possible in pairs(fixed):
-        expected = np.inf
-        if possible:
-            start, end = NODES[i], NODES[j]
-            # The error is a parabola of the slope: the nearest slope within the bounds is best.
-            k, part = np.arange(1, end - start + 1), desired[start + 1 : end + 1]
-            slope = np.clip(np.polyfit(k, part, 1)[0], -STEP, STEP) if len(k) > 1 else 0.0
-            expected = squared_error(desired, start, end, np.mean(part - slope * k), slope)
-        assert costs[j, i] == pytest.approx(expected, abs=1e-12)
-
-
 def test_a_chord_costs_its_squared_error_where_it_is_not_too_steep(instance):
     desired, fixed = instance
     states = np.stack([desired[NODES] - 0.1, desired[NODES] + 0.2], axis=1)
-    costs = segment_costs(desired, STEP, NODES, states, fixed, False)
+    costs = segment_costs(desired, STEP, NODES, states, fixed)
     for i, j, possible in pairs(fixed):
         for a, b in np.ndindex(2, 2):
             start, end, expected = NODES[i], NODES[j], np.inf
