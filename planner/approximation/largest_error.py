@@ -296,7 +296,7 @@ def _best_lines(
     starts = lines.first - lines.first[0]
     parts = zip(starts, np.split(desired, starts[1:]), strict=True)
     hull = np.concatenate([start + _corners(part) for start, part in parts])
-    rises = sparse.eye(size, 2 * size, size) - sparse.eye(size, 2 * size)
+    rises: Any = sparse.eye(size, 2 * size, size) - sparse.eye(size, 2 * size)
     slopes = rises @ lines.values / np.diff(lines.ends)
     convex = np.where(slopes[lines.joints] >= slopes[lines.joints - 1], 1.0, -1.0)
     ordered = [
