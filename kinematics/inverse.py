@@ -72,11 +72,7 @@ class InverseSolution(NamedTuple):
 
 
 def solve_inverse(leg: Leg, foot: Array, unreachable: Unreachable) -> InverseSolution:
-    """Joint angles that put the foot at each point of a path [m], (n, 3): ``Leg.inverse``.
-
-    Without a closed form poses are sought numerically. Each is judged by the chain's forward
-    kinematics.
-    """
+    """Joint angles that put the foot at each point of a path [m], (n, 3): ``Leg.inverse``."""
     chain, limits, closed_form = leg.chain, leg.limits, leg.closed_form
     check_choice("unreachable", unreachable, get_args(Unreachable))
     if len(chain.axes) > MOST_JOINTS:

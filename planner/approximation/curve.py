@@ -214,16 +214,10 @@ class CurveStack(_Curves):
 def lines_in_force(
     first: npt.NDArray[np.intp], samples: int, *, cyclic: bool
 ) -> npt.NDArray[np.intp]:
-    """Which line counts at every sample.
+    """Which line counts at every sample, (m, n); of several that begin at once the last.
 
-    Args:
-        first: Sample from which on each line counts, of a cycle any turn, not decreasing and no
-            further than a cycle apart, shape (m, s).
-        samples: Number of samples n.
-        cyclic: Whether the last line of a cycle counts until the first begins anew.
-
-    Returns:
-        Numbers of lines, shape (m, n). Where several begin at once, the last of them counts.
+    Lines count from samples ``first`` on, (m, s), not decreasing, of a cycle in any turn and no
+    further than a cycle apart. The last line of a cycle counts until the first begins anew.
     """
     count, size = first.shape
     turn, place = np.divmod(first, samples) if cyclic else (None, np.clip(first, 0, samples))

@@ -44,18 +44,10 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
     """The curve of least squared error with as many segments as ``start`` and knots on samples.
 
     Branch and bound: places of knots through which every chain of :class:`Relaxation` costs more
-    than the best curve known are struck out; the rest is halved.
+    than the best curve known are struck out; the rest is halved. Required knots lie on samples. The
+    squared error exceeds the least possible by no more than :data:`PROVED` of it.
 
-    Args:
-        problem: The approximation problem, required knots on samples.
-        start: A curve from whose knots, put on samples, the search begins.
-
-    Returns:
-        The best curve; its squared error exceeds the least possible by no more than
-        :data:`PROVED` of it.
-
-    Raises:
-        SolverFailed: No proof within :data:`MOST_BRANCHES` halvings.
+    Raises SolverFailed without a proof within :data:`MOST_BRANCHES` halvings.
     """
     n, knots = problem.samples, np.floor(start.knots + 0.5)
     knots = np.sort(np.mod(knots, n)) if problem.cyclic else knots

@@ -96,16 +96,9 @@ LastLines = tuple[Line, Line]
 def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
     """The path of fewest segments through all gates; O(number of gates).
 
-    A path that must have a knot at a gate falls into two parts there. The first part keeps its own
-    fewest segments, since one more would save the second part one at most.
-
-    Args:
-        gates: Gates that slopes within the bound can pass.
-        breaks: Numbers of the gates where there must be a knot, increasing, ends left out.
-
-    Returns:
-        The path; ``fewest`` is its number of segments. Where gates are one sample apart or more,
-        so are its knots.
+    The path must have a knot at the gates whose numbers are ``breaks``, increasing, ends left out:
+    it falls into parts there. A part keeps its own fewest segments, since one more would save the
+    next part one at most. Where gates are one sample apart or more, so are the knots.
     """
     lower, upper = list(gates.lower), list(gates.upper)
     gates = gates._replace(lower=lower, upper=upper)
@@ -137,16 +130,10 @@ def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
 
 
 def fewest_links_around(gates: Gates) -> Course | None:
-    """The cycle of fewest segments; O(number of gates).
+    """The cycle of fewest segments, from an eave on; None if rounding hides all eaves. O(gates).
 
     From the first eave on it is a path to the same line a turn later, which passes both gates that
-    the eave touches.
-
-    Args:
-        gates: Gates of one turn, one sample apart, which no constant passes.
-
-    Returns:
-        The cycle from the eave on; None if rounding hides all eaves.
+    the eave touches. Gates are one sample apart, and no constant passes them.
     """
     n = len(gates.places)
     places = [float(k) for k in range(8 * n)]
@@ -209,14 +196,8 @@ def next_link(
 ) -> Link | LastLines:
     """The line kept next, or the last ones if a line passes all gates from ``start`` to ``last``.
 
-    Up to the last gate that the link before passes, only the ends away from that link count: on the
-    near side the line is beyond it before they cross.
-
-    Args:
-        gates: All gates.
-        last: The last gate that counts.
-        start: The first gate that counts.
-        after: The link before: then the first gate is the one that it touched last.
+    After a link the first gate is the one that it touched last; up to the last gate that it passes,
+    only the ends away from it count: on the near side the line is beyond it before they cross.
     """
     half, rising = -1, False
     if after is not None:

@@ -254,10 +254,6 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     """The curve, slopes within ±v_max but for rounding, in the unit of the samples.
 
     With a largest error, the second is a lower bound on the segments of any curve that keeps it.
-
-    Raises:
-        Infeasible: There is none; names the pair of requirements that contradict each other.
-        SolverFailed: A solver stopped short.
     """
     angles = np.append(problem.desired, problem.pins[np.isfinite(problem.pins)])
     middle = 0.5 * (float(angles.max()) + float(angles.min()))
@@ -292,11 +288,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
 
 
 def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candidate:
-    """The curve for the question, by the search, in its unit [rad].
-
-    Raises:
-        Infeasible: No curve within the slopes, or none of at most so many segments, is as close.
-    """
+    """The curve for the question, by the search, in its unit [rad]."""
     segments, _, max_rms, _, exact = question
     desired, n = search.problem.desired, search.problem.samples
     if max_rms is None and segments is not None:

@@ -63,16 +63,10 @@ def open_ended(desired: Array, weights: Array, step: float) -> Array:
 def segment_costs(desired: Array, step: float, nodes: Indices, states: Array, fixed: Mask) -> Array:
     """Squared errors of segments between nodes, each over the samples after its start.
 
-    Args:
-        desired: Samples, shape (n,).
-        step: Largest change per sample.
-        nodes: Samples where knots may lie, increasing, shape (m,).
-        states: Values that the curve may have there, shape (m, g); infinite where there are fewer.
-        fixed: Which nodes must be knots, shape (m,).
-
-    Returns:
-        Costs by end and start, shape (m g, m g), infinite where a segment is too steep, does not
-        end after its start or passes a fixed node.
+    Knots may lie at ``nodes``, increasing samples, (m,), of which the ``fixed`` ones must be knots,
+    with one of the ``states``, (m, g), infinite where there are fewer. The costs, (m g, m g) by end
+    and start, are infinite where a segment is too steep, does not end after its start or passes a
+    fixed node.
     """
     size, count = states.shape
     costs, sums = np.zeros((size * count, size * count)), np.zeros((size, 3))
@@ -141,18 +135,12 @@ def cheapest_chain(costs: Array, at_start: Array, segments: int) -> Indices:
 def descend(
     problem: Problem, curve: Array, free: Mask, rounds: int, progress: float
 ) -> tuple[Array, float]:
-    """Newton's method on knots and values, damped until it goes down.
+    """Newton's method on knots and values, damped until it goes down; never worse than the start.
 
-    Args:
-        problem: The approximation problem; its required knots are in ``free``.
-        curve: Knots and then values where it starts, within the slopes, shape (2K,); the knots of a
-            cycle within one cycle, which may begin in any turn.
-        free: Which of them move, shape (2K,).
-        rounds: Most evaluations.
-        progress: Relative decrease of the squared error below which the descent ends.
-
-    Returns:
-        The best curve and its squared error; never worse than the start.
+    A ``curve`` is its knots and then its values, within the slopes, (2K,); the knots of a cycle lie
+    within one cycle, which may begin in any turn. Those that are ``free`` move, by at most so many
+    evaluations, until the squared error decreases by a smaller share than ``progress``. Returns the
+    curve and its squared error.
     """
     size = len(curve) // 2
     rows, limits = constraints(problem, size)
@@ -253,8 +241,8 @@ def evaluate(problem: Problem, curve: Array) -> tuple[float, Array, Array, Array
 def constraints(problem: Problem, size: int) -> tuple[Array, Array]:
     """The conditions A x <= b of curves x, knots and then values: no slope too steep, none short.
 
-    The bound on a slope, |y' - y| <= v (t' - t), is linear in knots and values together. The rows,
-    (3S, 2K) for S segments, are those of slopes too high, too low, and lengths of segments.
+    |y' - y| <= v (t' - t) is linear in both. Rows, (3S, 2K): slopes too high, too low, lengths of
+    segments.
     """
     step, count = problem.step, size if problem.cyclic else size - 1
     rows, limits = np.zeros((3 * count, 2 * size)), np.zeros(3 * count)
@@ -283,22 +271,13 @@ def minimise_damped(
     scales: Array,
     damping: float,
 ) -> tuple[Array, bool, float]:
-    """The p that minimises ½ pᵀ(H + λS)p + gᵀp among those with A p <= b.
+    """The p that minimises ½ pᵀ(H + λS)p + gᵀp among those with A p <= b; b >= 0, (r,).
 
-    It is -(H + λS)⁻¹(g + Aᵀu) with the u >= 0 that minimises the dual, ½ uᵀGu - sᵀu with
-    G = A (H + λS)⁻¹ Aᵀ and s = -A (H + λS)⁻¹ g - b.
+    It is -(H + λS)⁻¹(g + Aᵀu) with the u >= 0 that minimises the dual, ½ uᵀGu - sᵀu with G = A (H +
+    λS)⁻¹ Aᵀ and s = -A (H + λS)⁻¹ g - b. Variables that are not ``free`` stay zero; ``scales`` are
+    the diagonal of S. λ grows tenfold until the sum is definite.
 
-    Args:
-        hessian: H, shape (k, k).
-        gradient: g, shape (k,).
-        rows: A, shape (r, k).
-        bounds: b >= 0, shape (r,).
-        free: Which variables are sought, shape (k,); the others stay zero.
-        scales: Diagonal of S, shape (k,).
-        damping: λ; ten times as large as often as it takes to make the sum definite.
-
-    Returns:
-        The step, zero without a solution; whether there is one; and the damping.
+    Returns the step, zero without a solution; whether there is one; and the damping λ.
     """
     nothing, count = np.zeros(len(gradient)), len(rows)
     while True:

@@ -57,19 +57,12 @@ def within_largest_error(
 ) -> tuple[Candidate, int]:
     """The fewest segments whose largest error is within ``bound``, as close as they come.
 
-    Args:
-        problem: The approximation problem, samples of size one.
-        bound: Largest error [unit of the samples]; kept with :data:`BARELY` to spare if that takes
-            no more segments.
-        most: Most segments; None for any number.
-        unit: Unit of the samples [rad], for the messages.
+    Returns the curve, no error above ``bound`` (1 + :data:`BARELY`), and below by as much if that
+    takes no more segments; and a lower bound on the segments of any: for paths their number itself.
+    ``most`` are the most segments, ``unit`` is that of the samples [rad], for the messages.
 
-    Returns:
-        The curve, no error above ``bound`` (1 + :data:`BARELY`), and a lower bound on the segments
-        of any: for paths their number itself.
-
-    Raises:
-        Infeasible: No curve within the slopes, or none of at most so many segments, is as close.
+    Raises Infeasible where no curve within the slopes, or none of at most so many segments, is as
+    close.
     """
     attainable = attainable_error(problem.desired, problem.step, cyclic=problem.cyclic)
     if bound < attainable * (1.0 - BARELY):
@@ -112,10 +105,8 @@ def within_largest_error(
 def minimum_link(problem: Problem, bound: float) -> Course:
     """The curve of fewest segments with no error above ``bound``; O(n).
 
-    Returns:
-        The curve. It has as few segments as possible; a cycle with required knots at most one more.
-        All segments of a path are a sample long or longer if required knots lie on samples, and
-        those of a cycle nearly always.
+    A cycle with required knots has at most one more. All segments of a path are a sample long or
+    longer if required knots lie on samples, and those of a cycle nearly always.
     """
     if not problem.cyclic:
         return fewest_links(*gates_of(problem, bound))
@@ -153,11 +144,8 @@ def gates_of(problem: Problem, bound: float, start: float | None = None) -> tupl
 def _cut(problem: Problem, bound: float, place: float) -> Course:
     """A cycle with a knot at a place, as a path from there back to it.
 
-    A path whose ends are free needs no more segments; one that comes back to where it began takes
-    at most one more.
-
-    Returns:
-        The cycle, its ``fewest`` for any place where no knot is required.
+    A path whose ends are free needs no more segments, so that its number bounds that of a cycle;
+    one that comes back to where it began takes at most one more.
     """
     gates, breaks = gates_of(problem, bound, place)
     low, high = gates.reachable()

@@ -249,13 +249,7 @@ def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> i
 
 
 def check_apart(name: str, ends: Array, n: int) -> None:
-    """Raise Infeasible where two knots are less than a sample apart, and name the two.
-
-    Args:
-        name: What they are.
-        ends: The knots, of a cycle the first one again a period later.
-        n: Number of samples.
-    """
+    """Raise Infeasible where two of the knots, of a cycle the first one again, are too close."""
     apart = np.diff(ends)
     k = int(np.argmin(apart))
     if apart[k] < SHORTEST:

@@ -308,19 +308,11 @@ def _nodes(problem: Problem, nodes: int, first: int) -> Indices:
 def cheapest_knots(
     problem: Problem, segments: int, *, nodes: int, first: int, states: Array
 ) -> Array | None:
-    """Knots of the cheapest chain on a grid.
+    """Knots of the cheapest chain on a grid; None if no chain is within the slopes.
 
-    Args:
-        problem: The approximation problem.
-        segments: Number of segments.
-        nodes: Places where knots may lie, if the samples are as many. The cost of a chain takes
-            this number, times that of the states, squared.
-        first: Of a cycle, the sample where a chain begins and ends.
-        states: Angles that a knot may have at every sample, infinite where there are fewer, shape
-            (n, g).
-
-    Returns:
-        Knots, of a cycle without its end; None if no chain is within the slopes.
+    Knots may lie at some ``nodes``, with one of the ``states``, (n, g) at every sample, infinite
+    where there are fewer: costs take the number of both, squared. The chain of a cycle begins and
+    ends at sample ``first``, and has no knot at its end.
     """
     from planner.approximation import kernel
 

@@ -216,20 +216,12 @@ def ideal_of(problem: Problem) -> Array:
 def slope_bounded(
     desired: Array, step: float, *, cyclic: bool, weights: Array | None = None
 ) -> Array:
-    """Least-squares sequence x with |x[k+1] - x[k]| <= step, by an exact dynamic programme.
+    """Least-squares sequence x with |x[k+1] - x[k]| <= step, by an exact dynamic programme: (n,).
 
     A cycle is cut out of three in a row, or of more where its ends do not meet, as happens when
     ``step`` is tiny. Where they do not meet in 200,000 samples either, the change across the
-    boundary may be larger than ``step``.
-
-    Args:
-        desired: Sequence to approximate [any unit], shape (n,).
-        step: Largest change from one sample to the next, > 0 [same unit].
-        cyclic: Whether the first sample follows the last.
-        weights: Weight of every sample's squared error, shape (n,); by default all the same.
-
-    Returns:
-        The sequence, shape (n,). Cost O(n) in practice.
+    boundary may be larger than ``step``. ``weights`` are those of the squared errors, (n,). Cost
+    O(n) in practice.
     """
     if float(np.max(np.abs(steps(desired, cyclic=cyclic)), initial=0.0)) <= step:
         return desired.copy()
@@ -251,8 +243,8 @@ def slope_bounded(
 def attainable_error(desired: Array, step: float, *, cyclic: bool) -> float:
     """Smallest largest error of any sequence with |x[k+1] - x[k]| <= step.
 
-    It is half of the most by which two samples are further apart than ``step`` allows. The mean of
-    the closest slope-bounded sequences from below and from above has it (McShane's extension).
+    Half of the most by which two samples are further apart than ``step`` allows (McShane's
+    extension).
     """
     repeated = np.tile(desired, 3) if cyclic else desired
     ramp = step * np.arange(repeated.size, dtype=np.float64)

@@ -310,14 +310,10 @@ def _transforms(*, cyclic: bool) -> tuple[Any, Any]:
 def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
     """Power of the noise of one measured cycle at every frequency [rad^2], (f, k).
 
-    It is the larger of two powers: of the variance between cycles, and of frequencies above half of
-    those that are sampled. There a joint hardly moves: the disturbance is noise, or the steps of a
-    sensor, which repeat. Only the second is available where no requests were measured twice.
-
-    Args:
-        trials: Measured cycles of each trial [rad], (cycles, n, k).
-        error: Disturbance of one cycle, or of the mean of several [rad], (n, k).
-        cyclic: Whether these are cycles, or motions from rest.
+    It is the larger of two powers: of the variance between the cycles of each trial, (cycles, n,
+    k), and of the frequencies of the ``error``, the disturbance, (n, k), above half of those that
+    are sampled. There a joint hardly moves: the disturbance is noise, or the steps of a sensor,
+    which repeat. Only the second is available where no requests were measured twice.
     """
     forward, _ = _transforms(cyclic=cyclic)
     powers = np.abs(forward(error)) ** 2
@@ -350,16 +346,11 @@ def averaged(powers: Array, neighbours: int) -> Array:
 
 
 def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyclic: bool) -> Array:
-    """The part of an innovation to learn: less noise, and where the models' phase is certain.
+    """The part of an innovation to learn, (n, k): less noise, where the models' phase is certain.
 
     ``F^-1 [cos(min(2 pi f e, pi/2)) max(0, 1 - c N(f) / S(f)) F [innovation]]``, with S the power
-    of the innovation, N that of its noise, and e the error that the latency may have.
-
-    Args:
-        innovation: Disturbance less the part that is learnt already [rad], (n, k).
-        noise: Power of its noise at every frequency [rad^2], (f, k).
-        models: The joints.
-        cyclic: Whether it repeats.
+    of the innovation, the disturbance less the part that is learnt already, N that of its noise
+    [rad^2], (f, k), and e the error that the latency may have.
     """
     forward, backward = _transforms(cyclic=cyclic)
     spectrum = forward(innovation)

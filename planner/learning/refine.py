@@ -256,10 +256,9 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
 def _measured(
     joints: Plan, before: Learning | None, cycles: Array, sensor_delay: float | None
 ) -> tuple[Array, list[float], list[str]]:
-    """Check measured cycles, without a transient and the sensor's delay.
+    """Check measured cycles; leave out a transient and the sensor's delay.
 
-    Returns:
-        The cycles [rad], (cycles, n, k), the delay removed from each joint [s], and remarks.
+    Returns the cycles [rad], (cycles, n, k), the delay removed from each joint [s], and remarks.
     """
     remarks = list[str]()
     modelled = joints.task.response(joints.requests)
@@ -358,13 +357,13 @@ def _size(joints: Plan, deviations: Array) -> float:
 def _estimated(
     joints: Plan, trials: Sequence[Trial], since: int, noise: Array
 ) -> tuple[Array, int, float]:
-    """Go through all trials: d <- d + gain * learnt(measured - M(R) - d), (21) of ``docs/math.md``.
+    """Go through all trials: d <- d + gain * learnt(measured - M(R) - d), (21) of docs/math.md.
 
     A trial that is worse than the best one is not built upon, and lowers the gain. Trials before
     ``since`` were planned on another model: their failures are no evidence about this one.
 
-    Returns:
-        The disturbance for the next requests [rad], (n, k), the trial they start from, the gain.
+    Returns the disturbance for the next requests [rad], (n, k), the trial they start from, the
+    gain.
     """
     disturbance, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
     before, off = disturbance, _disturbances(joints, trials)
@@ -536,11 +535,7 @@ def in_a_cycle(
 ) -> bool:
     """Whether joints were in their steady cycle, and not at rest before the first request.
 
-    Args:
-        models: The joints.
-        requests: The executed requests [rad], shape (n, joints).
-        measured: Measured angles [rad], shape (cycles, n, joints).
-        starts: Angles at rest [rad].
+    Requests (n, k), measured (cycles, n, k), and the angles at rest, ``starts``, are in rad.
     """
     try:
         cycle = simulate_joints(models, requests, cyclic=True)

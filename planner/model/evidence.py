@@ -372,23 +372,18 @@ def errors_of_motion(
 ) -> tuple[tuple[tuple[float, float], ...], tuple[float, float]]:
     """How the error of a model depends on the motion: two fields of :class:`Evidence`.
 
-    Each run is cut into parts; parts in which the joint moves count. (Of an arm a model that missed
-    4 to 18 mrad in motion missed 0.1 in some of the others.) Sorted by their accelerations they
-    make six groups, whose errors are those that never fall and are nearest to the means of the
-    logarithms: isotonic regression, (19) of ``docs/math.md``. (69 % of 96 plans met 0.7 to 1.4
-    times what is told; with three groups 63 %, with twelve 67 %.) The error of a part is the
-    geometric mean over the models. The noise of the sensor is no error of the joint: its square is
-    subtracted from the squared error of each part, of which at least a tenth stays. Where only a
-    tenth stays the error may be 0.
+    Each run, of rows without gaps, is cut into parts; parts in which the joint moves count. (Of an
+    arm a model that missed 4 to 18 mrad in motion missed 0.1 in some of the others.) Sorted by
+    their accelerations they make six groups, whose errors are those that never fall and are nearest
+    to the means of the logarithms: isotonic regression, (19) of ``docs/math.md``. (69 % of 96 plans
+    met 0.7 to 1.4 times what is told; with three groups 63 %, with twelve 67 %.) The error of a
+    part is the geometric mean over the models. The ``noise`` of the sensor [rad] is no error of the
+    joint: its square is subtracted from that of each part, of which at least a tenth stays. Where
+    only a tenth stays the error may be 0.
 
-    Args:
-        runs: Consecutive rows, without gaps.
-        noise: Standard deviation of the noise of the sensor [rad].
-
-    Returns:
-        ``by_acceleration``, a pair for each group, the last for the largest acceleration; and
-        ``spread``, the 5 % and 95 % quantiles of the error of a part over that between the pairs,
-        further apart by what other motions scatter. Nothing is known from less than two parts.
+    Returns ``by_acceleration``, a pair for each group, the last for the largest acceleration, and
+    ``spread``, the 5 % and 95 % quantiles of the error of a part over that between the pairs,
+    further apart by what other motions scatter. Nothing is known from less than two parts.
     """
     every = np.reshape([part for run in runs for part in _parts(run)], (-1, 3))
     moving = every[:, 0] >= 0.01 * np.max(every[:, 0], initial=0.0)
@@ -429,9 +424,8 @@ def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool
     """Around which rows of a log the requests move, rather than jump and rest, (n,).
 
     They change in three of four slots of 0.1 s of the second around a row, by more than a hundredth
-    of the largest change there, as requests may have noise: a robot is sent ten requests a second
-    and more, random steps of 0.12 to 0.9 s change in a quarter of the slots, and a hold between two
-    ramps leaves a few out.
+    of the largest change there, as requests may have noise. Random steps of 0.12 to 0.9 s change in
+    a quarter of the slots; a hold between two ramps leaves a few out.
     """
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 

@@ -176,22 +176,15 @@ class Arm:
         cycles: int = 1,
         keep: Callable[[float, Array, Array], object] = lambda *_: None,
     ) -> Playback:
-        """Lead the joints to the first request, play all of them, and measure right after each.
+        """Lead the joints to the first request, play all (n, k) [rad], and measure after each.
 
-        Args:
-            requests: Requests [rad], shape (n, k).
-            period: Time between requests [s].
-            cycles: How often.
-            keep: Called at every tick after the lead with the time since the first request [s], the
-                requests and the measured angles [rad], shape (k,), NaN where none was read.
+        ``keep`` is called at every tick after the lead with the time since the first request [s],
+        the requests and the measured angles [rad], (k,), NaN where none was read. Ctrl-C ends it.
+        The counts are those of the requests after the lead.
 
-        Returns:
-            Counts of the requests after the lead, and their lateness; Ctrl-C ends it.
-
-        Raises:
-            InvalidInput: Before anything moves: a request beyond the limits of its joint.
-            BusError: The bus is gone, or a servo is silent, does not follow, leaves its range or
-                reports a fault. Ticks until then are kept.
+        Raises InvalidInput, before anything moves, for a request beyond the limits of its joint;
+        BusError where the bus is gone, or a servo is silent, does not follow, leaves its range or
+        reports a fault. Ticks until then are kept.
         """
         check_ranges(self.servos, requests)
         port, start = self.bus.port, self.angles()

@@ -75,11 +75,8 @@ def compare(
 ) -> Compared:
     """Play the test motion in every way, and recommend the one with the least measured error.
 
-    Args:
-        identification: Of the joint.
-        limits: Least and largest request [rad].
-        measure: Given a name and requests [rad], plays them and returns the measured angles, NaN
-            where none was read, shape (n,).
+    ``limits`` are the least and largest request [rad]; ``measure`` plays requests [rad] under a
+    name and returns the measured angles, NaN where none was read, (n,).
     """
     model = identification.model
     desired = test_motion(model, limits)

@@ -88,11 +88,9 @@ class ServoProtocol:
         return self.instruction(servo, error, content)
 
     def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:
-        """Take the first whole packet off a buffer, and any other bytes before it.
+        """Take the first whole packet, and any bytes before it, off a buffer; more may come.
 
-        Args:
-            buffer: Bytes as they came; the rest may be the beginning of a packet.
-            answers: Whether answers are expected, not instructions; others are dropped.
+        Where answers are expected, instructions are dropped, and the reverse.
         """
         raise NotImplementedError
 

@@ -296,14 +296,10 @@ def terminal() -> Iterator[tuple[int, str]]:
 
 
 def serve(servos: VirtualServos, end: int, *, stopped: Callable[[], bool] = lambda: False) -> None:
-    """Answer on a pseudo-terminal until it is to stop, or the cable is pulled.
+    """Answer on the servos' end of a :func:`terminal` until ``stopped``, or the cable is pulled.
 
-    In real time, unless the servos have a step of their own.
-
-    Args:
-        servos: The servos.
-        end: The servos' end of :func:`terminal`.
-        stopped: Whether to stop, asked 20 times a second.
+    In real time, unless the servos have a step of their own. ``stopped`` is asked 20 times a
+    second.
     """
     begin = time.monotonic()
     while not stopped() and servos.time < servos.faults.disconnect:
