@@ -59,18 +59,8 @@ def read_measured(
 ) -> Measured:
     """Measured angles of the joints that are in all files, which begin at the start of a cycle.
 
-    Files that have requests, too, must have those that were executed.
-
-    Args:
-        paths: The files.
-        executed: The executed requests of all joints.
-        period: Time between requests [s].
-        cyclic: Whether the files may hold rows of a cycle that is not whole.
-        units: Units of the joints; None for any angles.
-        cycles: How many cycles to take; None for all.
-
-    Raises:
-        InvalidFile: The files hold no whole cycle, too few, or another motion.
+    Files that have requests, too, must have those that were executed, ``period`` [s] apart. A path
+    that is ``cyclic`` may end within a cycle if the number of ``cycles`` to take is given.
     """
     blocks, unused_rows = [], 0
     joints, samples = executed.names, len(executed.values)

@@ -41,13 +41,7 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
     """Write ``content`` beside ``path``, and rename it to ``path`` if the block does not raise.
 
     To have all of several files appear, or none, write each in the block of the one before. A
-    reader of ``path`` meanwhile gets the old content or the new one, and after a power cut too:
-    the content is on the disk before the rename. A killed process leaves a hidden file,
-    ``.NAME.new-…``, which the next writer of ``path`` removes. A device or a pipe is written to
-    directly, as is a file in the folder that :func:`output_folder` hands out.
-
-    Raises:
-        InvalidFile: The folder does not exist or cannot be written to.
+    device or a pipe is written to directly, as is a file in the folder of :func:`output_folder`.
     """
     target = Path(path)
     if _is_device(target):
@@ -81,15 +75,10 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
 def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
     """Hand out an empty folder, and put it in the place of ``path`` once it is filled.
 
-    The last run's folder stays as it is until then, and for good where the block raises or the
-    process is killed; killed between two renames, it leaves it beside, as ``.NAME.old-…``. The next
-    good run removes such remnants. The folder is replaced only if it is empty or holds
-    nothing but the files that its own manifest lists: a user's files are never removed. Of an
-    ``export``, the name of a format, a manifest is written here.
-
-    Raises:
-        InvalidFile: ``path`` is a file, holds something else, cannot be written, or another
-            command is at work on it.
+    The last run's folder stays as it is until then, and for good where the block raises; killed
+    between two renames, the process leaves it beside, as ``.NAME.old-…``. It is replaced only if it
+    is empty or holds nothing but the files that its own manifest lists: a user's files are never
+    removed. Of an ``export``, the name of a format, a manifest is written here.
     """
     target = _replaceable(path)
     with claimed(path) as locked:
@@ -115,18 +104,17 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                 inner = "" if name is None else Path(str(name)).relative_to(new)
                 raise cannot_write(Path(path) / inner, error) from error
             _replaceable(path)
+            last = _beside(target, "old")
             try:
                 if target.exists() and any(target.iterdir()):  # takes two renames
-                    last = _beside(target, "old")
                     target.replace(last)
-                    try:
-                        new.replace(target)
-                    except OSError:
-                        last.replace(target)
-                        raise
-                    shutil.rmtree(last, ignore_errors=True)
-                else:
+                try:
                     new.replace(target)
+                except OSError:
+                    with suppress(FileNotFoundError):
+                        last.replace(target)
+                    raise
+                shutil.rmtree(last, ignore_errors=True)
             except OSError as error:
                 raise InvalidFile(
                     path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
@@ -143,8 +131,7 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
 def claimed(path: Path | str) -> Iterator[bool]:
     """Keep other commands away from a folder of results, and from what is beside it, in the block.
 
-    Yields:
-        Whether it could be locked; in a nested block the outer block's answer.
+    Yields whether it could be locked; in a nested block the outer block's answer.
     """
     path = str(path) or "."
     target = _target(path)
@@ -187,9 +174,8 @@ def list_files(folder: Path) -> list[str]:
 
 def all_there(folder: Path | str) -> bool:
     """Whether every file that the manifest of a folder lists is there."""
-    target = _target(folder)
-    files = _files_of_run(target)
-    return bool(files) and all((target / name).is_file() for name in files)
+    files = _files_of_run(_target(folder))
+    return bool(files) and all(Path(folder, name).is_file() for name in files)
 
 
 @contextmanager
@@ -231,11 +217,7 @@ def _beside(target: Path, age: str) -> Path:
 
 @contextmanager
 def _lock(target: Path, path: Path | str, *, shared: bool) -> Iterator[bool]:
-    """Lock an output, exclusively or shared; the last owner removes remnants beside it.
-
-    Yields:
-        Whether it is locked, and not on a file system without locks.
-    """
+    """Lock an output, exclusively or shared, if possible; the last owner removes remnants."""
     place = target.with_name(f".{target.name}.lock")
     try:
         descriptor = _locked(place, shared=shared)
@@ -328,11 +310,11 @@ def _replaceable(path: Path | str) -> Path:
     ours = _files_of_run(target)
     foreign = sorted(islice((file for file in _files_below(target) if file not in ours), 1000))
     if foreign:
-        least = "at least " if len(foreign) == 1000 else ""
-        more = f" and {least}{len(foreign) - 1} more" if len(foreign) > 1 else ""
+        least, more = "at least " if len(foreign) == 1000 else "", len(foreign) - 1
+        others = f" and {least}{more} more" if more else ""
         raise InvalidFile(
             path,
-            f"holds files that no earlier run made ({foreign[0]}{more}), expected a new or empty "
+            f"holds files that no earlier run made ({foreign[0]}{others}), expected a new or empty "
             "folder or an earlier run's; choose another folder or move them away",
         )
     return target

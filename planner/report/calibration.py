@@ -34,18 +34,13 @@ ROLES: Mapping[Way, style.Role] = {
 
 def servos_text(check: Check, period: float) -> str:
     """The state of the servos before they move, of requests every ``period`` [s]."""
-    count = len(check.angles)
-    lines = [
-        f"{count} servo{'s answer' if count > 1 else ' answers'}; "
-        f"a tick takes {1e3 * check.tick_time:.2g} ms of "
-        f"{1e3 * period:g} ms, {100.0 * check.lost:.1f} % of the answers are lost"
-    ]
+    answering = f"{len(check.angles)} servo{'s answer' if len(check.angles) > 1 else ' answers'}"
+    tick = f"a tick takes {1e3 * check.tick_time:.2g} ms of {1e3 * period:g} ms"
+    lines = [f"{answering}; {tick}, {100.0 * check.lost:.1f} % of the answers are lost"]
     for name, angle in check.angles.items():
-        settings = ", ".join(
-            f"{SETTINGS[key]} {value}" for key, value in check.settings[name].items()
-        )
-        noise = math.degrees(check.noise[name])
-        lines.append(f"  {name}: at {math.degrees(angle):.1f} deg, noise {noise:.2f}; {settings}")
+        settings = (f"{SETTINGS[key]} {value}" for key, value in check.settings[name].items())
+        noise = f"noise {math.degrees(check.noise[name]):.2f}"
+        lines.append(f"  {name}: at {math.degrees(angle):.1f} deg, {noise}; {', '.join(settings)}")
     return "\n".join(lines)
 
 
@@ -94,14 +89,9 @@ def recheck_answer(
         )
     error, expected = math.degrees(result.error), math.degrees(result.expected)
     verdict = {True: "holds", False: "no longer holds", None: "is not judged"}[result.holds]
-    document = {
-        "holds": result.holds,
-        "rms_deg": error,
-        "rms_before_deg": expected,
-        "changes": changes,
-    }
     words = f"{joint}: the model {verdict}: misses {error:.2f} deg rms, {expected:.2f} expected by"
-    return document, "; ".join([f"{words} its test", *changes])
+    document = {"holds": result.holds, "rms_deg": error, "rms_before_deg": expected}
+    return document | {"changes": changes}, "; ".join([f"{words} its test", *changes])
 
 
 def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
@@ -109,27 +99,24 @@ def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
     rows = []
     for joint, compared in comparisons.items():
         for method in compared.candidates:
-            mark = "\nrecommended" if method is compared.recommended else ""
             sizes = (method.error, method.max_error, method.expected, method.largest_step)
-            error, *rest = (number(math.degrees(each)) for each in sizes)
-            rows.append(Row(WORDS[method.way], (error + mark, *rest), subject=joint))
-    columns = tuple(
-        Column(title) for title in ("error, rms", "largest", "expected", "largest step")
-    )
-    return Table("on the test motion [deg]", columns, tuple(rows), apart=True)
+            cells = [number(math.degrees(each)) for each in sizes]
+            cells[0] += "\nrecommended" if method is compared.recommended else ""
+            rows.append(Row(WORDS[method.way], tuple(cells), subject=joint))
+    columns = map(Column, ("error, rms", "largest", "expected", "largest step"))
+    return Table("on the test motion [deg]", tuple(columns), tuple(rows), apart=True)
 
 
 def recommendation(joint: str, each: Compared) -> str:
     """The recommendation for a joint, in a line."""
-    best, shift = each.recommended, each.named("shift")
-    error, other = math.degrees(best.error), math.degrees(shift.error)
-    words = f"{joint}: {WORDS[best.way]}, {number(error)} deg rms"
-    if best.way == "shift":
-        return f"{words}; plan with --method shift"
-    if best.way == "direct":
-        return f"{words}; send the path as it is"
-    method = "; plan with --method closed-form" if best.way == "closed_form" else ""
-    return f"{words} (best shift: {number(other)} deg){method}"
+    best, other = each.recommended, math.degrees(each.named("shift").error)
+    beside = f" (best shift: {number(other)} deg)"
+    how = {
+        "shift": "; plan with --method shift",
+        "direct": "; send the path as it is",
+        "closed_form": f"{beside}; plan with --method closed-form",
+    }.get(best.way, beside)
+    return f"{joint}: {WORDS[best.way]}, {number(math.degrees(best.error))} deg rms{how}"
 
 
 def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:

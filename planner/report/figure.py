@@ -95,9 +95,6 @@ class Axis:
     names: Mapping[float, str] | None = None  # words at some values, instead of numbers
     decimals: int = 2  # decimals of a value under the pointer
     from_zero: bool = False  # whether zero is at the bottom
-
-    # smallest extent that is shown, so that rounding does not look like a motion
-    least: float = 0.0
     note: str = ""  # text after the title and its unit
 
     @property
@@ -116,17 +113,6 @@ class Panel:
     spans: tuple[Span, ...] = ()  # shades behind the curves
     words: tuple[Words, ...] = ()  # words between them
     height: float = 1.0  # height beside that of a usual panel
-
-    @property
-    def y_range(self) -> tuple[float, float] | None:
-        """Ends of the vertical axis, where they are not left to the renderer."""
-        if self.y.range is not None or not self.y.least:
-            return self.y.range
-        low, high = around([curve.y for curve in self.curves], margin=0.0)
-        if high - low >= self.y.least:
-            return None
-        middle = 0.5 * (low + high)
-        return middle - 0.5 * self.y.least, middle + 0.5 * self.y.least
 
 
 def moving_leg(
@@ -191,11 +177,10 @@ class Figure:
     # and is zoomed in time with the others that do; or None
     clock: float | None = None
 
-    # parts of the axis that a button of that name brings into view
+    # parts of the axis that a button of that name brings into view; it takes the whole page's width
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # data of a moving leg or of numbers at a moment, which a page shows in place of the panels
     live: Mapping[str, Any] | None = None
-    wide: bool = False  # whether it takes the whole width of a page
 
     @property
     def description(self) -> str:
@@ -372,12 +357,22 @@ def joint_figure(
         if low <= factor * limit <= high
     ]
     panels = [
-        Panel(Axis("angle", sign, least=1.0), curves(angles), title, spans),
-        Panel(Axis("error", sign, least=0.05), curves(errors), "errors"),
-        Panel(Axis("request", sign, least=1.0), (*lines, *requested), "requested"),
+        Panel(Axis(quantity, sign, at_least(least, drawn)), drawn, about, shades)
+        for quantity, least, drawn, about, shades in (
+            ("angle", 1.0, curves(angles), title, spans),
+            ("error", 0.05, curves(errors), "errors", ()),
+            ("request", 1.0, (*lines, *requested), "requested", ()),
+        )
+        if drawn
     ]
-    drawn = [panel for panel in panels if panel.curves]
-    return timeline.figure(name, [*drawn, *below], words, clock=clock)
+    return timeline.figure(name, [*panels, *below], words, clock=clock)
+
+
+def at_least(extent: float, curves: Sequence[Curve]) -> tuple[float, float] | None:
+    """Ends of an axis where curves span less, so that rounding does not look like a motion."""
+    low, high = around([curve.y for curve in curves], margin=0.0)
+    middle = 0.5 * (low + high)
+    return (middle - 0.5 * extent, middle + 0.5 * extent) if high - low < extent else None
 
 
 def foot_figure(timeline: Timeline, feet: Mapping[str, Sequence[Curve]]) -> Figure:

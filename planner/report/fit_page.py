@@ -17,9 +17,6 @@ from planner.report.wording import words_of
 if TYPE_CHECKING:
     from planner.approximation.fit import Choices, PiecewiseLinearFit
 
-AT_TOP_SPEED = 0.999
-"""A line at this share of the top speed, or more, is at the top speed."""
-
 LINES = APPROXIMATION._replace(label="lines", dashes="-", width=2.0)
 FAST = DIRECT._replace(label="at the top speed", dashes="-", width=2.0)
 
@@ -73,7 +70,7 @@ def fit_figure(name: str, fit: PiecewiseLinearFit) -> Figure:
     cuts = np.unique(np.concatenate([[0.0], inside, [last]]))
     heights = np.degrees(fit(cuts))
     shares = np.abs(fit.slope_at(0.5 * (cuts[:-1] + cuts[1:]))) / fit.v_max
-    fast = np.flatnonzero(shares >= AT_TOP_SPEED)
+    fast = np.flatnonzero(shares >= 0.999)  # rounding
     curves = [timeline.degrees(fit.desired, DESIRED), Curve(LINES, step * cuts, heights)]
     if len(fast):
         pairs = np.stack([fast, fast + 1], axis=1)

@@ -42,9 +42,9 @@ def shortest_answer(
     cycle: ShortestCycle, tolerance: float, models: Sequence[JointModel]
 ) -> tuple[dict[str, Any], str]:
     """The shortest cycle that keeps a tolerance [cm], for machines and for people."""
-    period = models[0].period
+    period, shortest = models[0].period, cycle.samples
     of_model_only = any(each.evidence and each.evidence.leaves_top_speed_open for each in models)
-    proof, count, plan = cycle.too_short, cycle.samples, cycle.plan.plan
+    proof, plan = cycle.too_short, cycle.plan.plan
     too_short, proved = None, "no shorter one is proved impossible"
     if proof is not None:
         too_short = {
@@ -58,17 +58,17 @@ def shortest_answer(
     pairs = zip(plan.names, plan.expected, strict=True)
     document = {
         "tolerance_cm": tolerance,
-        "samples": count,
+        "samples": shortest,
         "cycle_s": cycle.period,
         "max_cm": 100.0 * cycle.plan.max_error,
         "untested": {name: list(each.untested) for name, each in pairs},
         "too_short": too_short,
     }
-    words = (
-        f"a cycle of {count} samples, {count * period:.4g} s, is the shortest at which the planned "
-        f"foot stays within {tolerance:g} cm by the model; {proved}\n"
+    lines = [
+        f"a cycle of {shortest} samples, {shortest * period:.4g} s, is the shortest at which the "
+        f"planned foot stays within {tolerance:g} cm by the model; {proved}",
         "plan it with --method foot-optimal --norm max: the default, rms, lets the largest error "
-        "be more"
-    )
-    untested = untested_words(plan.names, plan.expected)
-    return document, f"{words}\n{untested}" if untested else words
+        "be more",
+        untested_words(plan.names, plan.expected),
+    ]
+    return document, "\n".join(filter(None, lines))

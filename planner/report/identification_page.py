@@ -310,7 +310,6 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
             "whole log": (0.0, float(times[-1])),
             "close-up": (float(times[close[0]]), float(times[close[-1]])),
         },
-        wide=True,
     )  # fmt: skip
 
 

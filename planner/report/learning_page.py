@@ -27,8 +27,6 @@ NEXT = style.OPTIMAL._replace(label="predicted next")
 ERROR = style.INK._replace(label="error, measured", width=1.4)
 LEARNT = style.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
-"""The section on the trials: the first errors stand beside the heading, the rest here."""
-
 
 @dataclass(frozen=True, eq=False)
 class Trials:

@@ -112,8 +112,8 @@ def _draw_panel(axes: Axes, panel: Panel, figure: Figure) -> None:
         return
     axes.margins(y=0.09)
     axes.set_xlim(*figure.x_range)
-    if panel.y_range is not None or panel.y.from_zero:
-        axes.set_ylim(*(panel.y_range or (0.0, None)))
+    if panel.y.range is not None or panel.y.from_zero:
+        axes.set_ylim(*(panel.y.range or (0.0, None)))
 
 
 def _looks(curve: Curve) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -48,19 +48,12 @@ closed form's."""
 FEATURED = ("figure8_foot_paths", "foot_paths", "joints_by_method")
 """The figures after the key figures: the moving leg and its joints."""
 
-TIED = 8
-"""Every so many samples, desired and actual positions are joined by a line."""
-
-SHADE = 0.16
-"""Opacity of the shades of lag and acceleration time."""
-
 ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
 
 
 def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
     """Every figure, in the order of the paper's."""
-    timeline, desired = timeline_of(planned), Drawn(planned.walk.desired, style.DESIRED)
-    plans, plain = planned.plans, "closed_form_plain"
+    timeline, plans, plain = timeline_of(planned), planned.plans, "closed_form_plain"
 
     def lines(j: int) -> list[Curve]:
         fit = plans[plain].approximations[j]
@@ -72,12 +65,10 @@ def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
             Curve(role, timeline.step * knots, values, "knots", marks="rings"),
         ]
 
-    def joints(name: str, *drawn: Drawn, **more: Any) -> Figure:
-        return joints_figure(planned, name, [desired, *drawn], **more)
-
     def beyond(name: str, method: str) -> Figure:
         requested = Drawn(plans[method].requests, style.REQUESTED)
-        return joints(name, requested, Drawn(plans[method].predicted, ROLES[method], "actual"))
+        actual = Drawn(plans[method].predicted, ROLES[method], "actual")
+        return joints_figure(planned, name, requested, actual)
 
     paths = [
         timeline.path(plans[method].foot, role)
@@ -89,28 +80,24 @@ def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
         joints_figure(
             planned,
             "figure2_joints_direct",
-            [
-                desired._replace(label="requested = desired"),
-                Drawn(plans["direct"].predicted, style.DIRECT, "actual"),
-            ],
+            Drawn(plans["direct"].predicted, style.DIRECT, "actual"),
+            desired="requested = desired",
         ),
         *(_step_test(planned, k, each) for k, each in enumerate(STEP_AMPLITUDES, 3)),
         _speed(planned),
-        joints("figure6_approximation", more=lines),
-        joints(
+        joints_figure(planned, "figure6_approximation", more=lines),
+        joints_figure(
+            planned,
             "figure7_trajectories",
             Drawn(plans[plain].requests, style.REQUESTED),
             Drawn(planned.approximations[plain], style.APPROXIMATION),
             Drawn(plans[plain].predicted, style.CLOSED_FORM, "actual"),
         ),
         foot_paths_figure("figure8_foot_paths", planned, paths, planned.legs),
-        joints(
+        joints_figure(
+            planned,
             "joints_by_method",
-            *(
-                Drawn(plans[method].predicted, role, hidden=method == "optimal")
-                for method, role in ROLES.items()
-                if method != "shift"
-            ),
+            *by_method({method: plan.predicted for method, plan in plans.items()}),
             Drawn(
                 plans["foot_optimal"].requests, style.REQUESTED, "requests, foot-optimised", True
             ),
@@ -127,7 +114,7 @@ def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
 def direct_foot_figure(planned: PlannedWalk) -> Figure:
     """Figure 1: the foot's paths from the side, joined at the same instants by thin lines."""
     desired, actual = planned.walk.desired_foot, planned.plans["direct"].foot
-    pairs = 100.0 * np.stack([desired[::TIED], actual[::TIED]], axis=1)
+    pairs = 100.0 * np.stack([desired[::8], actual[::8]], axis=1)
     ties = style.GRID._replace(label="the same instants", width=1.2)
     draw = timeline_of(planned).path
     curves = (
@@ -210,24 +197,34 @@ class Drawn(NamedTuple):
     hidden: bool = False
 
 
+def by_method(angles: Mapping[str, Array]) -> list[Drawn]:
+    """The joints under the methods; the best time shift is left out."""
+    return [
+        Drawn(angles[method], role, hidden=method == "optimal")
+        for method, role in ROLES.items()
+        if method != "shift"
+    ]
+
+
 def joints_figure(
     planned: PlannedWalk,
     name: str,
-    drawn: Sequence[Drawn],
-    *,
+    *drawn: Drawn,
+    desired: str = "",
     words: str = "",
     below: Sequence[Panel] = (),
     more: Callable[[int], Sequence[Curve]] = lambda _: (),
 ) -> Figure:
-    """A panel per joint over one step of the walk, with ``more`` curves by its index.
+    """A panel per joint over one step of the walk, as ``desired`` and as drawn.
 
-    With panels ``below`` it follows the moving leg. ``words``: the block of its caption, its name
-    by default.
+    There are ``more`` curves by its index. With panels ``below`` it follows the moving leg.
+    ``words``: the block of its caption, its name by default.
     """
     timeline, panels = timeline_of(planned), list[Panel]()
     for j, joint in enumerate(planned.walk.joint_names):
         curves: list[Curve] = []
-        for values, role, label, hidden in drawn:
+        wanted = Drawn(planned.walk.desired, style.DESIRED, desired)
+        for values, role, label, hidden in (wanted, *drawn):
             own = np.degrees(values[..., j])
             if own.ndim > 1:
                 curves += timeline.cycles(own, role, label, hidden=hidden)
@@ -258,8 +255,8 @@ def _step_test(planned: PlannedWalk, number: int, amplitude: float) -> Figure:
         ),
         f"top speed {speed:.3g} deg per tick",
         spans=(
-            Span(start, middle, style.MUTED, SHADE),
-            Span(middle, end, style.CLOSED_FORM, SHADE),
+            Span(start, middle, style.MUTED, 0.16),
+            Span(middle, end, style.CLOSED_FORM, 0.16),
         ),
         words=(
             Words(f"lag {response.lag} ticks", start, top, "right", "top"),
@@ -306,33 +303,22 @@ def _speed(planned: PlannedWalk) -> Figure:
 
 # The experiment on the virtual robot, every cycle of it drawn.
 
-PATHS = {
-    "direct": style.DIRECT,
-    "closed_form_plain": style.PLAIN,
-    "foot_optimal": style.FOOT_OPTIMAL,
-}
-"""The methods whose foot paths are drawn, each over all its cycles."""
-
 PREDICTED = Role("predicted", style.INK.light, style.INK.dark, width=1.1, dashes=(0, (1, 1.6)))
 
 
 def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
     """Every figure, in the order of the paper's."""
-    return (
-        _virtual_paths(outcome),
-        _step_tests(outcome),
-        *_virtual_joints(outcome),
-        _learning(outcome),
-    )
+    figures = _virtual_paths(outcome), _step_tests(outcome), *_virtual_joints(outcome)
+    return (*figures, _learning(outcome))
 
 
 def _virtual_paths(outcome: VirtualOutcome) -> Figure:
     """Figure 8: the path of the foot in every cycle; on the page the first of them walks."""
     paths = []
-    for method, role in PATHS.items():
+    for method in [method for method in ROLES if method not in HIDDEN]:
         draw, cycles = timeline_of(outcome.planned).path, outcome.foot_paths[method]
-        mean = draw(cycles.mean(axis=0), role)
-        paths += [mean, thin(mean, [draw(path, role) for path in cycles])]
+        mean, *each = (draw(path, ROLES[method]) for path in (cycles.mean(axis=0), *cycles))
+        paths += [mean, thin(mean, each)]
     return foot_paths_figure(
         "foot_paths", outcome.planned, paths, {method: outcome.legs[method][0] for method in ROLES}
     )
@@ -367,38 +353,33 @@ def _virtual_joints(outcome: VirtualOutcome) -> list[Figure]:
     """Figures 2 and 7, the joints under requests for the foot, and under all methods."""
     planned, plain = outcome.planned, "closed_form_plain"
     walked = {method: run.angles for method, run in outcome.runs.items()}
-
-    def joints(name: str, *drawn: Drawn, label: str = "", **more: Any) -> Figure:
-        desired = Drawn(planned.walk.desired, style.DESIRED, label)
-        return joints_figure(planned, name, [desired, *drawn], **more)
-
     return [
-        joints(
+        joints_figure(
+            planned,
             "joints_direct",
             Drawn(walked["direct"], style.DIRECT, f"actual, {len(walked['direct'])} cycles"),
             Drawn(planned.plans["direct"].predicted, PREDICTED),
-            label="requested = desired",
+            desired="requested = desired",
         ),
-        joints(
+        joints_figure(
+            planned,
             "trajectories",
             Drawn(planned.plans[plain].requests, style.REQUESTED),
             Drawn(planned.approximations[plain], style.APPROXIMATION),
             Drawn(walked[plain], style.PLAIN, "actual"),
         ),
-        joints(
+        joints_figure(
+            planned,
             "foot_optimised_trajectories",
             Drawn(outcome.runs["foot_optimal"].requests, style.REQUESTED),
             Drawn(walked["foot_optimal"], style.FOOT_OPTIMAL, "actual"),
             Drawn(planned.plans["foot_optimal"].predicted, PREDICTED),
             words="virtual_foot_optimised_trajectories",
         ),
-        joints(
+        joints_figure(
+            planned,
             "joints_by_method",
-            *(
-                Drawn(walked[method], role, hidden=method == "optimal")
-                for method, role in ROLES.items()
-                if method != "shift"
-            ),
+            *by_method(walked),
             words="virtual_joints_by_method",
             below=[distance_panel(planned, outcome.foot_paths)],
         ),
@@ -409,27 +390,21 @@ def _learning(outcome: VirtualOutcome) -> Figure:
     """The foot's error in each trial of learning, and the lower bound of the models."""
     errors = np.array([each.mean.rms for each in outcome.learnt_foot])
     trials = np.arange(1.0, len(errors) + 1.0)
-    ends = np.array([0.8, len(errors) + 0.2])
+    ends = (0.8, len(errors) + 0.2)
     bound = 100.0 * float(outcome.planned.plans["foot_optimal"].lower_bounds[0])
     deviations = np.array([each.deviation.rms for each in outcome.learnt_foot])
     low, high = min(bound, float(np.min(errors - deviations))), float(np.max(errors + deviations))
     room = 0.2 * (high - low)
+    bound_role = style.APPROXIMATION._replace(label="lower bound of the models")
     curves = (
-        Curve(
-            style.APPROXIMATION._replace(label="lower bound of the models"), ends, np.full(2, bound)
-        ),
+        Curve(bound_role, np.array(ends), np.full(2, bound)),
         Curve(style.FOOT_OPTIMAL._replace(label="mean of the cycles"), trials, errors),
         Curve(style.INK, trials, errors, "trials", legend=False, marks="dots"),
     )
+    axis = Axis("rms distance", "cm", (low - room, high + room), decimals=3)
     return Figure(
         "learning",
         *words_of("virtual_learning"),
-        Axis("trial", names={trial: f"{trial:.0f}" for trial in trials}, range=(0.8, ends[1])),
-        (
-            Panel(
-                Axis("rms distance", "cm", (low - room, high + room), decimals=3),
-                curves,
-                "foot, from its desired path",
-            ),
-        ),
+        Axis("trial", names={trial: f"{trial:.0f}" for trial in trials}, range=ends),
+        (Panel(axis, curves, "foot, from its desired path"),),
     )

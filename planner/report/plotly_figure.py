@@ -29,11 +29,7 @@ def live(figure: Figure) -> Mapping[str, Any]:
 
 
 def plot(figure: Figure) -> dict[str, Any]:
-    """The figure as a plot: zoom one of its panels along x, and all follow.
-
-    Returns:
-        ``data`` and ``layout`` for Plotly, ``height`` [px], ``clock``, and ``views``.
-    """
+    """The figure as a plot, of ``data`` and ``layout``: zoom one panel along x, and all follow."""
     heights = [ROW * panel.height for panel in figure.panels]
     inner = top = sum(heights) + GAP * (len(heights) - 1)
     above = 30 + (18 if figure.panels[0].title else 0)  # for the buttons
@@ -168,7 +164,7 @@ def _x_axis(figure: Figure) -> dict[str, Any]:
 
 
 def _y_axis(figure: Figure, panel: Panel) -> dict[str, Any]:
-    layout, ends = _axis(panel.y, standoff=6), panel.y_range
+    layout, ends = _axis(panel.y, standoff=6), panel.y.range
     if figure.equal:
         layout["scaleanchor"] = "x"
         ends = around([curve.y for curve in panel.curves])
