@@ -56,13 +56,12 @@ def replay_page(
     ``models`` is their origin; an ``arm``, whose joints are all recorded, moves on the page.
     ``missed`` are the tolerances that it misses.
     """
-    models_of = {each.name: each.inversion.model for each in replay.planned if each.inversion}
     curves = [] if fastest is None else [speeds_figure(fastest)]
     if fastest is not None and fastest.retime == "varying":
         curves.append(factors_figure(fastest))
+    there = [joint.path.unit for joint in replay.planned]
     units = {"rad": "degrees", "1": "% of the range"}
-    there = {joint.path.unit for joint in replay.planned}
-    joints: list[dict[str, Any]] = []
+    joints = list[dict[str, Any]]()
     for each in replay.planned:
         unit, factor = LOG_UNITS[each.path.unit]
         bound, expected = factor * each.lower_bound, factor * each.expected
@@ -77,7 +76,6 @@ def replay_page(
         )
     known = [each for each in joints if each["expected"] is not None]
     fast = {each.name: sum(b - a for a, b in each.too_fast) for each in replay.planned}
-    fast = {name: seconds for name, seconds in fast.items() if seconds}
     proof, spoken = fastest and fastest.impossible, _spoken(replay, models, fastest)
     return Page(
         "replay",
@@ -93,7 +91,7 @@ def replay_page(
         good=not missed,
         fastest=fastest and phrase("replay.txt", "fastest", **spoken),
         missed=missed,
-        fast=fast,
+        fast={name: seconds for name, seconds in fast.items() if seconds},
         unknown=spoken["unknown"],
         said=proof and proof.of_model_only,
         open=OPEN_TOP_SPEED,
@@ -109,7 +107,10 @@ def replay_page(
         open_speeds=sorted(replay.path.open_top_speeds),
         joints=joints_table(replay),
         pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
-        models=models_table([*models_of], [*models_of.values()]),
+        models=models_table(
+            [each.name for each in replay.planned],
+            [each.inversion.model for each in replay.planned if each.inversion],
+        ),
     )
 
 
@@ -133,25 +134,28 @@ def _spoken(replay: Replay, models: str, fastest: Fastest | None) -> dict[str, A
     resent = []
     for each in replay.resent_may_serve:
         unit, factor = LOG_UNITS[each.path.unit]
-        error = factor * error_norm(each.error_of("resent"), "rms")
-        resent.append(
-            {"name": each.name, "expected": factor * each.expected, "resent": error, "unit": unit}
-        )
-    allowed = 0.0
-    if fastest is not None:
-        allowed = (100.0 if fastest.foot else math.degrees(1.0)) * fastest.tolerance
+        sizes = (each.expected, error_norm(each.error_of("resent"), "rms"))
+        expected, error = (factor * size for size in sizes)
+        resent.append({"name": each.name, "expected": expected, "resent": error, "unit": unit})
     fast = {each.name for each in replay.planned if each.too_fast}
     return {
         "replay": replay,
         "models": models,
         "why": WHY[replay.path.track],
         "fastest": fastest,
-        "allowed": allowed,
+        "allowed": _allowed(fastest)[0] if fastest else 0.0,
         "unknown": sorted(replay.path.open_top_speeds & fast),
         "open": OPEN_TOP_SPEED,
         "better": RESENT,
         "resent": resent,
     }
+
+
+def _allowed(fastest: Fastest) -> tuple[float, str]:
+    """The tolerance of a search for the fastest replay, and its unit."""
+    if fastest.foot:
+        return 100.0 * fastest.tolerance, "cm"
+    return math.degrees(fastest.tolerance), "deg"
 
 
 def joints_table(replay: Replay) -> Table:
@@ -254,8 +258,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
 
 def speeds_figure(fastest: Fastest) -> Figure:
     """Largest errors against the speed, with the tolerance."""
-    unit = "cm" if fastest.foot else "deg"
-    tolerance = (100.0 if fastest.foot else math.degrees(1.0)) * fastest.tolerance
+    tolerance, unit = _allowed(fastest)
     speeds = np.array([each.speed for each in fastest.curve])
     looks = {"direct": AS_IT_IS, "shifted": style.SHIFT, "planned": style.OPTIMAL}
     curves = [
@@ -360,9 +363,7 @@ def replay_results(replay: Replay, models: str, remarks: Sequence[str]) -> dict[
 
 def fastest_results(fastest: Fastest) -> dict[str, Any]:
     """The fastest replay for machines; errors over speed are the largest, times the tolerance."""
-    factor = 100.0 if fastest.foot else math.degrees(1.0)
-    unit = "cm" if fastest.foot else "deg"
-    allowed = factor * fastest.tolerance
+    allowed, unit = _allowed(fastest)
     impossible = fastest.impossible and {
         "speed": fastest.impossible.speed,
         "joint": fastest.impossible.joint,
