@@ -27,11 +27,8 @@ LOOKS = ((DESIRED, 0.55), (DIRECT, 0.45), (FOOT_OPTIMAL._replace(label="planned"
 MOST_FRAMES = 1000
 """Most samples of a motion that are shown; of longer motions every second one, or every third."""
 
-TRACE = 0.008
-"""Radius of a foot's trace, to the size of the leg."""
-
 SIDES = 8
-"""Sides of a trace, which is a tube: browsers draw lines one pixel wide."""
+"""Sides of a foot's trace, which is a tube: browsers draw lines one pixel wide."""
 
 
 class Motion(NamedTuple):
@@ -57,29 +54,26 @@ def import_meshcat() -> Any:
 
 
 class Recording:
-    """A window for a ``meshcat.Visualizer`` that records its commands, packed for the viewer."""
+    """A window for a ``meshcat.Visualizer`` that records its commands, packed for the viewer.
+
+    Random names are numbered: the same scene is the same file.
+    """
 
     def __init__(self) -> None:
         """Begin with nothing."""
         self.commands: list[bytes] = []
-        self._names: dict[str, str] = {}
+        self._names: dict[bytes, bytes] = {}
 
     def send(self, command: Any) -> None:
         """Keep a command."""
         import umsgpack
 
-        self.commands.append(umsgpack.packb(self._numbered(command.lower())))
+        def numbered(name: re.Match[bytes]) -> bytes:
+            number = uuid.UUID(int=len(self._names))
+            return self._names.setdefault(name[0], str(number).encode())  # of the same length
 
-    def _numbered(self, value: Any) -> Any:
-        """The same with a number for every random name: the same scene is the same file."""
-        if isinstance(value, dict):
-            return {key: self._numbered(each) for key, each in value.items()}
-        if isinstance(value, list):
-            return [self._numbered(each) for each in value]
-        name = r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}"
-        if isinstance(value, str) and re.fullmatch(name, value):
-            return self._names.setdefault(value, str(uuid.UUID(int=len(self._names))))
-        return value
+        name = rb"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}"
+        self.commands.append(re.sub(name, numbered, umsgpack.packb(command.lower())))
 
 
 def scene_page(
@@ -94,7 +88,7 @@ def scene_page(
     viewer = meshcat.Visualizer(window=recording)
     stride = -(-len(leg_motions[0].angles) // MOST_FRAMES)
     places = scene.places(leg_motions[0].angles[0])
-    reach = float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0
+    thickness = 0.008 * (float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0)  # of the traces
     rest = scene.configurations(leg_motions[0].angles[:1])[0]
     _show(viewer, "robot", scene, scene.still, None).display(rest)
     animation = meshcat.animation.Animation(default_framerate=1.0 / (stride * period))
@@ -110,15 +104,14 @@ def scene_page(
         for number, pose in enumerate(poses):
             leg.viewer = animation.at_frame(viewer, number)
             leg.display(pose)
-        vertices, faces = tube(motion.foot, TRACE * reach, closed=cyclic)
+        vertices, faces = tube(motion.foot, thickness, closed=cyclic)
         if len(faces):
             mesh = meshcat.geometry.TriangularMeshGeometry(vertices, faces)
             material = meshcat.geometry.MeshLambertMaterial(color=colour)
             viewer[f"{name} trace"].set_object(meshcat.geometry.Mesh(mesh, material))
-    _draw_ground(
-        viewer["ground"], np.concatenate([motion.foot for motion in leg_motions]), TRACE * reach
-    )
-    _look(viewer, np.concatenate([places, *(motion.foot for motion in leg_motions)]))
+    feet = np.concatenate([motion.foot for motion in leg_motions])
+    _draw_ground(viewer["ground"], feet, thickness)
+    _look(viewer, np.concatenate([places, feet]))
     viewer.set_animation(animation, play=True, repetitions=float("inf"))
     script = files("meshcat").joinpath("viewer", "dist", "main.min.js").read_text("utf-8")
     commands = [base64.b64encode(command).decode() for command in recording.commands]

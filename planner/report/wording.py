@@ -104,5 +104,4 @@ def _noted(text: str) -> Markup:
 
 def breakable(name: str) -> Markup:
     """A name of a file that may break between its parts, not inside a word."""
-    parts = "".join(f"{letter}\0" if letter in "/_-" else letter for letter in name).split("\0")
-    return Markup("<wbr>").join(escape(part) for part in parts)
+    return Markup(re.sub("([/_-])", r"\1<wbr>", str(escape(name))))
