@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal
@@ -226,10 +226,7 @@ def planned_points(
         for point, task in zip(new, tasks, strict=True):
             result = results.read(task)
             figures = {"reason": failures[task.name]} if result is None else json.loads(result)
-            outcome = Outcome(point, number=len(by_point) + 1, **figures)
-            if space.requirement is not None and outcome.planned:
-                outcome = replace(outcome, reason=space.requirement.missed_by(outcome))
-            by_point[point] = outcome
+            by_point[point] = Outcome(point, number=len(by_point) + 1, **figures)
         return [by_point[point] for point in points]
 
     if space.settings.sweep.method == "grid":

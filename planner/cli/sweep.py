@@ -127,7 +127,7 @@ def write_sweep(
     from planner.files.results import made_from
     from planner.files.table import csv_text
     from planner.report.page import versions
-    from planner.report.sweep_page import sweep_page, sweep_results
+    from planner.report.sweep_page import command, missed, sweep_page, sweep_results, verdict
 
     run, page, rows = space.settings, folder / "report.html", sweep_results(swept)
     write_text(folder / "points.csv", csv_text([*rows[0]], [[*row.values()] for row in rows]))
@@ -144,13 +144,13 @@ def write_sweep(
     document = {
         "made_by": "request-planner sweep",
         "made_from": "",
-        "verdict": swept.verdict,
-        "missed": swept.missed or None,
+        "verdict": verdict(swept),
+        "missed": missed(swept) or None,
         "settings": flat(run),
         "points": rows,
         "front": [each.number for each in swept.front],
         "best": None if swept.best is None else swept.best.number,
-        "commands": {f"{each.number}": swept.command(each) for each in swept.front},
+        "commands": {f"{each.number}": command(swept, each) for each in swept.front},
         "versions": versions(),
         "files": list_files(folder),
     }

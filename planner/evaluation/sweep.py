@@ -6,7 +6,6 @@ CMA-ES (Hansen and Ostermeier, 2001) needs far fewer plans than a grid for more 
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -15,20 +14,6 @@ from typing import Literal
 import numpy as np
 
 from planner.trajectory import Array
-
-WORDS = {
-    "length": ("half stroke", "m"),
-    "height": ("height", "m"),
-    "forward": ("forward", "m"),
-    "sideways": ("sideways", "m"),
-    "hip_height": ("hip height", "m"),
-    "ground_fraction": ("part on the ground", ""),
-    "heading_deg": ("heading", "deg"),
-    "period_s": ("period", "s"),
-    "speed": ("speed", "times"),
-    "smoothness": ("smoothness", ""),
-}
-"""Name and unit of each parameter."""
 
 Point = tuple[float, ...]
 """A value for each parameter, in their order."""
@@ -48,7 +33,7 @@ class Outcome:
     too_fast: float = math.nan
     slowest: str = ""  # that joint; "" where there is none
     unreachable: int = 0  # samples out of the leg's reach, where the settings let these be clamped
-    reason: str = ""  # why there is no plan, or which requirement it misses
+    reason: str = ""  # why there is no plan
     number: int = 1  # its number among the points of a sweep, from 1
 
     @property
@@ -64,17 +49,11 @@ class Requirement:
     of: Literal["error", "speed"]
     value: float
 
-    def missed_by(self, outcome: Outcome) -> str:
-        """The reason if a planned point misses it; empty otherwise."""
+    def is_met_by(self, outcome: Outcome) -> bool:
+        """Whether a planned point meets it."""
         if self.of == "speed":
-            return f"speed below {self.value:g}" if outcome.speed < self.value else ""
-        if outcome.error <= self.value:
-            return ""
-        slow = (
-            f"; {outcome.slowest} would have to exceed its top speed on "
-            f"{100.0 * outcome.too_fast:.0f} % of the path"
-        )
-        return f"error above {self.value:g}{slow if outcome.slowest else ''}"
+            return outcome.speed >= self.value
+        return outcome.error <= self.value
 
 
 @dataclass(frozen=True)
@@ -102,10 +81,10 @@ class Swept:
     @property
     def best(self) -> Outcome | None:
         """The best point that meets the requirement; None without one."""
-        points = [each for each in self.front if not each.reason]
-        if self.requirement is None or not points:
+        if self.requirement is None:
             return None
-        return points[-1] if self.requirement.of == "error" else points[0]
+        points = list(filter(self.requirement.is_met_by, self.front))
+        return (points[-1] if self.requirement.of == "error" else points[0]) if points else None
 
     @cached_property
     def failures(self) -> dict[str, list[Outcome]]:
@@ -115,48 +94,6 @@ class Swept:
             if not each.planned:
                 reasons.setdefault(each.reason, []).append(each)
         return reasons
-
-    @property
-    def verdict(self) -> str:
-        """The answer in a few words."""
-        if not self.front:
-            return f"None of {len(self.outcomes)} points has a plan"
-        slow, fast = self.front[0], self.front[-1]
-        if self.requirement is not None:
-            value, best = self.requirement.value, self.best
-            nearest, limit = slow, f"at most {value:g} {self.error_unit}"
-            if self.requirement.of == "speed":
-                nearest, limit = fast, f"at least {value:g} {self.speed_unit}"
-            if best is None:
-                return f"No point has {limit}: the nearest has {self.sizes(nearest)}"
-            return f"The best point with {limit} has {self.sizes(best)}: {self.words(best)}"
-        if len(self.front) == 1:
-            return f"One point is best in both: {self.sizes(slow)}"
-        ends = f"from {self.sizes(slow)} to {self.sizes(fast)}"
-        return f"{len(self.front)} points on the front: {ends}"
-
-    @property
-    def missed(self) -> str:
-        """Why the sweep failed, in words; empty where it did not."""
-        failed = not self.front or (self.requirement is not None and self.best is None)
-        return self.verdict if failed else ""
-
-    def sizes(self, outcome: Outcome) -> str:
-        """Speed and error of a point."""
-        speed = f"{outcome.speed:.3g} {self.speed_unit}"
-        return f"{speed} at {outcome.error:.3g} {self.error_unit}"
-
-    def words(self, outcome: Outcome) -> str:
-        """The parameters of a point."""
-        values = zip((WORDS[name] for name in self.names), outcome.point, strict=True)
-        return ", ".join(f"{name} {value:.4g} {unit}".rstrip() for (name, unit), value in values)
-
-    def command(self, outcome: Outcome) -> str:
-        """The command that plans a point again, with all files of a run."""
-        values = zip(self.names, outcome.point, strict=True)
-        options = " ".join(f"--at {name}={value!r}" for name, value in values)
-        folder = f"point-{outcome.number}"
-        return f"request-planner sweep {shlex.quote(self.file)} {options} --out {folder}"
 
 
 def search(

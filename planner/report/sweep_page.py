@@ -3,23 +3,38 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from planner.evaluation.sweep import WORDS, Outcome, Swept
+from planner.evaluation.sweep import Outcome, Requirement, Swept
 from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.table import Column, Row, Table
 from planner.report.wording import words_of
 
+WORDS = {
+    "length": ("half stroke", "m"),
+    "height": ("height", "m"),
+    "forward": ("forward", "m"),
+    "sideways": ("sideways", "m"),
+    "hip_height": ("hip height", "m"),
+    "ground_fraction": ("part on the ground", ""),
+    "heading_deg": ("heading", "deg"),
+    "period_s": ("period", "s"),
+    "speed": ("speed", "times"),
+    "smoothness": ("smoothness", ""),
+}
+"""Name and unit of each parameter."""
+
 
 def sweep_page(swept: Swept) -> Page:
     """The whole page."""
     rows = [
-        Row(f"{points[0].number}", (swept.words(points[0]), f"{len(points)}", reason))
+        Row(f"{points[0].number}", (parameters(swept, points[0]), f"{len(points)}", reason))
         for reason, points in list(swept.failures.items())[:20]
     ]
     columns = Column("parameters", words=True), Column("points"), Column("reason", words=True)
@@ -27,7 +42,9 @@ def sweep_page(swept: Swept) -> Page:
     return Page(
         "sweep",
         swept=swept,
-        good=not swept.missed,
+        good=not missed(swept),
+        verdict=verdict(swept),
+        commands=[(each.number, command(swept, each)) for each in swept.front],
         planned=sum(each.planned for each in swept.outcomes),
         figure=front_figure(swept) if swept.front else None,
         points=points_table(swept),
@@ -56,7 +73,7 @@ def sweep_results(swept: Swept) -> list[dict[str, Any]]:
             "slowest_joint": each.slowest or None,
             "unreachable_samples": each.unreachable,
             "on_front": each.number in front,
-            "reason": each.reason or None,
+            "reason": each.reason or missed_by(swept.requirement, each) or None,
         }
         for each in swept.outcomes
     ]
@@ -64,18 +81,74 @@ def sweep_results(swept: Swept) -> list[dict[str, Any]]:
 
 def sweep_text(swept: Swept) -> str:
     """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
-    lines = [swept.verdict]
+    lines = [verdict(swept)]
     if swept.front:
         planned = sum(each.planned for each in swept.outcomes)
         lines.append(f"{planned} of {len(swept.outcomes)} points have a plan; the front:")
         lines.append(points_table(swept).text())
-        lines.append(f"again: {swept.command(swept.best or swept.front[-1])}")
+        lines.append(f"again: {command(swept, swept.best or swept.front[-1])}")
     for reason, outcomes in list(swept.failures.items())[:10]:
         more = f" and {len(outcomes) - 1} more" if len(outcomes) > 1 else ""
         lines.append(f"point {outcomes[0].number}{more}: {reason}")
     if (rest := len(swept.failures) - 10) > 0:
         lines.append(f"{rest} more reasons in points.csv")
     return "\n".join(lines)
+
+
+def verdict(swept: Swept) -> str:
+    """The answer in a few words."""
+    if not swept.front:
+        return f"None of {len(swept.outcomes)} points has a plan"
+
+    def sizes(outcome: Outcome) -> str:
+        speed = f"{outcome.speed:.3g} {swept.speed_unit}"
+        return f"{speed} at {outcome.error:.3g} {swept.error_unit}"
+
+    slow, fast = swept.front[0], swept.front[-1]
+    if swept.requirement is not None:
+        value, best = swept.requirement.value, swept.best
+        nearest, limit = slow, f"at most {value:g} {swept.error_unit}"
+        if swept.requirement.of == "speed":
+            nearest, limit = fast, f"at least {value:g} {swept.speed_unit}"
+        if best is None:
+            return f"No point has {limit}: the nearest has {sizes(nearest)}"
+        return f"The best point with {limit} has {sizes(best)}: {parameters(swept, best)}"
+    if len(swept.front) == 1:
+        return f"One point is best in both: {sizes(slow)}"
+    return f"{len(swept.front)} points on the front: from {sizes(slow)} to {sizes(fast)}"
+
+
+def missed(swept: Swept) -> str:
+    """Why the sweep failed, in words; empty where it did not."""
+    failed = not swept.front or (swept.requirement is not None and swept.best is None)
+    return verdict(swept) if failed else ""
+
+
+def missed_by(requirement: Requirement | None, outcome: Outcome) -> str:
+    """How a planned point misses the requirement, in words; empty where it does not."""
+    if requirement is None or requirement.is_met_by(outcome):
+        return ""
+    if requirement.of == "speed":
+        return f"speed below {requirement.value:g}"
+    slow = (
+        f"; {outcome.slowest} would have to exceed its top speed on "
+        f"{100.0 * outcome.too_fast:.0f} % of the path"
+    )
+    return f"error above {requirement.value:g}{slow if outcome.slowest else ''}"
+
+
+def parameters(swept: Swept, outcome: Outcome) -> str:
+    """The parameters of a point."""
+    values = zip((WORDS[name] for name in swept.names), outcome.point, strict=True)
+    return ", ".join(f"{name} {value:.4g} {unit}".rstrip() for (name, unit), value in values)
+
+
+def command(swept: Swept, outcome: Outcome) -> str:
+    """The command that plans a point again, with all files of a run."""
+    values = zip(swept.names, outcome.point, strict=True)
+    options = " ".join(f"--at {name}={value!r}" for name, value in values)
+    folder = f"point-{outcome.number}"
+    return f"request-planner sweep {shlex.quote(swept.file)} {options} --out {folder}"
 
 
 def points_table(swept: Swept) -> Table:
@@ -104,7 +177,7 @@ def front_figure(swept: Swept) -> Figure:
 
     def curve(role: Role, outcomes: Sequence[Outcome], label: str, **more: Any) -> Curve:
         errors = [each.direct if role is DIRECT else each.error for each in outcomes]
-        notes = tuple(f"{each.number}: {swept.words(each)}" for each in outcomes)
+        notes = tuple(f"{each.number}: {parameters(swept, each)}" for each in outcomes)
         speeds = np.array([each.speed for each in outcomes])
         return Curve(role, speeds, np.array(errors), label, notes=notes, **more)
 

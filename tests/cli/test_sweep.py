@@ -19,6 +19,7 @@ from planner.evaluation.sweep import Outcome, Requirement, Swept
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
 from planner.files.results import Results
+from planner.report.sweep_page import verdict
 from tests.parallel.work import InThisProcess
 
 GAIT = """
@@ -145,16 +146,15 @@ def test_the_nearest_point_is_told_where_none_meets_what_is_required():
     )
     swept = Swept("a.toml", ("length",), outcomes, "cm/s", "cm", Requirement("speed", 1.0))
     assert [each.point for each in swept.front] == [(0.0,), (2.0,), (3.0,)]
-    assert swept.verdict.startswith("The best point with at least 1 cm/s has 1 cm/s at 0.2 cm:")
+    assert verdict(swept).startswith("The best point with at least 1 cm/s has 1 cm/s at 0.2 cm:")
     ends = "3 points on the front: from 1 cm/s at 0.2 cm to 3 cm/s at 1.5 cm"
-    assert replace(swept, requirement=None).verdict == ends
+    assert verdict(replace(swept, requirement=None)) == ends
     swept = replace(swept, requirement=Requirement("error", 2.0))
-    assert swept.verdict.startswith("The best point with at most 2 cm has 3 cm/s at 1.5 cm:")
-    swept = replace(swept, outcomes=tuple(replace(each, reason="missed") for each in outcomes))
+    assert verdict(swept).startswith("The best point with at most 2 cm has 3 cm/s at 1.5 cm:")
     swept = replace(swept, requirement=Requirement("error", 0.1))
-    assert swept.verdict == "No point has at most 0.1 cm: the nearest has 1 cm/s at 0.2 cm"
+    assert verdict(swept) == "No point has at most 0.1 cm: the nearest has 1 cm/s at 0.2 cm"
     swept = replace(swept, requirement=Requirement("speed", 4.0))
-    assert swept.verdict == "No point has at least 4 cm/s: the nearest has 3 cm/s at 1.5 cm"
+    assert verdict(swept) == "No point has at least 4 cm/s: the nearest has 3 cm/s at 1.5 cm"
 
 
 @pytest.mark.parametrize(
