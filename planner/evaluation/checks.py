@@ -40,19 +40,9 @@ WITHIN_LIMITS = Tolerance(1e-12, "rad", "rounding of one subtraction; limits are
 ORDERED = Tolerance(1e-6, "rad", "solvers stop near the best proof: a relative 1e-8 to 1e-5")
 STATED = Tolerance(1e-6, "rad", "CVXPY's solver stops within some 1e-8 of the optimum, scaled")
 ABOVE_BOUND = Tolerance(1e-9, "rad", "a bound is proved up to rounding, whatever its solver did")
-FOOT_ABOVE_BOUND = Tolerance(1e-9, "m", ABOVE_BOUND.reason)
-NO_WORSE = Tolerance(
-    1e-6,
-    "rad",
-    f"a step of the Aibo's requests; and of the error {SMOOTHNESS:g} for smoother requests and "
-    f"{LOCAL:g} between local optima",
-)
-FOOT_NO_WORSE = Tolerance(
-    1e-6,
-    "m",
-    f"a thousandth of a millimetre; and of the error {SMOOTHNESS:g} for smoother requests and "
-    f"{LOCAL:g} between local optima",
-)
+SHARES = f"of the error {SMOOTHNESS:g} for smoother requests and {LOCAL:g} between local optima"
+NO_WORSE = Tolerance(1e-6, "rad", f"a step of the Aibo's requests; and {SHARES}")
+FOOT_NO_WORSE = Tolerance(1e-6, "m", f"a thousandth of a millimetre; and {SHARES}")
 
 AGREES = "predicted angles agree with the independent simulation"
 CLOSES = "the cycle closes"
@@ -247,26 +237,9 @@ def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversio
     """
     if limits is None or beyond_limits(plan.requests, limits) <= WITHIN_LIMITS.value:
         return plan
-    joint = plan.plan.joint(plan.column)
-    clipped = replace(joint, requests=np.clip(joint.requests, *limits))
+    clipped = Inversion(plan.plan, plan.column, requests=np.clip(plan.requests, *limits))
     try:
         _ = clipped.predicted
     except NoSteadyCycle:
         return None
-    return Inversion(clipped)
-
-
-def no_worse_checks(
-    subject: str, plan: str, error: float, rivals: Mapping[str, float], allowed: Tolerance
-) -> list[Check]:
-    """That a plan's error is no larger than those of its rivals, in the tolerance's unit."""
-    return [
-        Check(
-            subject,
-            plan,
-            f"no worse than {rival}",
-            error - least,
-            allowed._replace(value=allowed.value + SHARE * least),
-        )
-        for rival, least in rivals.items()
-    ]
+    return clipped

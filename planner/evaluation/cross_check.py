@@ -17,24 +17,25 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from planner.evaluation.checks import (
     ABOVE,
+    ABOVE_BOUND,
     AGREEMENT,
     AS_GOOD,
     FOLLOWED,
-    FOOT_ABOVE_BOUND,
     FOOT_NO_WORSE,
     INSIDE,
     NO_WORSE,
+    SHARE,
     SOLVED,
     SOLVES,
     STATED,
     WITHIN_LIMITS,
     Answer,
     Check,
+    Tolerance,
     answer_checks,
     beyond_limits,
     bound_checks,
     kept_within,
-    no_worse_checks,
     second_answer,
 )
 from planner.exceptions import InvalidInput, SolverFailed, about
@@ -334,12 +335,19 @@ class JointComparison:
             "solver_gaps": {
                 level: _finite(proof.solver_gap) for level, proof in self.certificates.items()
             },
-            "methods": {method: self._plan(method) for method in self.plans},
+            "methods": {
+                method: {
+                    **self.numbers(method),
+                    "requests_deg": np.degrees(plan.requests).tolist(),
+                    "predicted_deg": np.degrees(plan.predicted).tolist(),
+                }
+                for method, plan in self.plans.items()
+            },
         }
 
-    def _plan(self, method: str) -> dict[str, Any]:
-        plan, answer = self.plans[method], self.answers[method]
-        apart = self.difference(method)
+    def numbers(self, method: str) -> dict[str, Any]:
+        """The figures of a plan, angles in degrees; one that is not finite is None."""
+        plan, apart = self.plans[method], self.difference(method)
         return {
             "rms_deg": math.degrees(plan.rms),
             "max_deg": math.degrees(plan.max_error),
@@ -350,10 +358,8 @@ class JointComparison:
             "largest_request_difference_deg": math.degrees(float(np.max(np.abs(apart)))),
             "largest_step_deg": math.degrees(plan.largest_step),
             "beyond_desired_deg": math.degrees(plan.excess),
-            "agreement_rad": answer.agreement,
-            "other_cycle_deg": math.degrees(answer.elsewhere),
-            "requests_deg": np.degrees(plan.requests).tolist(),
-            "predicted_deg": np.degrees(plan.predicted).tolist(),
+            "agreement_rad": self.answers[method].agreement,
+            "other_cycle_deg": math.degrees(self.answers[method].elsewhere),
         }
 
 
@@ -384,18 +390,16 @@ def compare_joint(
     certificates = {proof.level: proof for proof in proved}
     bounds = {level: proof.bound for level, proof in certificates.items()}
     answers = {method: second_answer(plan.plan, plan.column) for method, plan in plans.items()}
-    closed_forms = {method: plan for method, plan in plans.items() if method in CLOSED_FORMS}
+    errors = {METHODS[method]: plan.error for method, plan in plans.items()}
     checks: list[Check] = []
     for method, answer in answers.items():
         checks += answer_checks(name, METHODS[method], answer, cyclic=optimal.cyclic)
-    rivals, known_error = {}, _known_error(_unsmoothed(optimal.plan))
-    for method, plan in closed_forms.items():
-        clipped = kept_within(plan, optimal.limits)
-        if clipped is not None:
-            rivals[METHODS[method]] = math.hypot(clipped.error, known_error)
-    robot_error = _robot_error(optimal.plan, optimal.error)
-    checks += no_worse_checks(name, METHODS["optimal"], robot_error, rivals, NO_WORSE)
-    errors = {METHODS[method]: plan.error for method, plan in plans.items()}
+    rivals = {
+        METHODS[method]: clipped.error
+        for method, plan in plans.items()
+        if method in CLOSED_FORMS and (clipped := kept_within(plan, optimal.limits)) is not None
+    }
+    checks += no_worse_checks(name, "optimal", optimal.plan, optimal.error, rivals, NO_WORSE)
     checks += bound_checks(name, bounds, errors)
     for level in bounds:
         if level != "exact" and not problem.model.exceeds_v_max:
@@ -405,8 +409,8 @@ def compare_joint(
             checks.append(Check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
     checks += [Check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
     if SECOND in plans:
-        excess = robot_error - math.hypot(plans[SECOND].error, known_error)
-        relative = 0.0 if excess <= FOLLOWED else excess / robot_error
+        shown, other = errors_shown(optimal.plan, optimal.error, [plans[SECOND].error])
+        relative = 0.0 if shown - other <= FOLLOWED else (shown - other) / shown
         checks += [
             Check(name, METHODS[SECOND], SOLVED, 0.0, SOLVES),
             Check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
@@ -416,13 +420,51 @@ def compare_joint(
             if method not in CLOSED_FORMS:
                 excess = beyond_limits(plan.requests, optimal.limits)
                 checks.append(Check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
-    return JointComparison(
-        name=name,
-        plans=plans,
-        certificates=certificates,
-        answers=answers,
-        checks=tuple(checks),
+    return JointComparison(name, plans, certificates, answers, tuple(checks))
+
+
+def no_worse_checks(
+    subject: str,
+    method: str,
+    plan: Plan,
+    error: float,
+    rivals: Mapping[str, float],
+    allowed: Tolerance,
+) -> list[Check]:
+    """That a plan's error is no larger than those of its rivals, as a robot shows them."""
+    shown, *others = errors_shown(plan, error, list(rivals.values()))
+    return [
+        Check(
+            subject,
+            METHODS[method],
+            f"no worse than {rival}",
+            shown - other,
+            allowed._replace(value=allowed.value + SHARE * other),
+        )
+        for rival, other in zip(rivals, others, strict=True)
+    ]
+
+
+def errors_shown(plan: Plan, error: float, rivals: Sequence[float]) -> list[float]:
+    """The errors of a plan and of others for its task that a robot may show: (12b) of the maths.
+
+    Error of the models is added. The others are judged with that of the best plan: the search
+    minimises the plan's own. 0 is that of a plan whose error no encoder sees, if many plans do.
+    """
+    best = plan.task.unsmoothed
+    evidence = [model.evidence for model in plan.models]
+    smoothed = best is not plan.task and any(e and e.depends_on_motion for e in evidence)
+    by_models, of_best = (
+        each.task.error_made_by(
+            known_errors(each.models, each.predicted, cyclic=each.cyclic), each.predicted
+        )
+        for each in (plan, planned(best) if smoothed else plan)
     )
+    shown = math.hypot(error, by_models)
+    if plan.task.goal == "foot" or any(model.dead_band for model in plan.models):
+        unseen = np.full(len(plan.models), ENCODER_STEP)
+        shown = 0.0 if error <= plan.task.error_made_by(unseen, plan.predicted) else shown
+    return [shown, *(math.hypot(each, of_best) for each in rivals)]
 
 
 def planned_methods(joints: Sequence[JointComparison]) -> list[str]:
@@ -490,30 +532,33 @@ class FootComparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, lengths in centimetres and angles in degrees."""
-        differences = self.differences
         return {
             "desired_cm": (100.0 * self.desired).tolist(),
             "requests_deg": np.degrees(self.best.requests).tolist(),
             "norm": self.norm,
             "lower_bound_cm": None if self.bound is None else 100.0 * self.bound,
             "methods": {
-                method: {
-                    "gap": self.gap(method),
-                    "rms_cm": 100.0 * float(plan.rms[0]),
-                    "max_cm": 100.0 * float(plan.max_error[0]),
-                    "request_difference_rms_deg": math.degrees(differences[method].rms),
-                    "largest_request_difference_deg": math.degrees(differences[method].max),
-                    "positions_cm": (100.0 * plan.foot).tolist(),
-                }
+                method: {**self.numbers(method), "positions_cm": (100.0 * plan.foot).tolist()}
                 for method, plan in self.plans.items()
             },
+        }
+
+    def numbers(self, method: str) -> dict[str, float | None]:
+        """The figures of a plan, lengths in centimetres and angles in degrees."""
+        plan, apart = self.plans[method], self.differences[method]
+        return {
+            "gap": self.gap(method),
+            "rms_cm": 100.0 * float(plan.rms[0]),
+            "max_cm": 100.0 * float(plan.max_error[0]),
+            "request_difference_rms_deg": math.degrees(apart.rms),
+            "largest_request_difference_deg": math.degrees(apart.max),
         }
 
 
 def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> FootComparison:
     """Compare a plan for the foot with plans for its joints, from any method."""
     best, norm, label = together.plan, together.norm, METHODS["foot_optimal"]
-    plans, checks = {}, []
+    plans, rivals, checks = {}, {}, list[Check]()
     for column, joint in enumerate(joints):
         answer = second_answer(best, column)
         checks += answer_checks(joint.name, label, answer, cyclic=best.cyclic)
@@ -521,20 +566,17 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
     checks.append(Check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
     error = error_norm(best.distances, norm)
     if best.foot_bound is not None:
-        checks.append(Check(FOOT, label, ABOVE, best.foot_bound - error, FOOT_ABOVE_BOUND))
-    rivals, known_error = {}, _known_error(_unsmoothed(best))
+        below = best.foot_bound - error
+        checks.append(Check(FOOT, label, ABOVE, below, ABOVE_BOUND._replace(unit="m")))
+    limits = list(zip(*together.limits, strict=True))
     for method in planned_methods(joints):
         single = [joint.plans[method] for joint in joints]
         plans[method] = _foot_plan(best, single)
-        clipped = [
-            kept_within(plan, (low, high))
-            for plan, low, high in zip(single, *together.limits, strict=True)
-        ]
+        clipped = [kept_within(*each) for each in zip(single, limits, strict=True)]
         usable = [plan for plan in clipped if plan is not None]
         if len(usable) == len(joints):
-            rival_error = error_norm(_foot_plan(best, usable).distances, norm)
-            rivals[METHODS[method]] = math.hypot(rival_error, known_error)
-    checks += no_worse_checks(FOOT, label, _robot_error(best, error), rivals, FOOT_NO_WORSE)
+            rivals[METHODS[method]] = error_norm(_foot_plan(best, usable).distances, norm)
+    checks += no_worse_checks(FOOT, "foot_optimal", best, error, rivals, FOOT_NO_WORSE)
     return FootComparison({**plans, "foot_optimal": best}, tuple(checks))
 
 
@@ -544,30 +586,3 @@ def _foot_plan(together: Plan, plans: Sequence[Inversion]) -> Plan:
     task = replace(together.task, start=start, weights=np.ones(3))
     requests = np.column_stack([plan.requests for plan in plans])
     return replace(together, task=task, requests=requests)
-
-
-def _unsmoothed(plan: Plan) -> Plan:
-    """The best plan, whose known error counts in (12b) of ``docs/math.md``, or one with the same.
-
-    Other plans are judged with that error too: the search minimises the plan's own.
-    """
-    best = plan.task.unsmoothed
-    evidence = [model.evidence for model in plan.models]
-    if best is plan.task or not any(each and each.depends_on_motion for each in evidence):
-        return plan
-    return planned(best)
-
-
-def _known_error(plan: Plan) -> float:
-    """Error of the plan due to the models' known errors for its motion [unit], (12b)."""
-    known = known_errors(plan.models, plan.predicted, cyclic=plan.cyclic)
-    return plan.task.error_made_by(known, plan.predicted)
-
-
-def _robot_error(plan: Plan, error: float) -> float:
-    """The error that a robot may show, (12b); 0 for one that no encoder sees, if many plans do."""
-    many = plan.task.goal == "foot" or any(model.dead_band for model in plan.models)
-    unseen = np.full(len(plan.models), ENCODER_STEP)
-    if many and error <= plan.task.error_made_by(unseen, plan.predicted):
-        return 0.0
-    return math.hypot(error, _known_error(plan))

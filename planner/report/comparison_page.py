@@ -23,7 +23,7 @@ from planner.report.figure import Axis, Figure, Panel, Timeline, line
 from planner.report.page import Page, models_table
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.report.wording import words_of
-from planner.trajectory import error_norm, index_of_largest, rms
+from planner.trajectory import error_norm, index_of_largest
 
 SHOWN = "closed_form_paper"
 """The closed form that is drawn."""
@@ -138,15 +138,18 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
     rows = []
     has_expected = any(math.isfinite(joint.plans["optimal"].expected.error) for joint in joints)
     for joint in joints:
-        for method, plan in joint.plans.items():
-            apart = np.degrees(joint.difference(method))
-            most, difference = index_of_largest(np.abs(apart)), (NOTHING,) * 3
-            if method != "optimal":
-                difference = (f"{rms(apart):.2f}", f"{abs(apart[most]):.2f}", f"{most}")
-            errors = (f"{math.degrees(plan.rms):.3f}", f"{math.degrees(plan.max_error):.3f}")
-            robot = (number(math.degrees(plan.expected.error), 3),) * has_expected
-            row = (*errors, *robot, percent(joint.gap(method)), *difference)
-            rows.append(Row(METHODS[method], row, joint.name))
+        for method in joint.plans:
+            numbers, apart = joint.numbers(method), np.abs(joint.difference(method))
+            cells = [number(numbers["rms_deg"], 3), number(numbers["max_deg"], 3)]
+            cells += [number(numbers["expected_rms_deg"], 3)] * has_expected
+            difference = [
+                number(numbers["request_difference_rms_deg"]),
+                number(numbers["largest_request_difference_deg"]),
+                f"{index_of_largest(apart)}",
+            ]
+            cells += [percent(joint.gap(method))]
+            cells += [NOTHING] * 3 if method == "optimal" else difference
+            rows.append(Row(METHODS[method], tuple(cells), joint.name))
         for level, bound in joint.bounds.items():
             solver_gap = joint.certificates[level].solver_gap
             which = f"{level}, solver gap {percent(solver_gap)}" if solver_gap else level

@@ -24,6 +24,8 @@ def sabotage(monkeypatch):
 
     def late(*arguments, **options):
         plan = honest(*arguments, **options)
+        if plan.method == "closed_form":
+            return plan
         return replace(plan, requests=np.roll(plan.requests, 3, axis=0))
 
     monkeypatch.setattr(cross_check_module, "planned", late)
