@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -43,6 +44,10 @@ def models_of_joints(
 ) -> list[tuple[JointModel, ...]]:
     """The candidate models of each joint, the nominal one first, in the order of the joints.
 
+    A single model is the only candidate, unless ``robust`` asks for models drawn from its
+    intervals. A sequence lists all candidates, even if it has one alone. The candidates of an
+    identification are always drawn from its intervals.
+
     Raises:
         InvalidInput: They do not fit the joints, one is no JointModel, request periods differ, a
             single model has no intervals, or ``robust`` is no error over models, or not None where
@@ -50,6 +55,9 @@ def models_of_joints(
     """
     if robust is not None:
         check_choice("robust", robust, get_args(Robust))
+    # An identification exists only where its module is loaded, which takes SciPy.
+    module = sys.modules.get("planner.identification.result")
+    identification: Any = getattr(module, "Identification", ())
     entries: list[Any]
     if isinstance(models, Mapping):
         if missing := [name for name in names if name not in models and "" not in models]:
@@ -58,7 +66,7 @@ def models_of_joints(
                 f"{', '.join(map(str, models)) or 'none'}"
             )
         entries = [models[name] if name in models else models[""] for name in names]
-    elif isinstance(models, JointModel) or _is_identification(models):
+    elif isinstance(models, (JointModel, identification)):
         entries = [models] * len(names)
     else:
         try:
@@ -68,8 +76,7 @@ def models_of_joints(
         if len(names) == 1 and len(entries) > 1:
             entries = [entries]
         fit = all(
-            (isinstance(each, JointModel | Sequence) and not isinstance(each, str))
-            or _is_identification(each)
+            isinstance(each, (JointModel, Sequence, identification)) and not isinstance(each, str)
             for each in entries
         )
         if len(entries) != len(names) or (not fit and names != ("",)):
@@ -77,11 +84,24 @@ def models_of_joints(
                 f"models: got {len(entries)} of them for {len(names)} joints ({', '.join(names)}), "
                 "expected one JointModel, or one for each"
             )
-    own = (each.model if _is_identification(each) else each for each in entries)
-    sources = [(each, getattr(each, "evidence", None)) for each in own]  # of the draws
-    seeds = [sources.index(each) if independent else 0 for each in sources]
-    pairs = zip(entries, seeds, strict=True)
-    several = [_candidates(each, robust, seed) for each, seed in pairs]
+    several, sources = list[tuple[JointModel, ...]](), list[Any]()  # sources of draws
+    for entry in entries:
+        identified = isinstance(entry, identification)
+        model = entry.model if identified else entry
+        sources.append((model, getattr(model, "evidence", None)))
+        if isinstance(model, Sequence) and not isinstance(model, str):
+            several.append(tuple(map(checked_model, model)))
+        elif robust is None and not identified:
+            several.append((checked_model(model),))
+        else:
+            seed = sources.index(sources[-1]) if independent else 0
+            several.append(drawn_models(checked_model(model), seed=seed))
+        if len({each.period for each in several[-1]}) != 1:
+            raise InvalidInput(
+                f"model: got {len(several[-1])} models with periods of "
+                f"{', '.join(f'{each.period:g}' for each in several[-1]) or 'nothing'} s, expected "
+                "at least one, all of one joint with one request period"
+            )
     if robust is not None and all(len(each) == 1 for each in several):
         raise InvalidInput(
             f"robust: got {robust!r} for a sequence of one model, which the joint has in any case; "
@@ -93,37 +113,6 @@ def models_of_joints(
             "period: joints that are requested at different rates are not planned together"
         )
     return several
-
-
-def _is_identification(model: object) -> TypeGuard[Identification]:
-    """Whether it is the answer of :func:`planner.identify`."""
-    if isinstance(model, JointModel | Sequence | Mapping):
-        return False
-    from planner.identification.result import Identification  # slow to import: SciPy
-
-    return isinstance(model, Identification)
-
-
-def _candidates(model: ModelOrModels, robust: Robust | None, seed: int) -> tuple[JointModel, ...]:
-    """The candidate models of a joint, the nominal one first.
-
-    A single model is the only candidate, unless ``robust`` asks for models drawn from its
-    intervals. A sequence lists all candidates, even if it has one alone. The candidates of an
-    identification are always drawn from its intervals.
-    """
-    if _is_identification(model):
-        return drawn_models(model.model, seed=seed)
-    if isinstance(model, JointModel) or not isinstance(model, Sequence) or isinstance(model, str):
-        only = checked_model(model)
-        return (only,) if robust is None else drawn_models(only, seed=seed)
-    models = tuple(checked_model(each) for each in model)
-    if not models or len({each.period for each in models}) > 1:
-        raise InvalidInput(
-            f"model: got {len(models)} models with periods of "
-            f"{', '.join(f'{each.period:g}' for each in models) or 'nothing'} s, expected at least "
-            "one, all of one joint with one request period"
-        )
-    return models
 
 
 PAIRS = 4
