@@ -29,7 +29,6 @@ from tests.identification.made import (
     AIBO,
     NOISE,
     changed,
-    identified_steps,
     logged,
     measured,
     rich_log,
@@ -75,32 +74,6 @@ def test_the_interval_of_a_dead_band_is_as_wide_as_its_estimates_scatter():
     assert 1.7 * scatter < half < 4.5 * scatter
 
 
-def test_a_joint_that_never_saturates_shows_only_the_ratio():
-    log = rich_log(amplitude=GENTLE, noise=NOISE / 10.0)
-    found = planner.identify(log, hold_out=False)
-    lower, upper = found.intervals["v_max"]
-    assert 0.0 < lower <= AIBO.v_max
-    assert upper == math.inf
-    assert found.intervals["theta_0"].upper == math.inf
-    assert found.gain_interval.lower <= AIBO.v_max / AIBO.theta_0 <= found.gain_interval.upper
-    assert found.gain_interval.bounded
-    assert not found.saturates
-    assert found.covariance is None
-    assert lower <= found.model.v_max <= AIBO.v_max  # no more than the log called for
-    said = next(warning for warning in found.warnings if "saturates" in warning)
-    assert f"v_max/theta_0 = {found.gain:.3g} per second is known" in said
-    assert "record steps larger than about 0.2 rad" in said
-
-
-def test_a_joint_that_saturates_has_bounded_intervals_and_a_covariance():
-    found = identified_steps()
-    assert found.saturates
-    assert all(interval.bounded for interval in found.intervals.values())
-    deviations = np.sqrt(np.diag(found.covariance))
-    for deviation, (lower, upper) in zip(deviations, found.intervals.values(), strict=True):
-        assert 1.5 * deviation <= (upper - lower) / 2.0 <= 2.5 * deviation
-
-
 @pytest.mark.parametrize("seed", [3, 4, 9])
 def test_an_interval_holds_what_other_intervals_leave_open(seed):
     """Here a window of 77 ms and no time constant fit best; its own slopes allow no less."""
@@ -113,19 +86,6 @@ def test_an_interval_holds_what_other_intervals_leave_open(seed):
     found = planner.identify((times, requests, angles), hold_out=False)
     assert hits(AIBO, found.intervals["lag"], "lag")
     assert found.intervals["acceleration_time"].lower <= 1.1 * AIBO.acceleration_time
-
-
-def test_structure_that_the_model_does_not_have_widens_every_interval():
-    """The joint sways at 1.5 Hz, whatever is requested."""
-    log = rich_log(noise=NOISE / 10.0)
-    white = planner.identify(log, hold_out=False)
-    turns = 2.0 * np.pi * 1.5 * log.times
-    bent = changed(log, angles=log.angles + 0.02 * np.sin(turns) * (1.0 + log.angles))
-    found = planner.identify(bent, hold_out=False)
-    for name in ("v_max", "lag", "offset"):
-        narrow, wide = white.intervals[name], found.intervals[name]
-        assert wide.upper - wide.lower >= 5.0 * (narrow.upper - narrow.lower), name
-        assert hits(AIBO, wide, name)
 
 
 def test_correlated_rows_count_for_fewer():

@@ -16,8 +16,6 @@ from planner.identification.result import Interval, Term
 from planner.identification.terms import with_motor
 from tests.identification.made import (
     AIBO,
-    identified_rich,
-    identified_steps,
     measured,
     rich_log,
     swung,
@@ -37,30 +35,8 @@ def noisy_log(model, *, seed=0, rows=1500, load=None):
     return replace(log, angles=angles, load=load)
 
 
-def varied_load(rows=1500):
-    return 0.8 * np.sin(0.004 * np.arange(rows)) + 0.3
-
-
 def term(found, name):
     return next(each for each in found.terms if each.name == name)
-
-
-def test_a_joint_without_friction_has_none_to_the_last_bit():
-    for found in (identified_steps(), identified_rich()):
-        assert found.model.dead_band == found.model.v_offset == 0.0
-        assert not any(each.kept for each in found.terms)
-        assert term(found, "dead_band").interval.lower == 0.0
-
-
-def test_a_dead_band_is_found_to_five_percent_and_within_its_interval():
-    truth = replace(AIBO, dead_band=math.radians(1.0))
-    found = planner.identify(noisy_log(truth), hold_out=False)
-    assert abs(found.model.dead_band / truth.dead_band - 1.0) <= 0.05
-    lower, upper = found.intervals["dead_band"]
-    assert lower <= truth.dead_band <= upper
-    assert upper - lower <= 0.2 * truth.dead_band
-    kept = term(found, "dead_band")
-    assert kept.rms_with < 0.5 * kept.rms_without
 
 
 def test_friction_and_asymmetry_are_found_exactly_without_noise():
@@ -68,27 +44,6 @@ def test_friction_and_asymmetry_are_found_exactly_without_noise():
     found = planner.identify(rich_log(truth, amplitude=1.0), hold_out=False).model
     for name in ("dead_band", "v_offset", "v_max", "theta_0", "offset"):
         assert math.isclose(getattr(found, name), getattr(truth, name), rel_tol=EXACT), name
-
-
-def test_compliance_and_slowing_are_found_from_several_loads():
-    truth = replace(STICKY, compliance=0.05, speed_per_torque=0.6)
-    load = varied_load()
-    found = planner.identify(noisy_log(truth, load=load), hold_out=False)
-    for name in ("dead_band", "compliance", "speed_per_torque"):
-        lower, upper = found.intervals[name]
-        assert lower <= getattr(truth, name) <= upper, name
-        assert abs(getattr(found.model, name) / getattr(truth, name) - 1.0) <= 0.1, name
-
-
-def test_a_sag_by_the_angle_is_found_within_its_intervals():
-    size, phase = math.radians(2.0), 2.0
-    truth = replace(STICKY, sag_sin=-size * math.cos(phase), sag_cos=size * math.sin(phase))
-    found = planner.identify(swung(truth), hold_out=False)
-    for name in ("sag_sin", "sag_cos"):
-        assert term(found, name).kept
-        assert abs(getattr(found.model, name) - getattr(truth, name)) <= 0.1 * size
-        lower, upper = found.intervals[name]
-        assert lower <= getattr(truth, name) <= upper
 
 
 @pytest.mark.parametrize(
@@ -105,18 +60,6 @@ def test_a_sag_by_the_angle_is_sought_where_no_torque_is_known_and_angles_are_an
     for other in (replace(log, load=np.zeros(len(log.times))), replace(log, unit="1")):
         names = {each.name for each in planner.identify(other, hold_out=False).terms}
         assert not names & {"sag_sin", "sag_cos"}
-
-
-def test_motion_in_one_direction_tells_friction_from_sag_by_nothing():
-    truth = replace(AIBO, dead_band=math.radians(1.0))
-    requests = np.concatenate([np.zeros(100), np.linspace(0.0, 2.0, 300), np.full(100, 2.0)])
-    angles = planner.simulate(truth, requests, cyclic=False, start=-truth.dead_band)
-    angles = measured(angles, np.random.default_rng(0), noise=NOISE, quantum=QUANTUM)
-    found = planner.identify((AIBO.tick * np.arange(500), requests, angles), hold_out=False)
-    assert not term(found, "dead_band").kept
-    assert term(found, "dead_band").interval == (0.0, math.inf)
-    assert found.intervals["offset"] == (-math.inf, math.inf)
-    assert found.covariance is None
 
 
 def test_a_motors_time_constant_is_found_beside_friction_and_not_where_there_is_none():

@@ -25,15 +25,11 @@ from tests.identification.made import (
     changed,
     identified_rich,
     identified_steps,
-    measured,
     rich_log,
 )
 
 WHITE = 1.3
 """A good fit leaves little more than the noise, by this factor."""
-
-PERIOD = 0.02
-"""Of the made logs [s]."""
 
 
 def test_a_model_that_holds_says_which_of_friction_and_gravity_its_log_does_not_show():
@@ -70,28 +66,6 @@ def test_a_saturating_joint_is_better_described_by_the_model_than_by_anything_si
     assert set(first_order.parameters) == {"delay", "time_constant", "offset"}
 
 
-def test_a_joint_that_merely_delays_has_that_delay():
-    requests = rich_log().requests
-    angles = np.concatenate([np.full(5, requests[0]), requests[:-5]])
-    found = planner.identify((np.arange(len(requests)) * 0.008, requests, angles))
-    delay = found.alternatives[1]
-    assert delay.rms == 0.0
-    assert abs(delay.parameters["delay"] - 5 * 0.008) <= 0.008
-
-
-def test_rows_without_torque_are_not_used():
-    log = rich_log(noise=NOISE)
-    torque = np.ones(400, dtype=bool)
-    torque[50:120] = torque[300:310] = False
-    spoilt = np.where(torque, log.angles, 1.0)
-    found = planner.identify(changed(log, angles=spoilt, torque_on=torque), hold_out=False)
-    (fit,) = found.fits
-    assert not fit.used[~torque].any()
-    assert np.isnan(fit.predicted[~fit.used]).all()
-    assert found.rms <= WHITE * NOISE
-    assert any("torque is off in 20 % of the rows" in warning for warning in found.warnings)
-
-
 def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
     log = rich_log()
     noise = np.random.default_rng(0).normal(0.0, 0.01, len(log.times))
@@ -104,40 +78,8 @@ def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
     assert not any("holds no motion" in warning for warning in moved.warnings)
 
 
-def test_outliers_weigh_little_and_are_not_held_against_the_model():
-    log = rich_log(noise=NOISE)
-    angles = log.angles.copy()
-    angles[200:205] += [0.15, 0.3, 0.4, 0.3, 0.15]  # no jump, so that they are fitted
-    found = planner.identify(changed(log, angles=angles), hold_out=False)
-    assert found.accepted
-    weights = found.fits[0].weights
-    assert np.max(weights[201:204]) < 0.1
-    assert np.median(weights) == 1.0
-    assert abs(found.model.v_max / AIBO.v_max - 1.0) <= 0.01
-
-
-def waves(shape, frequency):
-    times = PERIOD * np.arange(400)
-    sine = np.sin(2.0 * np.pi * frequency * times)
-    requests = 0.4 * {"sine": sine, "square": np.sign(sine), "swept": np.sin(times**2)}[shape]
-    angles = planner.simulate(JOINT, requests, cyclic=False, start=requests[0])
-    return planner.Log(
-        times=times, requests=requests, angles=measured(angles, np.random.default_rng(0))
-    )
-
-
 def names_the_sign(found):
     return any("moves against" in text or "move against" in text for text in found.warnings)
-
-
-@pytest.mark.parametrize(("shape", "frequency"), [("square", 2.0), ("swept", 0.0)])
-def test_an_inverted_sign_is_refused_by_name_even_if_the_motion_repeats_itself(shape, frequency):
-    log = waves(shape, frequency)
-    assert not names_the_sign(planner.identify(log, hold_out=False))
-    inverted = planner.identify(changed(log, angles=-log.angles), hold_out=False)
-    assert not inverted.accepted
-    (warning,) = inverted.warnings  # and nothing that only follows from it
-    assert "invert the sign of one column" in warning
 
 
 def test_a_joint_that_is_late_by_less_than_half_a_cycle_has_no_wrong_sign():
