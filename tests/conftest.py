@@ -10,6 +10,7 @@ import inspect
 import os
 import pickle
 import shutil
+import sys
 from collections import Counter, defaultdict
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
@@ -24,6 +25,9 @@ import planner
 from planner.planning.bounds import foot_bound
 from tests.browser import Browser
 from tests.snapshots import Snapshot
+
+# The joints and servos of the benchmark are those of the tests, too.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
 
 settings.register_profile("suite", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("suite")

@@ -6,17 +6,7 @@ import contextlib
 import importlib
 import io
 import json
-from pathlib import Path
 from typing import NamedTuple
-
-import pytest
-
-SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
-
-
-@pytest.fixture(autouse=True)
-def _importable(monkeypatch):
-    monkeypatch.syspath_prepend(str(SCRIPTS))
 
 
 class Answer(NamedTuple):

@@ -138,12 +138,13 @@ class Servo:
 
     def rest(self, angle: float) -> None:
         """Stand at an angle, its request the same."""
-        self._angle, self._speed, self._sum = angle, 0.0, 0.0
+        self.angle, self._speed, self._sum = angle, 0.0, 0.0
         self._queue = deque([angle] * round(self.delay / STEP))
 
     def play(self, requests: Array, cycles: int = 1, *, settle: int = 2) -> tuple[Array, Array]:
         """True and sensed angles of cycles, after some to settle [rad], both (cycles, n)."""
-        true = np.array([self._cycle(requests) for _ in range(settle + cycles)])[settle:]
+        rows = np.tile(requests, settle + cycles).tolist()
+        true = np.reshape([self.send(each) for each in rows], (-1, len(requests)))[settle:]
         seen = true + self.noise * self._random.standard_normal(true.shape)
         seen = self.count * np.round(seen / self.count) if self.count else seen
         return true, seen
@@ -156,20 +157,22 @@ class Servo:
             times=self.period * np.arange(len(requests)), requests=requests, angles=seen[0]
         )
 
-    def _cycle(self, requests: Array) -> list[float]:
-        angles, steps = [], round(self.period / STEP)
-        for request in requests.tolist():
-            angles.append(self._angle)
-            for _ in range(steps):
-                self._queue.append(request)
-                self._advance(self._queue.popleft())
-        return angles
+    @property
+    def sensed(self) -> float:
+        """Angle in steps of the sensor [rad]."""
+        return self.count * round(self.angle / self.count) if self.count else self.angle
+
+    def send(self, request: float) -> float:
+        """The angle [rad] at which a request arrives that is held for a period."""
+        before = self.angle
+        for _ in range(round(self.period / STEP)):
+            self._queue.append(request)
+            self._advance(self._queue.popleft())
+        return before
 
     def _advance(self, request: float) -> None:
-        sensed = self._angle
-        if self.count:
-            sensed = self.count * round(sensed / self.count)
-        target = min(max(self.position_gain * (request - sensed), -self.top_speed), self.top_speed)
+        target = self.position_gain * (request - self.sensed)
+        target = min(max(target, -self.top_speed), self.top_speed)
         error = target - self._speed
         torque = self.speed_gain * error + self._sum - self.derivative * self._speed
         high = self.stall * min(max(1.0 - self._speed / self.free_speed, 0.0), 1.0)
@@ -177,11 +180,11 @@ class Servo:
         if low < torque < high:
             self._sum += self.integral_gain * error * STEP
         torque = min(max(torque, low), high)
-        torque -= self.gravity * math.sin(self._angle) + self.viscous * self._speed
+        torque -= self.gravity * math.sin(self.angle) + self.viscous * self._speed
         grip = self.coulomb * STEP / self.inertia  # the speed that friction takes in a step
         speed = self._speed + torque * STEP / self.inertia
         self._speed = math.copysign(max(abs(speed) - grip, 0.0), speed)
-        self._angle += self._speed * STEP
+        self.angle += self._speed * STEP
 
 
 STEP = 1e-3

@@ -8,6 +8,7 @@ import json
 import numpy as np
 
 from planner import JointModel, simulate, step_test
+from planner.files.exports import Layout, lerobot_dataset
 
 JOINT = JointModel(v_max=3.0, theta_0=0.08, lag=0.02, acceleration_time=0.03)
 """The joint behind every log [rad, or shares of a range]."""
@@ -67,33 +68,13 @@ def _write_bam(folder):
 
 
 def _write_dataset(folder):
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    from tests.files.logs import datasets
-
-    root = folder / "my_dataset"
-    for place in ("data/chunk-000", "meta/episodes/chunk-000"):
-        (root / place).mkdir(parents=True)
-    about = datasets.info("v3.0", datasets.NAMES["with .pos"]) | {"fps": 1 / JOINT.period}
-    (root / "meta" / "info.json").write_text(json.dumps(about))
-    episodes = []
-    for episode in range(EPISODES):
-        action, state = (np.repeat(100 * each[:, None], 3, axis=1) for each in _answer(episode))
-        count = len(action)
-        columns = {
-            "action": list(action),
-            "observation.state": list(state),
-            "timestamp": JOINT.period * np.arange(count),
-            "frame_index": np.arange(count),
-            "episode_index": np.full(count, episode),
-            "index": np.arange(count),
-            "task_index": np.zeros(count, dtype=int),
-        }
-        episodes.append(pa.table({name: pa.array(each) for name, each in columns.items()}))
-    lengths = {"episode_index": list(range(EPISODES)), "length": [len(each) for each in episodes]}
-    parquet.write_table(pa.table(lengths), root / "meta/episodes/chunk-000/file-000.parquet")
-    parquet.write_table(pa.concat_tables(episodes), root / "data/chunk-000/file-000.parquet")
+    names = ("shoulder_pan.pos", "elbow_flex.pos", "gripper.pos")
+    features = {"action": names, "observation.state": names}
+    layout = Layout(features=features, rate=1.0 / JOINT.period)
+    with lerobot_dataset(folder / "my_dataset", layout) as add:
+        for episode in range(EPISODES):
+            rows = [np.repeat(100.0 * each[:, None], 3, axis=1) for each in _answer(episode)]
+            add(dict(zip(features, rows, strict=True)), "")
 
 
 def _write_bags(folder):

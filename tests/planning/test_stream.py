@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmark.plants import Servo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
 from tests.instances import attainable, random_model, saturating
-from tests.pid_servo import PidServo
 
 pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
 
@@ -316,34 +316,32 @@ def test_an_angle_that_friction_holds_is_within_reach_of_the_limits():
 
 
 @pytest.fixture(scope="module")
-def pid_servo():
+def physical_servo():
     """A servo that is not the model, and the model identified from a log of it."""
-    servo = PidServo()
+    servo = Servo()
     rng = np.random.default_rng(3)
     triangle = np.interp(np.arange(200), (0, 50, 150, 200), (0.0, 0.9, -0.9, 0.0))
     requests = np.concatenate([triangle, np.repeat(rng.uniform(-1.0, 1.0, 14), 18)])
-    times = servo.period * np.arange(len(requests))
-    log = planner.Log(times=times, requests=requests, angles=servo.run(requests, 0.0))
-    return servo, planner.identify(log, hold_out=False).model
+    return servo, planner.identify(servo.log(requests), hold_out=False).model
 
 
 def run_on(servo, model, path, *, measured):
-    running, stream = servo.start(path[0]), planner.Stream(model, preview=10, limits=(-2.0, 2.0))
+    stream = planner.Stream(model, preview=10, limits=(-2.0, 2.0))
+    servo.rest(path[0])
     angles, sent = [], []
     for rows in stretches(path[:, np.newaxis], 10):
-        requests = stream.step(rows, [running.sensed()] if measured else None)
-        angles.append(running.angle)
+        requests = stream.step(rows, [servo.sensed] if measured else None)
         sent.append(requests[0])
-        running.period(requests[0])
+        angles.append(servo.send(requests[0]))
     return np.array(angles), np.array(sent)
 
 
-def test_on_a_servo_that_is_not_the_model_a_shift_is_beaten_and_measuring_helps(pid_servo):
-    servo, model = pid_servo
+def test_on_a_servo_that_is_not_the_model_a_shift_is_beaten_and_measuring_helps(physical_servo):
+    servo, model = physical_servo
     time = servo.period * np.arange(250)
     path = 0.5 - 0.5 * np.cos(4.4 * time) + 0.15 * np.sin(10.0 * time) * np.minimum(time, 1.0)
     shifted = min(
-        rms(servo.run(np.append(path[lead:], np.full(lead, path[-1])), path[0]) - path)
+        rms(servo.log(np.append(path[lead:], np.full(lead, path[-1]))).angles - path)
         for lead in range(8)
     )
     blind, measured = (run_on(servo, model, path, measured=each) for each in (False, True))

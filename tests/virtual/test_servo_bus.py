@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from contextlib import contextmanager
 
@@ -19,6 +20,7 @@ from planner.virtual.servo_bus import (
     serve,
     terminal,
 )
+from tests.docs.blocks import ROOT
 
 STEP = 0.01
 IDS = range(1, 7)
@@ -49,29 +51,29 @@ def wave(k):
     return 2048 + round(400 * np.sin(0.1 * k))
 
 
-def test_feetechs_own_sdk_pings_writes_and_reads_moving_servos(monkeypatch):
+def test_the_recipe_for_feetechs_own_sdk_moves_and_reads_all_servos_in_one_packet_each(monkeypatch):
+    """The bus goes on by a packet to all servos, and answers what asks them all."""
     sdk = pytest.importorskip("scservo_sdk", reason="ftservo-python-sdk is not installed")
+    page = (ROOT / "docs/recipes/feetech.md").read_text("utf-8")
+    (code,) = re.findall(r"^```py\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    names = {}
+    exec(compile(code, "feetech.md", "exec"), names)
     monkeypatch.setattr(sdk.port_handler, "LATENCY_TIMER", PATIENCE)
     with served(KINDS["sts3215"]) as path:
-        port = sdk.PortHandler(path)
-        assert port.openPort()
-        packet = sdk.sms_sts(port)
+        robot = names["Feetech"](IDS, port=path)
         for servo in IDS:
-            assert packet.ping(servo)[:2] == (777, sdk.COMM_SUCCESS)
-            assert packet.write1ByteTxRx(servo, 40, 1) == (sdk.COMM_SUCCESS, 0)
-        reader = sdk.GroupSyncRead(packet, 56, 2)
-        for servo in IDS:
-            reader.addParam(servo)
-        positions = []
+            assert robot.packet.ping(servo)[:2] == (777, sdk.COMM_SUCCESS)
+            assert robot.packet.write1ByteTxRx(servo, 40, 1) == (sdk.COMM_SUCCESS, 0)
+        angles = []
         for k in range(80):
-            for servo in IDS:
-                packet.SyncWritePosEx(servo, wave(k), 0, 0)
-            packet.groupSyncWrite.txPacket()
-            packet.groupSyncWrite.clearParam()
-            assert reader.txRxPacket() == sdk.COMM_SUCCESS
-            positions.append([reader.getData(servo, 56, 2) for servo in IDS])
-        port.closePort()
-    assert_followed(np.array(positions))
+            robot.send(np.full(6, (wave(k) - 2048) * 2.0 * np.pi / 4096))
+            angles.append(robot.angles())
+        monkeypatch.setattr(sdk.port_handler, "LATENCY_TIMER", 50)
+        robot.ids = [*IDS, 7]
+        with pytest.raises(OSError, match="servo 7 did not answer"):
+            robot.angles()
+        robot.port.closePort()
+    assert_followed(np.array(angles) * 4096 / (2.0 * np.pi) + 2048)
 
 
 @pytest.mark.parametrize(

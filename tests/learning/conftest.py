@@ -1,8 +1,0 @@
-"""The joints and servos of the benchmark are those of these tests."""
-
-from __future__ import annotations
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
