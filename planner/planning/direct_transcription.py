@@ -20,6 +20,7 @@ judged by the exact model, and the best one is kept.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 from typing import Any
@@ -50,7 +51,8 @@ ITERATIONS = 300
 def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
     """The best requests that IPOPT finds for one joint from first ones and ideal angles, (n, 1).
 
-    They are within the limits, and at least as good as the first ones.
+    They are within the limits, and at least as good as the first ones. All unknowns of the
+    programme are in units of theta_0.
 
     Raises:
         SolverFailed: No programme was solved, or no answer leads to a steady cycle.
@@ -59,103 +61,74 @@ def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
 
     if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
         return first  # no free request acts before the end
-    samples, unit = len(problem.desired), problem.models[0].theta_0
-    nlp, point, bounds = _transcribed(problem, first, ideal)
-    settings = {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS}
-    options: dict[str, Any] = {
-        "print_time": False,
-        "error_on_fail": False,
-        "expand": True,
-        "ipopt": settings,
-    }
-    solve = casadi.nlpsol("inversion", "ipopt", nlp, options)
+    (model,), samples, cyclic = problem.models, len(problem.desired), problem.cyclic
+    unit, size, torques = model.theta_0, model.law.states, problem.torques[0]
+    opti: Any = casadi.Opti()
+    angles, requests, radius = opti.variable(samples), opti.variable(samples), opti.parameter()
+    opti.set_initial(angles, ideal[:, 0] / unit)
+    opti.set_initial(requests, first[:, 0] / unit)
+
+    # Objective
+    errors = angles - problem.desired[:, 0] / unit
+    cost = casadi.sumsqr(errors)
+    if problem.norm == "max":
+        largest = opti.variable()
+        opti.set_initial(largest, float(np.max(np.abs(ideal - problem.desired))) / unit)
+        opti.subject_to(errors <= largest)
+        opti.subject_to(errors >= -largest)
+        cost = samples * largest**2
+    opti.minimize(cost + WEIGHT * casadi.sumsqr(requests - problem.resting[:, 0] / unit))
+
+    # Dynamics, and the boundary: a cycle, or from rest
+    states = angles.T
+    if size > 1:  # speeds, and integrals
+        speeds = opti.variable(size - 1, samples)
+        opti.set_initial(speeds[0, :], np.gradient(ideal[:, 0] / unit) / model.hold)
+        states = casadi.vertcat(states, speeds)
+    rest = np.zeros(size)
+    rest[0] = 0.0 if problem.start is None else float(problem.start[0]) / unit
+    rest[2:] = model.rest_integral(unit * rest[0], torques[0]) / unit
+    before = casadi.horzcat(states[:, -1] if cyclic else rest, states[:, :-1])
+    sent = np.maximum(acting(request_ages(model), samples, cyclic=cyclic), 0).tolist()
+    period_of = period_function(model)
+    for k in range(samples):
+        inputs = unit * before[:, k], unit * requests[sent[k]], torques[k], unit * radius
+        opti.subject_to(states[:, k] == period_of(*inputs) / unit)
+
+    # Limits
+    low, high = (float(end[0]) / unit for end in (problem.lower, problem.upper))
+    opti.subject_to(opti.bounded(low, requests if cyclic else requests[1:], high))
+    if not cyclic:
+        opti.subject_to(requests[0] == first[0, 0] / unit)
+    if math.isfinite(problem.max_step[0]):
+        changes = requests - casadi.vertcat(requests[-1], requests[:-1])
+        most = float(problem.max_step[0]) / unit
+        opti.subject_to(opti.bounded(-most, changes if cyclic else changes[1:], most))
+
+    options = {"print_time": False, "error_on_fail": False, "expand": True}
+    options["detect_simple_bounds"] = True
+    opti.solver("ipopt", options, {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS})
     best, least = first, problem.exact_error(first)
     solved, status = False, ""
-    for radius in RADII:
-        answer = solve(x0=point, p=radius, **bounds)
-        status, iterations = str(solve.stats()["return_status"]), solve.stats()["iter_count"]
-        unknowns = np.asarray(answer["x"], dtype=np.float64).ravel()
-        outcome = f"ipopt, corners of {radius:g} theta_0: {status} after {iterations} iterations"
-        if not solve.stats()["success"] or not np.all(np.isfinite(unknowns)):
+    for corners in RADII:
+        opti.set_value(radius, corners)
+        with contextlib.suppress(RuntimeError):  # not solved
+            opti.solve()
+        status, iterations = opti.stats()["return_status"], opti.stats()["iter_count"]
+        outcome = f"ipopt, corners of {corners:g} theta_0: {status} after {iterations} iterations"
+        if not opti.stats()["success"]:
             logging.getLogger(__name__).debug("%s", outcome)
             continue
-        point, solved = unknowns, True
-        requests = problem.admissible(unit * unknowns[samples : 2 * samples, np.newaxis])
-        error = problem.exact_error(requests)
+        point, sent_now = opti.value(opti.x), opti.value(requests)
+        opti.set_initial(opti.x, point)
+        solved = True
+        answer = problem.admissible(unit * sent_now[:, np.newaxis])
+        error = problem.exact_error(answer)
         logging.getLogger(__name__).debug("%s, exact error %s", outcome, angle_text(error))
         if error < least:
-            best, least = requests, error
+            best, least = answer, error
     if not solved:
         raise SolverFailed("inversion by ipopt", status)
     if not math.isfinite(least):
         raise SolverFailed("inversion by ipopt", "no requests lead to a steady cycle")
     return best
-
-
-def _transcribed(
-    problem: Problem, first: Array, ideal: Array
-) -> tuple[dict[str, Any], Array, dict[str, Array]]:
-    """The programme above, min f(x, p) where x and g(x, p) are within bounds, in units of theta_0.
-
-    Returns:
-        x, p, f and g; the initial x: angles, requests, and the largest error in the norm "max"; and
-        the bounds lbx, ubx, lbg and ubg.
-    """
-    import casadi
-
-    (model,), samples = problem.models, len(problem.desired)
-    cyclic, unit = problem.cyclic, model.theta_0
-    desired, resting = problem.desired[:, 0] / unit, problem.resting[:, 0] / unit
-    ideal, first = ideal[:, 0] / unit, first[:, 0] / unit
-    max_step = float(problem.max_step[0]) / unit
-
-    # Unknowns
-    angles, requests = casadi.SX.sym("M", samples), casadi.SX.sym("R", samples)
-    largest, radius = casadi.SX.sym("s"), casadi.SX.sym("e")
-
-    # Objective
-    errors = angles - desired
-    cost = casadi.sumsqr(errors) if problem.norm == "rms" else samples * largest**2
-    cost += WEIGHT * casadi.sumsqr(requests - resting)
-
-    # Dynamics, and the boundary: a cycle, or from rest
-    period_of = period_function(model)
-    speeds = casadi.SX.sym("w", samples, model.law.states - 1)  # and integrals
-    states = casadi.horzcat(angles, speeds).T
-    rest = np.zeros(states.shape[0])
-    torques = problem.torques[0]
-    rest[0] = 0.0 if problem.start is None else float(problem.start[0]) / unit
-    rest[2:] = model.rest_integral(unit * rest[0], torques[0]) / unit
-    before = casadi.horzcat(states[:, -1] if cyclic else rest, states[:, :-1])
-    sent = np.maximum(acting(request_ages(model), samples, cyclic=cyclic), 0).tolist()
-    reached = [
-        period_of(unit * before[:, k], unit * requests[sent[k]], torques[k], unit * radius) / unit
-        for k in range(samples)
-    ]
-    # Unknowns with their initial values and bounds, and conditions with theirs
-    low, high = (np.full(samples, float(end[0]) / unit) for end in (problem.lower, problem.upper))
-    if not cyclic:
-        low[0] = high[0] = first[0]
-    unknowns = [(angles, ideal, -np.inf, np.inf), (requests, first, low, high)]
-    conditions: list[tuple[Any, float, float]] = [(states - casadi.horzcat(*reached), 0.0, 0.0)]
-    if math.isfinite(max_step):
-        changes = requests - casadi.vertcat(requests[-1], requests[:-1])
-        conditions.append((changes if cyclic else changes[1:], -max_step, max_step))
-    if problem.norm == "max":
-        unknowns.append((largest, np.max(np.abs(ideal - desired), keepdims=True), 0.0, np.inf))
-        conditions.append((casadi.vertcat(largest - errors, largest + errors), 0.0, np.inf))
-    if speeds.numel():
-        moving = np.zeros((model.law.states - 1, samples))
-        moving[0] = np.gradient(ideal) / model.hold
-        unknowns.append((speeds, moving.ravel(), -np.inf, np.inf))
-
-    def ends(place: int, groups: list[Any]) -> Array:
-        return np.concatenate([np.full(each[0].numel(), each[place]) for each in groups])
-
-    x, g = (
-        casadi.vertcat(*(casadi.vec(each[0]) for each in groups))
-        for groups in (unknowns, conditions)
-    )
-    bounds = {"lbx": ends(2, unknowns), "ubx": ends(3, unknowns)}
-    bounds |= {"lbg": ends(1, conditions), "ubg": ends(2, conditions)}
-    return {"x": x, "p": radius, "f": cost, "g": g}, ends(1, unknowns), bounds
