@@ -144,24 +144,20 @@ def _tightened(
 
 def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
     """The node with the cuts that its nearest points violate, and the bound by these."""
-    node = _solved(problem, node)
-    for _ in range(rounds):
+    for turn in range(rounds + 1):
         before = node.bound
-        new_cuts = violated_cuts(problem, node.ranges, node.solution, node.intervals)
-        if not new_cuts or before >= problem.incumbent:
+        solution = solve_relaxation(problem, node.ranges, node.cuts)
+        node = node._replace(bound=max(before, solution.bound), solution=solution)
+        gained = turn == 0 or node.bound > before * (1.0 + GAP)
+        if turn == rounds or not gained or node.bound >= problem.incumbent:
+            break
+        new_cuts = violated_cuts(problem, node.ranges, solution, node.intervals)
+        if not new_cuts:
             break
         # Smaller multipliers are an interior-point method's rounding of zero.
         active = [cut for cut, weight in node.weighted_cuts() if weight > 1e-9]
-        node = _solved(problem, node._replace(cuts=active + new_cuts))
-        if node.bound <= before * (1.0 + GAP):
-            break
+        node = node._replace(cuts=active + new_cuts)
     return node._replace(bound=min(node.bound, problem.incumbent))
-
-
-def _solved(problem: ScaledProblem, node: Node) -> Node:
-    """The node with the nearest point of its relaxation."""
-    solution = solve_relaxation(problem, node.ranges, node.cuts)
-    return node._replace(bound=max(node.bound, solution.bound), solution=solution)
 
 
 def branch(problem: ScaledProblem, node: Node) -> list[Node]:
