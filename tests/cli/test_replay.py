@@ -95,39 +95,6 @@ def dataset(tmp_path):
 UNITS = ("--unit", "range_m100_100,gripper=percent")
 
 
-@pytest.mark.parametrize(("storage", "form"), [("sqlite3", "mcap"), ("mcap", "bag")])
-def test_a_bag_is_replayed_and_what_is_written_drives_the_joints_there(
-    storage, form, run, model, tmp_path
-):
-    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra bags")
-    from tests.files.logs.bags import PERIOD, START, Kit, store, write
-
-    names, times = ["elbow", "wrist"], 0.02 * np.arange(100)
-    requests = np.column_stack([motion(100, 0.8), motion(100, -0.5)])
-    angles = np.column_stack([simulate(SERVO, each, cyclic=False) for each in requests.T])
-    kit, tick = Kit(types := store()), 2 * PERIOD
-    messages = [
-        ("/arm/controller_state", START + k * tick, kit.state(START + k * tick, *row, names))
-        for k, row in enumerate(zip(requests, angles, strict=True))
-    ]
-    write(tmp_path / "run", types, messages, storage=storage)
-    result = run("replay", "run", "--model", model, "--speed", 1.25, "--as", form, "-o", "out")
-    assert result.exit_code == 0, result.stderr
-    with rosbag2.Reader(tmp_path / "out") as reader:
-        ((connection, _, raw),) = reader.messages()
-        sent = types.deserialize_cdr(raw, connection.msgtype)
-    assert list(sent.joint_names) == names
-    planned = np.array([point.positions for point in sent.points])
-    moments = [
-        each.time_from_start.sec + 1e-9 * each.time_from_start.nanosec for each in sent.points
-    ]
-    assert moments == pytest.approx(0.02 * np.arange(len(planned)), abs=1e-6)
-    done = np.column_stack([simulate(SERVO, each, cyclic=False) for each in planned.T])
-    for j in range(2):
-        path = np.interp(1.25 * 0.02 * np.arange(len(planned)), times, angles[:, j])
-        assert np.sqrt(np.mean((done[:, j] - path) ** 2)) < 0.005
-
-
 def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
     result = run(
         *("replay", dataset, *UNITS, "--model", model, "--speed", 1.5),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
@@ -18,7 +17,6 @@ from planner.cli import buses
 from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs import read_logs
-from planner.files.paths import read_joint_path
 from planner.identification.log import Log
 from planner.model.evidence import Evidence
 from planner.model.response import simulate
@@ -202,21 +200,6 @@ def test_ctrl_c_ends_it_in_one_line_and_keeps_every_row(run, tmp_path, monkeypat
         "what was measured is in arm_logs; go on with --resume\n"
     )
     assert len((tmp_path / "arm_logs" / "joint_1.csv.part").read_text().splitlines()) > 500
-
-
-def test_lost_packets_are_counted_and_their_rows_lie_between_their_neighbours(
-    run, arm, requests, faulty, tmp_path
-):
-    faulty(drop=0.05)
-    result = run(
-        "play", requests, "--bus", "virtual", "--model", arm, "--measured", "m.csv", "--json"
-    )
-    assert result.exit_code == 0, result.stderr
-    document = json.loads(result.stdout)
-    assert document["angles_lost"] > 0
-    assert re.search(r"\d+ of 150 requests were not sent in time and \d+ of", result.stderr)
-    angles = np.degrees(read_joint_path(tmp_path / "m.csv").values[:, 0])
-    assert np.max(np.abs(np.diff(angles))) < 4.0
 
 
 def test_an_angle_that_was_not_read_is_warned_of_though_every_request_was_sent(

@@ -119,18 +119,6 @@ def test_a_foot_on_the_axis_of_a_joint_is_singular(tmp_path):
         standing_pose(leg)
 
 
-def test_a_path_starts_near_the_pose_that_is_asked_for():
-    leg = reference_leg()
-    free = replace(leg, limits=Limits(np.full(3, -2.5), np.full(3, 2.5)))
-    pose = np.array([0.3, 0.2, 1.0])
-    foot = free.foot_positions([pose])
-    near = replace(free, near=pose).joint_angles(foot)
-    np.testing.assert_allclose(near, [pose], atol=1e-6)
-    mirrored = replace(free, near=np.array([1.2, 0.2, -1.0])).joint_angles(foot)
-    assert mirrored[0, 2] == pytest.approx(-1.0, abs=1e-6)
-    np.testing.assert_allclose(free.foot_positions(mirrored), foot, atol=REACHED)
-
-
 def test_joints_that_a_pose_does_not_name_are_at_the_end_of_their_range_nearest_to_0(tmp_path):
     joints = [
         Joint((0, 0, 0), X),

@@ -13,9 +13,6 @@ from kinematics import Leg
 from kinematics.scene import Scene
 from planner.gait.stride import standing_pose
 
-REACHED = 1e-9
-"""Largest distance to the foot that the inverse leaves [m]."""
-
 QUARTER = 0.5 * math.pi
 
 
@@ -69,29 +66,9 @@ def leg(chosen, path):
     return Leg.from_urdf(path, base=chosen.base, foot=chosen.foot, locked=chosen.locked)
 
 
-@pytest.fixture(scope="module")
-def poses(leg):
-    return np.random.default_rng(1).uniform(*leg.limits.central, (20, len(leg.joint_names)))
-
-
 def test_the_leg_has_the_joints_that_are_left(chosen, leg):
     assert len(leg.joint_names) == chosen.joints
     assert not set(leg.joint_names) & set(chosen.locked)
-
-
-def test_the_inverse_finds_a_pose_for_every_place_the_foot_can_be(leg, poses):
-    solution = leg.inverse(leg.foot_positions(poses))
-    assert solution.distance.max() <= REACHED
-    assert (solution.angles >= leg.limits.lower).all()
-    assert (solution.angles <= leg.limits.upper).all()
-
-
-def test_a_path_around_the_standing_pose_is_traced_without_a_jump(leg):
-    phase = np.linspace(0.0, 2.0 * np.pi, 60)[:, None]
-    pose = standing_pose(leg)
-    around = leg.limits.clip(pose + 0.15 * np.sin(phase + np.arange(float(len(pose)))))
-    angles = leg.joint_angles(leg.foot_positions(around))
-    assert not leg.jumps(angles).size
 
 
 @pytest.mark.parametrize("name", ["Solo12"])

@@ -123,17 +123,6 @@ def test_an_integral_is_refused_from_where_the_joint_oscillates_on(inside, slope
                     assert (largest < 1.0) == stable
 
 
-@EACH
-def test_lines_need_no_request_beyond_them_for_the_sag(name):
-    model = servo(name)
-    bare = servo(name, BARE)
-    assert line_offset(model, 1.0) == line_offset(bare, 1.0)
-    slow = 0.5 * model.period * np.arange(400)
-    angles = simulate(model, slow + line_offset(model, 0.5), cyclic=False, load=np.ones(400))
-    unloaded = simulate(bare, slow + line_offset(bare, 0.5), cyclic=False)
-    assert np.max(np.abs((angles - unloaded)[200:])) <= 0.25 * model.compliance
-
-
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_speed_loop_reaches_its_top_speed_against_any_load(way):
     model = servo("integral_rate")

@@ -112,15 +112,6 @@ def test_plans_compensate_for_the_sag(inertia, cyclic):
         assert made.rms <= 0.25 * rms(unaware - PATH)
 
 
-def test_a_stream_compensates_for_the_sag():
-    desired = np.tile(PATH, 2)
-    stream = planner.Stream(HANGING, preview=40)
-    rows = [desired[k : k + 40, np.newaxis] for k in range(len(desired) - 40)]
-    requests = np.array([stream.step(row)[0] for row in rows])
-    angles = simulate(HANGING, requests, cyclic=False)
-    assert rms(angles - desired[: len(angles)]) <= math.radians(0.2)
-
-
 @pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
 def test_the_largest_sag_has_an_angle_at_rest_for_every_request(share):
     turned = 0.5 * math.pi * share

@@ -128,25 +128,6 @@ def test_a_leg_with_friction_and_load_brings_its_foot_closer_than_without():
         np.testing.assert_array_equal(made.predicted[:, j], again)
 
 
-UNEVEN = replace(WITHOUT, v_max=5.0, theta_0=0.3, v_offset=1.1)
-"""Upwards it reaches 6.1 rad/s, downwards 3.9."""
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("share", [0.35, 0.65])
-@pytest.mark.parametrize("refine", [True, False])
-def test_the_lines_of_a_closed_form_keep_the_speed_of_either_direction(refine, share, cyclic):
-    rise = round(50 * share)
-    desired = 5.8 * 0.02 * rise * np.interp(np.arange(50), [0, rise, 50], [0, 1, 0])
-    made = invert_closed_form(UNEVEN, desired, cyclic=cyclic, rule="exact", refine=refine)
-    low, high = UNEVEN.speed_limits()
-    slopes = made.approximation.slopes
-    assert np.all((slopes >= low * (1.0 + 1e-11)) & (slopes <= high * (1.0 + 1e-11)))
-    if share < 0.5 and cyclic:  # within both: 5.8 rad/s up, 3.1 down, but for the corners
-        assert made.rms < np.radians(1.6)
-        assert np.max(slopes) > 5.5
-
-
 def test_from_rest_the_first_request_is_the_one_in_the_dead_band_that_serves_best():
     """It holds the joint at the start, at whichever place in the band that is."""
     band = np.radians(8.0)
@@ -222,15 +203,6 @@ def test_casadis_transcription_finds_little_better():
     plan = planner.invert_optimal(STICKY, 2.0 * SWING[::2], smoothness=0.0)
     other = planner.invert_optimal(STICKY, 2.0 * SWING[::2], solver="ipopt", smoothness=0.0)
     assert plan.rms <= 1.005 * other.rms + 1e-4
-
-
-@EVERY
-def test_a_stream_follows_a_path_with_the_inertia_in_mind(model):
-    path = 0.3 - 0.3 * np.cos(2.0 * np.pi * np.arange(200) / 100)[:, np.newaxis]
-    stream = planner.Stream(model, preview=25, limits=(-1.0, 1.0))
-    sent = [stream.step(path[k : k + 25])[0] for k in range(len(path))]
-    angles = planner.simulate(model, sent, cyclic=False)
-    assert np.sqrt(np.mean((angles - path[:, 0]) ** 2)) <= 0.01
 
 
 def test_the_closed_form_switches_later_by_the_time_constant():

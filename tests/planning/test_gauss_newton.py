@@ -362,15 +362,6 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     assert_solves_the_dense_problem(step[: len(terms)], problem, stage, point, terms)
 
 
-def test_the_oldest_pattern_is_dropped_for_a_new_one(monkeypatch):
-    monkeypatch.setattr(gauss_newton, "_KEPT", {})
-    specs = [joint(0, cyclic=True, samples=10 + k).spec for k in range(gauss_newton.PATTERNS + 1)]
-    patterns = [pattern_of(spec, smoothing=False) for spec in specs]
-    for spec, pattern in zip(specs[1:], patterns[1:], strict=True):
-        assert pattern_of(spec, smoothing=False) is pattern
-    assert pattern_of(specs[0], smoothing=False) is not patterns[0]
-
-
 ERS210A = JointModel.ers210a()
 
 SAME = 1e-9
@@ -413,14 +404,6 @@ def test_the_exact_angles_are_those_of_the_simulation(joints, hold, cyclic):
         np.testing.assert_allclose(angles[:, joint], alone, rtol=0.0, atol=SAME)
 
 
-def test_the_error_is_that_of_the_norm():
-    desired = np.array([1.0, 2.0, 3.0])
-    angles = np.array([[1.0], [2.5], [1.0]])
-    for norm, expected in (("rms", math.sqrt((0.25 + 4.0) / 3.0)), ("max", 2.0)):
-        problem = track(ERS210A, desired, cyclic=True, norm=norm)
-        assert problem.error(angles) == pytest.approx(expected, rel=1e-15)
-
-
 def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nominal_one():
     problem = track(ERS210A, np.zeros(3), cyclic=False, start=0.3)
     raised = replace(ERS210A, offset=0.1)
@@ -429,25 +412,6 @@ def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nomi
     weighted = replace(both, weights=(0.2, 0.8))
     distances = weighted.distances(np.tile([3.0, 1.0], (3, 1)))
     np.testing.assert_allclose(distances, math.sqrt(0.2 * 9.0 + 0.8 * 1.0), rtol=1e-12)
-
-
-def loaded(**options):
-    """A joint that sags under a load, from rest, with the torque of each sample [N m]."""
-    model = replace(ERS210A, compliance=0.1, offset=0.02)
-    torques = np.array([1.0, -1.0, 2.0, 0.5])
-    desired = np.array([0.3, 0.2, 0.1, 0.0])
-    options = {"cyclic": False, "start": 0.4, "load": torques, **options}
-    return track(model, desired, **options), 0.1 * torques + 0.02, desired
-
-
-def test_requests_that_hold_the_desired_angles_are_lower_by_the_sag_of_each_sample():
-    problem, sag, desired = loaded()
-    np.testing.assert_allclose(problem.resting[1:, 0], (desired - sag)[1:])
-    assert problem.resting[0, 0] == problem.first_requests[0] == pytest.approx(0.4 - sag[0])
-    cyclic, _, _ = loaded(cyclic=True, start=None)
-    np.testing.assert_allclose(cyclic.resting[:, 0], desired - sag)
-    given, _, _ = loaded(first=0.31)
-    assert given.resting[0, 0] == given.first_requests[0] == 0.31
 
 
 def test_what_cycles_have_added_is_taken_off_the_desired_angles_within_the_limits():

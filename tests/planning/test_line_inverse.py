@@ -92,14 +92,6 @@ def test_the_rules_differ_by_half_a_tick_of_motion_however_long_a_request_is_hel
     assert paper - exact == pytest.approx(0.5 * slope * model.tick, rel=1e-9)
 
 
-@given(models(offsets=False), st.floats(0.0, 1.0), st.sampled_from(["paper", "exact"]))
-@pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquation13")
-def test_the_offset_is_odd_in_the_slope(model, share, rule):
-    slope = share * model.v_max
-    assert line_offset(model, -slope, rule=rule) == -line_offset(model, slope, rule=rule)
-    assert line_offset(model, 0.0, rule=rule) == 0.0
-
-
 @pytest.mark.parametrize("rule", ["paper", "exact"])
 def test_an_array_of_slopes_is_answered_one_by_one(rule):
     slopes = np.linspace(-1.0, 1.0, 12).reshape(3, 4) * ERS210A.v_max

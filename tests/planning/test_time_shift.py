@@ -121,25 +121,37 @@ def test_an_error_of_the_model_is_no_reason_for_a_shift_whose_lead_is_that_model
     assert not shift_recommended(plan, shifted(plan.task))
 
 
-def test_a_shift_is_recommended_beyond_tested_accelerations_where_the_largest_is_unknown():
-    """Far beyond these where the model has no limit."""
-    for limit, tested, least, recommended in (
+UNTESTED = {
+    "accelerates": (
         (150.0, 1.0, 0.0, True),
         (150.0, 1.0, 20.0, False),
         (150.0, 100.0, 0.0, False),
-        (math.inf, 0.48 * SIZE, None, True),
+        (math.inf, 0.48 * SIZE, None, True),  # far beyond, where the model has no limit
         (math.inf, 0.52 * SIZE, None, False),
-    ):
-        servo = replace(ERS210A, max_acceleration=limit)
-        evidence = Evidence(
-            error=1e-4,
-            over_delay=0.1,
-            by_acceleration=((0.0, 1e-4), (tested, 1e-4)),
-            intervals={} if least is None else {"max_acceleration": (least, 300.0)},
-        )
-        plan = planner.invert_optimal(servo.with_evidence(evidence), PATH).plan
+    ),
+    "moves": (
+        (math.inf, 1.0, math.inf, True),
+        (math.inf, 1.0, 9.0, False),
+        (math.inf, 9.0, math.inf, False),
+    ),
+}
+"""Largest acceleration, what was tested of acceleration or speed, an end of the interval of its
+largest, and whether a shift is better."""
+
+
+@pytest.mark.parametrize("way", UNTESTED)
+def test_a_shift_is_recommended_beyond_tested_motion_where_the_largest_is_unknown(way):
+    for limit, tested, end, recommended in UNTESTED[way]:
+        known = {"speed": tested, "intervals": {"v_max": (1.0, end)}}
+        if way == "accelerates":
+            known = {"by_acceleration": ((0.0, 1e-4), (tested, 1e-4))}
+            known |= {} if end is None else {"intervals": {"max_acceleration": (end, 300.0)}}
+        evidence = Evidence(error=1e-4, over_delay=0.1, **known)
+        servo = replace(ERS210A, max_acceleration=limit).with_evidence(evidence)
+        plan = planner.invert_optimal(servo, PATH).plan
         why = shift_recommended(plan, shifted(plan.task))
-        assert why.startswith("the joint accelerates more than in its logs" if recommended else "")
+        more = {"accelerates": "accelerates more", "moves": "moves faster"}[way]
+        assert why.startswith(f"the joint {more} than in its logs" if recommended else "")
         assert bool(why) == recommended
 
 
@@ -163,22 +175,6 @@ def test_requests_are_better_refined_where_the_error_is_the_models_and_near_that
     plan = planner.invert_optimal(exact, 0.01 * PATH).plan
     assert plan.expected[0].error > 0.5 * shifted(plan.task).expected[0].error
     assert not refining_recommended(plan, shifted(plan.task))
-
-
-def test_a_shift_is_recommended_beyond_tested_speeds_where_the_top_speed_is_unknown():
-    for tested, most, recommended in (
-        (1.0, math.inf, True),
-        (1.0, 9.0, False),
-        (9.0, math.inf, False),
-    ):
-        evidence = Evidence(
-            error=1e-4, over_delay=0.1, speed=tested, intervals={"v_max": (1.0, most)}
-        )
-        plan = planner.invert_optimal(ERS210A.with_evidence(evidence), PATH).plan
-        assert np.max(np.abs(np.diff(PATH))) / ERS210A.period > 1.1
-        why = shift_recommended(plan, shifted(plan.task))
-        assert why.startswith("the joint moves faster than in its logs" if recommended else "")
-        assert bool(why) == recommended
 
 
 def test_a_shift_is_recommended_where_its_error_to_expect_is_clearly_smaller():

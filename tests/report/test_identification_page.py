@@ -13,7 +13,7 @@ from planner.identification.parameters import PARAMETERS
 from planner.identification.result import Interval
 from planner.model.response import simulate
 from planner.report.identification_page import cloud_figure, cloud_of, identification_page
-from tests.report.made_up import JOINT, NOISE, made_up, made_up_fit, made_up_log, never_saturated
+from tests.report.made_up import JOINT, made_up, made_up_fit, made_up_log, never_saturated
 
 WIDTH, HEIGHT = 420, 900
 """Of the screenshot [pixels]: a phone's."""
@@ -57,23 +57,6 @@ def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several
     picture = browser.screenshot()
     assert struct.unpack(">II", picture[16:24]) == (WIDTH, HEIGHT)
     assert len(picture) > 20_000  # an empty page of this size takes a few thousand bytes
-
-
-@pytest.mark.parametrize("found_by", [made_up, never_saturated], ids=["saturated", "never"])
-def test_the_cloud_shows_points_about_the_identified_line(found_by):
-    found = found_by()
-    figure, (points, reach, _) = cloud_figure(found), cloud_of(found)
-    assert np.mean(points.off) < 0.2
-    level = np.abs(points.speeds[points.saturated]) - found.model.v_max
-    assert np.max(np.abs(level)) < 6.0 * NOISE / 0.02
-    curves = {curve.name: curve for curve in figure.panels[0].curves if curve.legend}
-    assert 0 < len(curves["measured"].x) <= 1500
-    line = curves["f, identified"]
-    slope = found.model.v_max / found.model.theta_0
-    assert line.y[4] / line.x[4] == pytest.approx(slope)
-    assert figure.x.range[1] == pytest.approx(np.degrees(reach))
-    if found.saturates:
-        assert line.y[5] == pytest.approx(np.degrees(found.model.v_max))
 
 
 def test_a_top_speed_that_is_a_guess_does_not_flatten_the_cloud():

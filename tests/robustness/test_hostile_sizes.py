@@ -73,42 +73,6 @@ def _parquet_bomb(folder):
         writer.write_table(table)
 
 
-ZEROS = 257 * 2**20
-"""More bytes than a chunk may unfold to."""
-
-
-def _mcap_bomb(folder):
-    pytest.importorskip("rosbags")
-    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-
-    writer = Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
-    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-    _write_zeros(writer)
-    (folder / "bag" / "bag.mcap").rename(folder / "bomb.mcap")
-
-
-def _ros1_bomb(folder):
-    pytest.importorskip("rosbags")
-    from rosbags.rosbag1 import Writer
-
-    writer = Writer(folder / "bomb.bag")
-    writer.set_compression(Writer.CompressionFormat.LZ4)
-    _write_zeros(writer)
-
-
-def _write_zeros(writer):
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.LATEST if "rosbag2" in writer.__module__ else Stores.ROS1_NOETIC)
-    with writer:
-        state = writer.add_connection(
-            "/joint_states", "sensor_msgs/msg/JointState", typestore=store
-        )
-        sent = writer.add_connection("/commands", "std_msgs/msg/Float64MultiArray", typestore=store)
-        for connection in (state, sent):
-            writer.write(connection, 1, bytes(ZEROS))
-
-
 def _json_bomb(folder):
     (folder / "log.json").write_text('{"entries": ' + "[" * 10**6 + "]" * 10**6 + "}")
 
@@ -159,8 +123,6 @@ HOSTILE = {
         ("identify", "bomb.parquet", "--joint", "0", "--unit", "rad"),
         "bomb.parquet: more than 256 MiB",
     ),
-    "MCAP that unfolds": (_mcap_bomb, ("identify", "bomb.mcap"), "unfolds to more than 256 MiB"),
-    "a bag that unfolds": (_ros1_bomb, ("identify", "bomb.bag"), "unfolds to more than 256 MiB"),
     "JSON nested deeply": (_json_bomb, ("identify", "log.json"), "nested too deeply"),
 }
 """What makes the files, the command, and what its one line says.

@@ -282,17 +282,3 @@ def test_what_a_request_calls_for_is_never_cut_off(seed):
     requests = random_set(rng)
     for calls, angles in random_points(rng, requests, count=3):
         assert separate(calls, angles, requests) is None
-
-
-def test_half_of_a_saturated_request_each_way_may_keep_its_call():
-    # Two requests, one far ahead and one far behind: their mixture calls for nothing, unchanged.
-    angles = np.array([0.0, 0.5, 1.0])
-    assert separate(np.zeros(3), angles, RequestSet(0.5, angles, angles)) is None
-
-
-def test_a_call_that_falls_late_must_have_been_saturated_before():
-    # Every pair of ticks alone allows it: the call does not rise, and falls no faster than the
-    # joint moves. Only far ahead is a call constant and then falls, and there it is 1, not 0.
-    angles = np.array([0.0, 0.5, 1.0])
-    cut = separate(np.array([0.0, 0.0, -0.25]), angles, RequestSet(0.5, angles, angles))
-    assert cut is not None

@@ -19,7 +19,7 @@ from planner.planning.line_inverse import RULES
 from planner.planning.result import FootInversion
 from tests.independent import from_rest, next_cycle
 from tests.instances import random_model
-from tests.kinematics.made_up_robots import LEGS, SHAPES, ers210a_leg, made_up_leg
+from tests.kinematics.made_up_robots import SHAPES, ers210a_leg, made_up_leg
 
 ERS210A = JointModel.ers210a()
 WALK = reference_walk()
@@ -122,17 +122,6 @@ def test_on_the_reference_walk_no_plan_of_single_joints_is_better(norm, cyclic):
         others.append(closed_forms)
     for requests in others:
         assert error(plan.distances) <= error(foot_errors(plan, requests)) + NO_WORSE
-
-
-@CYCLIC
-@pytest.mark.parametrize("name", LEGS)
-def test_every_leg_of_the_robot_follows_better_than_joint_by_joint(name, cyclic):
-    leg = ers210a_leg(name)
-    plan = invert_foot(ERS210A, leg, leg.foot_positions(stride(leg)), cyclic=cyclic)
-    assert_within_limits(plan)
-    for given, own in zip(plan.limits, leg.limits, strict=True):
-        np.testing.assert_array_equal(given, own)
-    assert plan.rms <= rms(foot_errors(plan, joint_by_joint(plan))) + NO_WORSE
 
 
 @pytest.mark.parametrize("end", ["front", "hind"])
