@@ -53,8 +53,7 @@ def compare(
         request-planner gait -o foot.csv
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
-    from planner.cli.desired import check_angles, desired_of
-    from planner.cli.models import leg_title, model_words
+    from planner.cli.desired import check_angles, desired_of, leg_title, model_words
     from planner.cli.planning import inputs_of, notes_of, origins_of
     from planner.evaluation.cross_check import cross_check
     from planner.planning.task import limits_of_each

@@ -88,7 +88,7 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.models import models_of
+    from planner.cli.desired import models_of
     from planner.files.paths import write_joint_path
     from planner.files.table import table_text
     from planner.identification.excitation import excite as make

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("requests", type=options.INPUT)
-@options.settings(options.EXPORT, "path: joints")
+@options.settings("export", "path: joints")
 @options.output_or_folder
 @options.option("--period-s", "Time between requests, where the file has no column t_s.", float)
 @options.option(

@@ -27,17 +27,11 @@ def _knot(text: str) -> tuple[float, float | None]:
     "plan: cyclic segments",
     segments="Lines of the approximation.",
 )
-@options.option(
-    "--max-error",
-    "Use as few lines as stay this close to the path everywhere.",
-    options.above_0("degrees"),
-    metavar="DEG",
+@options.positive(
+    "--max-error", "Use as few lines as stay this close to the path everywhere.", unit="deg"
 )
-@options.option(
-    "--max-rms",
-    "Use as few lines as stay this close to the path in root mean square.",
-    options.above_0("degrees"),
-    metavar="DEG",
+@options.positive(
+    "--max-rms", "Use as few lines as stay this close to the path in root mean square.", unit="deg"
 )
 @options.option(
     "--knot-s knot_s",
@@ -83,8 +77,7 @@ def fit(
     import numpy as np
 
     from planner.approximation.fit import choices, fit_pwl
-    from planner.cli.desired import check_angles, load_joints
-    from planner.cli.models import model_words
+    from planner.cli.desired import check_angles, load_joints, model_words
     from planner.cli.planning import files_of
     from planner.files.paths import write_curve
     from planner.report.fit_page import fit_page, fit_results, fits_table

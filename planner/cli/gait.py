@@ -22,7 +22,7 @@ PATTERNS = ("walk", "trot", "pace", "bound")
 
 @click.command()
 @options.settings(
-    options.HALF_ELLIPSE,
+    "path.half_ellipse",
     f"leg: {options.LEG}",
     "model: file",
     "tolerance: cm",
@@ -71,7 +71,7 @@ def gait(
     Example, the shortest cycle at which the foot stays within half a centimetre:
         request-planner gait --leg front-left --fastest --tolerance-cm 0.5 -o foot.csv
     """  # noqa: D301
-    from planner.cli.models import find_leg, load_leg, models_of, refused_models
+    from planner.cli.desired import find_leg, load_leg, models_of, refused_models
     from planner.files.paths import write_foot_path
     from planner.gait.half_ellipse import half_ellipse
     from planner.gait.stride import in_samples, shortest_cycle, stride
@@ -128,7 +128,7 @@ def gait(
 def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -> Answer:
     import numpy as np
 
-    from planner.cli.models import legs_of
+    from planner.cli.desired import legs_of
     from planner.files.paths import write_joint_path
     from planner.gait.stride import check_legs
     from planner.gait.stride import gait as gait_of

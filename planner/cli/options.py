@@ -118,18 +118,6 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         return [CompletionItem(incomplete, type=self.kind)]
 
 
-def above_0(unit: str) -> Parsed:
-    """A number above 0, in this unit."""
-
-    def parse(text: str) -> float:
-        number = finite(text)
-        if number <= 0.0:
-            raise ValueError
-        return number
-
-    return Parsed(parse, f"more than 0 {unit}")
-
-
 def finite(text: str) -> float:
     """A finite number."""
     number = float(text)
@@ -228,10 +216,19 @@ output_or_folder = option(
 )
 
 
-def positive(name: str, about: str, default: float | None = None) -> Callable[[Command], Command]:
-    """Give a command an option for a number above 0, whose unit ends its name: ``--rate-hz``."""
-    unit = name.rpartition("-")[2]
-    kind = above_0(UNITS_OF_OPTIONS[unit])
+def positive(
+    name: str, about: str, default: float | None = None, unit: str = ""
+) -> Callable[[Command], Command]:
+    """Give a command an option for a number above 0, whose unit may end its name: ``--rate-hz``."""
+    unit = unit or name.rpartition("-")[2]
+
+    def parse(text: str) -> float:
+        number = finite(text)
+        if number <= 0.0:
+            raise ValueError
+        return number
+
+    kind = Parsed(parse, f"more than 0 {UNITS_OF_OPTIONS[unit]}")
     return option(name, about, kind, default=default, metavar=unit.upper())
 
 
@@ -342,28 +339,21 @@ LEG = "name urdf base foot lock near"
 """The keys of a leg, for :func:`settings`."""
 
 
-def _of_table(table: str) -> str:
-    """All options of a table."""
-    keys = (key.rpartition(".") for key in SETTINGS)
-    return f"{table}: {' '.join(name for place, _, name in keys if place == table)}"
-
-
-HALF_ELLIPSE, EXPORT = map(_of_table, ("path.half_ellipse", "export"))
-
-
 def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
     """Give a command options that are settings, and hand them to it as ``run``, a typed Run.
 
     A group is a table of a run file, a colon, and those of its keys that become options, with
-    spaces between them: ``"plan: method cyclic"``. An argument ``path`` of the command is the file
-    of the path. A help in ``helps`` takes the place of a setting's own, by the last part of its
-    key, or by the key with underscores.
+    spaces between them: ``"plan: method cyclic"``; a table alone has all of them. An argument
+    ``path`` of the command is the file of the path. A help in ``helps`` takes the place of a
+    setting's own, by the last part of its key, or by the key with underscores.
 
     Raises:
         ValueError: A key that is no setting, or has no option, named as in a run file.
     """
-    parts = (group.partition(":") for group in groups)
-    keys = [f"{table}.{key}" for table, _, names in parts for key in names.split()]
+    keys = list[str]()
+    for table, colon, names in (group.partition(":") for group in groups):
+        of_table = [key for key in SETTINGS if key.rpartition(".")[0] == table]
+        keys += [f"{table}.{name}" for name in names.split()] if colon else of_table
     if unknown := [key for key in keys if key not in SETTINGS]:
         raise ValueError(f"got {', '.join(unknown)}, expected keys of a run file with an option")
     whole = ReplayRun if any(key.startswith("replay.") for key in keys) else Run
@@ -403,32 +393,26 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     """A setting as an option of click, with the command's own help text if it has one."""
     attributes = dict(declared.click)
     own = attributes.pop("option_help", "")
-    default = None if declared.required else declared.default
-    shown = "" if default in (None, (), {}) else str(default)
-    default_text = declared.otherwise.strip('"') or shown
+    default, kind = None if declared.required else declared.default, _type_of(key, declared)
     first, slash, second = declared.option.partition("/")
+    default_text = declared.otherwise.strip('"')
     if declared.kind.type is bool and (default is not None or not slash):
         default_text = (first if default else second).strip("-") if slash else ""
-    kind = _type_of(key, declared)
-    origin, is_list = declared.kind.origin, kind is LIST or "nargs" in attributes
-    several_times = origin is dict or (origin is tuple and not is_list)
+    elif default not in (None, (), {}):
+        default_text = default_text or str(default)
+    is_list = kind is LIST or "nargs" in attributes
+    several_times = declared.kind.origin is dict or (declared.kind.origin is tuple and not is_list)
     text = of_command or own or declared.help
     if several_times and not declared.by_joint and not (of_command or own):
         text = f"{text.removesuffix('.')}. Repeat the option for several."
     if default_text and not own:
         text += f"  [default: {default_text}]"
     if kind is bool:
-        attributes |= {"is_flag": True, "default": None}
-    elif kind in (int, float) and not is_list:
-        unit = "n" if kind is int else key.rpartition("_" if "_" in key else ".")[2]
-        if unit in ("n", *UNITS_OF_OPTIONS):
-            attributes.setdefault("metavar", unit.upper())
+        attributes["default"] = None
     if several_times or declared.by_joint:
         attributes["multiple"] = True
-    parameter, required = _parameter(key), declared.required
-    return click.option(
-        declared.option, parameter, help=text, required=required, type=kind, **attributes
-    )
+    names = f"{declared.option} {_parameter(key)}"
+    return option(names, text, kind, required=declared.required, **attributes)
 
 
 def _type_of(key: str, declared: Declared) -> Any:

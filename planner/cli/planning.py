@@ -12,8 +12,7 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, FailedCheck, marked
-from planner.cli.desired import Desired, desired_of
-from planner.cli.models import beside, leg_title, model_words
+from planner.cli.desired import Desired, beside, desired_of, leg_title, model_words
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan

@@ -22,10 +22,9 @@ import numpy as np
 from planner.cli import options
 from planner.cli.console import BadSetting, marked, speaking_of
 from planner.cli.declared import understand
-from planner.cli.desired import Desired
-from planner.cli.models import beside, find_leg, load_leg, models_of, refused_models
+from planner.cli.desired import Desired, beside, find_leg, load_leg, models_of, refused_models
 from planner.cli.planning import plan_of, prepare
-from planner.cli.settings import SWEPT, Run, Sweep, SweptParameters
+from planner.cli.settings import SWEPT, Run, Sweep
 from planner.evaluation.sweep import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.paths import is_foot_path, path_table
@@ -158,20 +157,28 @@ def read_sweep(path: str) -> Space:
         if leg is not None and "period_s" in values:
             period = models_of(run, leg.joint_names, leg, folder)[0].period
         for name, each in values.items():
+            kind_of_value, unit = options.SETTINGS[SWEPT[name]].kind, 1.0
+            expected = kind_of_value.expected
+            if name == "period_s":
+                count, unit = expected.removeprefix("a whole number from "), period
+                expected = f"{count} requests, which are {period:g} s apart"
             for value in each:
-                _check_in_range(name, value, period)
+                try:
+                    kind_of_value.fitted(round(value / unit) if name == "period_s" else value)
+                except (ValueError, OverflowError) as error:
+                    words = f"got {value:g}, expected {expected}"
+                    raise BadSetting(f"‹sweep.parameters.{name}›: {words}") from error
     return Space(file, run, folder, values, "cm" if of_foot else "deg", requirement, period)
 
 
 def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
     """The values of each parameter."""
-    search = run.sweep
-    every = {name: getattr(search.parameters, name) for name in SweptParameters.keys}
+    search, every = run.sweep, run.sweep.parameters.values()
+    method = marked("sweep.method", search.method)
     by_name = {name: values for name, values in every.items() if values is not None}
     if not by_name:
         words = f"is empty, expected values of one or more of {', '.join(every)}"
         raise BadSetting(f"‹sweep.parameters›: {words}")
-    method = marked("sweep.method", search.method)
     for name in search.without_effect(search.method):
         raise BadSetting(f"‹sweep.{name}› has no effect with {method}")
     for name, values in by_name.items():
@@ -188,28 +195,10 @@ def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
             raise BadSetting(f"{method}: {words}")
         with importing("a search by CMA-ES", "sweep"):
             import cma  # noqa: F401
-    if search.steps is None:
-        return by_name
-    return {
-        name: tuple(np.linspace(values[0], values[-1], search.steps).tolist())
-        for name, values in by_name.items()
-    }
-
-
-def _check_in_range(name: str, value: float, period: float) -> None:
-    """Refuse a value that the key of its parameter does not take in a run file."""
-    kind = options.SETTINGS[SWEPT[name]].kind
-    expected = kind.expected
-    try:
-        if name == "period_s":
-            count = expected.removeprefix("a whole number from ")
-            expected = f"{count} requests, which are {period:g} s apart"
-            kind.fitted(round(value / period))
-        else:
-            kind.fitted(value)
-    except (ValueError, OverflowError) as error:
-        words = f"got {value:g}, expected {expected}"
-        raise BadSetting(f"‹sweep.parameters.{name}›: {words}") from error
+    if search.steps is not None:
+        for name, values in by_name.items():
+            by_name[name] = tuple(np.linspace(values[0], values[-1], search.steps).tolist())
+    return by_name
 
 
 def planned_points(
@@ -258,26 +247,23 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     try:
         desired = prepare(Run.of(content), folder)
         plan = plan_of(desired, bounded=False)
-    except UnreachableFoot as error:
-        reason = (
-            f"foot out of reach at {len(error.indices)} samples, by up to "
-            f"{100.0 * float(error.distances.max()):.2g} cm"
-        )
-        return json.dumps({"reason": reason}).encode()
     except PlannerError as error:  # kept, too: it is found only by planning
-        return json.dumps({"reason": reason_of(error)}).encode()
+        reason = reason_of(error)
+        if isinstance(error, UnreachableFoot):
+            farthest = 100.0 * float(error.distances.max())
+            reason = (
+                f"foot out of reach at {len(error.indices)} samples, by up to {farthest:.2g} cm"
+            )
+        return json.dumps({"reason": reason}).encode()
     path, norm = desired.settings.path, plan.task.norm
     speed = path.speed or 1.0
     errors, direct = np.degrees(plan.errors), np.degrees(plan.direct.errors)
     if desired.foot is not None:
         errors, direct = 100.0 * plan.distances[:, None], 100.0 * plan.direct.distances[:, None]
-        if path.half_ellipse is not None:
-            walk = path.half_ellipse
+        if (walk := path.half_ellipse) is not None:
+            fraction, heading = walk.ground_fraction, math.radians(walk.heading_deg)
             speed = 100.0 * walking_speed(
-                desired.foot,
-                desired.period,
-                ground_fraction=walk.ground_fraction,
-                heading=math.radians(walk.heading_deg),
+                desired.foot, desired.period, ground_fraction=fraction, heading=heading
             )
     slowest = index_of_largest(plan.too_fast)
     figures = {

@@ -14,9 +14,8 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.cli.desired import check_felt
+from planner.cli.desired import check_felt, find_leg, load_leg, model_words
 from planner.cli.export import FOLDERS, check_rows, write_rows
-from planner.cli.models import find_leg, load_leg, model_words
 from planner.cli.planning import search_options
 from planner.cli.settings import ReplayFormat
 from planner.exceptions import PlannerError

@@ -89,8 +89,7 @@ def refine(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import repeats
-    from planner.cli.models import leg_title, model_words
+    from planner.cli.desired import leg_title, model_words, repeats
     from planner.cli.planning import files_of, prepare
     from planner.files.learning_history import LearningState, write_history
     from planner.files.measured import read_executed, read_measured

@@ -43,8 +43,7 @@ def simulate(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import load_joints, repeats, starts_of
-    from planner.cli.models import model_words, refused_models
+    from planner.cli.desired import load_joints, model_words, refused_models, repeats, starts_of
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate as simulate_joint
     from planner.report.simulation_results import simulation_answer

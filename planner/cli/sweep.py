@@ -123,7 +123,7 @@ def write_sweep(
     Returns:
         ``results.json``.
     """
-    from planner.cli.models import leg_title
+    from planner.cli.desired import leg_title
     from planner.files.results import made_from
     from planner.files.table import csv_text
     from planner.report.page import versions

@@ -36,8 +36,7 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
         request-planner view foot.csv --leg reference --unreachable clamp --html walk.html
     """  # noqa: D301
     from kinematics.scene import Scene
-    from planner.cli.desired import desired_of
-    from planner.cli.models import find_leg, leg_title, model_words
+    from planner.cli.desired import desired_of, find_leg, leg_title, model_words
     from planner.cli.planning import plan_of, prepare
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate_joints

@@ -10,7 +10,7 @@ import pytest
 
 from kinematics import urdf_path
 from planner.cli import settings
-from planner.cli.models import find_leg
+from planner.cli.desired import find_leg
 from planner.files.paths import read_foot_path, read_joint_path
 from tests.docs.blocks import ROOT
 from tests.docs.shell import commands
