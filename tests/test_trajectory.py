@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidTrajectory
-from planner.trajectory import (
-    check_radians,
-    error_norm,
-    index_of_largest,
-    relative_gap,
-    steps,
-)
+from planner.trajectory import check_radians, error_norm, index_of_largest, relative_gap, steps
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from planner.approximation.exact import (
-    PROVED,
-    Relaxation,
-    first_multipliers,
-    proved_best,
-)
+from planner.approximation.exact import PROVED, Relaxation, first_multipliers, proved_best
 from planner.approximation.fit import fit_pwl
 from planner.approximation.problem import Problem
 from planner.approximation.values import best_values

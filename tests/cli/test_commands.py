@@ -145,11 +145,7 @@ def test_the_smaller_limit_on_steps_is_kept(run, foot, limits):
 
 @pytest.mark.parametrize(
     ("unit", "rows", "other", "doubted"),
-    [
-        ("deg", 88, 1.0, True),
-        ("rad", 88, 1.0, False),
-        ("deg", 9, 1.0, False),
-    ],
+    [("deg", 88, 1.0, True), ("rad", 88, 1.0, False), ("deg", 9, 1.0, False)],
 )
 def test_small_motions_in_degrees_are_doubted_unless_one_is_large_or_there_are_few_rows(
     run, tmp_path, unit, rows, other, doubted

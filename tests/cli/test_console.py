@@ -9,12 +9,7 @@ import sys
 import click
 import pytest
 
-from planner.cli.console import (
-    BAR,
-    KEY,
-    Progress,
-    warn,
-)
+from planner.cli.console import BAR, KEY, Progress, warn
 
 ERASE = "\r\x1b[K"
 

@@ -68,7 +68,7 @@ def test_ticks_are_whole_numbers_nearest_to_the_requests(tmp_path):
             Ticks(),
             "knee: request 0, 180.00 deg, is tick 4096, expected 0 to 4095; check the zero tick, "
             "the ticks per turn and the direction",
-        ),
+        )
     ],
 )
 def test_a_servo_cannot_go_beyond_its_turn(angle, ticks, message):

@@ -16,11 +16,7 @@ import pytest
 from planner.exceptions import InvalidFile
 from planner.files import staging
 from planner.files.paths import GrowingLog
-from planner.files.staging import (
-    list_files,
-    output_folder,
-    staged,
-)
+from planner.files.staging import list_files, output_folder, staged
 from planner.files.text import to_json, write_text
 from tests.parallel.work import at_work_on
 

@@ -15,13 +15,7 @@ import planner
 from planner.identification import grid
 from planner.identification.excitation import excite
 from planner.identification.grid import MOST_ROWS, glitches, resampled, thinned
-from planner.identification.least_squares import (
-    USUAL,
-    huber,
-    least_squares,
-    respond,
-    slopes_of,
-)
+from planner.identification.least_squares import USUAL, huber, least_squares, respond, slopes_of
 from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, coordinates_of, only, parameters_at
 from planner.model import kernel

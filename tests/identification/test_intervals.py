@@ -25,15 +25,7 @@ from planner.identification.intervals import (
 from planner.identification.least_squares import least_squares
 from planner.identification.parameters import Parameters, only
 from planner.identification.result import Interval
-from tests.identification.made import (
-    AIBO,
-    NOISE,
-    changed,
-    logged,
-    measured,
-    rich_log,
-    step_logs,
-)
+from tests.identification.made import AIBO, NOISE, changed, logged, measured, rich_log, step_logs
 
 SEEDS = 12
 """Repetitions of a noisy experiment; with 95 % coverage fewer than 9 hits come once in 5000 times

@@ -14,12 +14,7 @@ from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.result import Interval, Term
 from planner.identification.terms import with_motor
-from tests.identification.made import (
-    AIBO,
-    measured,
-    rich_log,
-    swung,
-)
+from tests.identification.made import AIBO, measured, rich_log, swung
 from tests.identification.made import FINE_NOISE as NOISE
 from tests.identification.made import FINE_QUANTUM as QUANTUM
 

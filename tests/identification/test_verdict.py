@@ -12,9 +12,7 @@ import planner
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.intervals import intervals_of, uncertainty_of
-from planner.identification.judgement import (
-    verdict_on,
-)
+from planner.identification.judgement import verdict_on
 from planner.identification.result import HeldOut
 from planner.report.identification_text import next_step
 from tests.identification.made import (

@@ -11,12 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from planner.model.joint import JointModel, request_ages
-from planner.model.response import (
-    load_by_period,
-    motion_under,
-    rest_requests,
-    simulate,
-)
+from planner.model.response import load_by_period, motion_under, rest_requests, simulate
 from planner.model.symbolic import period_function
 from tests.independent import equation_2, from_rest, next_cycle
 from tests.instances import random_model

@@ -12,13 +12,7 @@ from hypothesis import strategies as st
 
 import planner
 from planner.model.joint import MOST_POSE_SAG, JointModel
-from planner.model.response import (
-    load_columns,
-    path_speeds,
-    rest_angles,
-    rest_requests,
-    simulate,
-)
+from planner.model.response import load_columns, path_speeds, rest_angles, rest_requests, simulate
 from planner.planning.line_inverse import line_offset
 from planner.trajectory import rms
 from tests.strategies import models

@@ -11,11 +11,7 @@ import pytest
 import planner
 from planner.evaluation.checks import Check, Tolerance
 from planner.planning.bounds import foot_bound
-from planner.report.comparison_page import (
-    SHOWN,
-    comparison_page,
-    foot_table,
-)
+from planner.report.comparison_page import SHOWN, comparison_page, foot_table
 from tests.corpus.page_text import text_of
 
 WALK = planner.reference_walk()

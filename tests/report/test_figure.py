@@ -22,9 +22,7 @@ from planner.report.figure import (
     joint_figure,
     moving_leg,
 )
-from planner.report.matplotlib_figure import (
-    draw,
-)
+from planner.report.matplotlib_figure import draw
 from planner.report.page import Page
 from planner.report.plotly_figure import plot
 from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED
@@ -52,10 +50,7 @@ def everything():
         Curve(DIRECT, X, X, "cloud", marks="dots", opacity=0.5),
         Curve(MUTED, X, X, legend=False),
     )
-    spans = (
-        Span(0.5, 1.0, DIRECT, 0.2),
-        Span(-0.5, 0.5, DIRECT, 0.2, along="y"),
-    )
+    spans = (Span(0.5, 1.0, DIRECT, 0.2), Span(-0.5, 0.5, DIRECT, 0.2, along="y"))
     first = Panel(
         Axis("angle", "deg"), curves, "<hip>", spans=spans, words=(Words("v_max", 1.0, 2.0),)
     )

@@ -103,14 +103,7 @@ def replayed_arm():
     return replay_page(made, title="demo.csv", models="model: arm.toml", arm=leg).html()
 
 
-PAGES = {
-    made.__name__: made
-    for made in (
-        calibration,
-        robot,
-        replayed_arm,
-    )
-}
+PAGES = {made.__name__: made for made in (calibration, robot, replayed_arm)}
 
 
 @pytest.mark.parametrize("name", PAGES)

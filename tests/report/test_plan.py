@@ -11,12 +11,7 @@ import pytest
 import planner
 from kinematics import Limits
 from planner.model.response import PathSpeeds
-from planner.report.plan_page import (
-    joints_table,
-    jumps_of,
-    leg_figure,
-    plan_page,
-)
+from planner.report.plan_page import joints_table, jumps_of, leg_figure, plan_page
 from planner.report.plan_results import PlanAnswer
 from planner.report.style import FOOT_OPTIMAL
 from tests.corpus.page_text import text_of
@@ -137,9 +132,7 @@ def test_requests_beyond_a_limit_are_said_to_be_beyond_it_and_by_how_much(outcom
 
 
 def test_every_name_is_escaped_and_every_request_shown(outcome):
-    page = page_of(
-        asked(outcome, names=("a<b>", "c&d", "e")),
-    )
+    page = page_of(asked(outcome, names=("a<b>", "c&d", "e")))
     assert "<b>" not in page
     assert "leg &lt;1&gt;" in page
     assert "&lt;x&gt;.csv" in page

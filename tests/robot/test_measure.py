@@ -12,14 +12,7 @@ from planner.exceptions import BusError
 from planner.identification.log import Log
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
-from planner.robot.measure import (
-    angles_of,
-    check,
-    move,
-    ranges_by_hand,
-    servo_ranges,
-    with_ranges,
-)
+from planner.robot.measure import angles_of, check, move, ranges_by_hand, servo_ranges, with_ranges
 from planner.robot.protocols import FEETECH
 from planner.virtual.servo_bus import KINDS, VirtualPort, VirtualServos
 

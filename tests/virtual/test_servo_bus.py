@@ -12,14 +12,7 @@ import pytest
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus, SerialPort
 from planner.robot.protocols import BROADCAST, FEETECH, WRITE
-from planner.virtual.servo_bus import (
-    KINDS,
-    Faults,
-    VirtualPort,
-    VirtualServos,
-    serve,
-    terminal,
-)
+from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos, serve, terminal
 from tests.docs.blocks import ROOT
 
 STEP = 0.01

@@ -224,11 +224,7 @@ def test_any_multipliers_of_linearised_conditions_prove_a_bound(
         if reachable.curvature is not None and rng.random() < 0.5:
             multipliers[: reachable.curvature.rows[0]] = 0.0
         proved = certified_error(
-            reachable,
-            desired,
-            multipliers,
-            norm=norm,
-            slack=farthest_per_period(model, load),
+            reachable, desired, multipliers, norm=norm, slack=farthest_per_period(model, load)
         )
         assert 0.0 <= proved <= error(angles, desired, norm) + ROUNDING
 

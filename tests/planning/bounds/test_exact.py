@@ -77,8 +77,7 @@ def without_dead_band(model):
 
 
 @pytest.mark.parametrize(
-    ("kind", "norm"),
-    [("cyclic", "rms"), ("from rest", "rms"), ("from a start", "max")],
+    ("kind", "norm"), [("cyclic", "rms"), ("from rest", "rms"), ("from a start", "max")]
 )
 @settings(max_examples=4)
 @given(
@@ -254,9 +253,7 @@ def test_the_support_is_attained_at_a_point_of_the_set(seed):
     assert np.all(most.angles >= requests.lower)
     assert np.all(most.angles <= requests.upper)
     _, distance = nearest_request(
-        most.contributions,
-        most.angles,
-        requests._replace(lower=most.angles, upper=most.angles),
+        most.contributions, most.angles, requests._replace(lower=most.angles, upper=most.angles)
     )
     assert distance <= SUMMED
 
