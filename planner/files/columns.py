@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.exceptions import InvalidFile, InvalidInput, nearest
+from planner.exceptions import InvalidFile, nearest
 from planner.files.table import Table
 from planner.trajectory import Array, not_radians, turns_words
 
@@ -117,21 +117,21 @@ class Scale(NamedTuple):
     unit: str
 
 
-def scale(name: str, ticks_per_turn: float | None) -> Scale:
+def scale(unit: str, ticks_per_turn: float | None, fault: Callable[[str], InvalidFile]) -> Scale:
     """The scale of a unit of :data:`ANGLE_NAMES`; NaN for counts, whose scale is fitted to the log.
 
     Ticks need their number in a turn; of hobby servos it is the microseconds of a turn.
     """
-    if name == "ticks" and ticks_per_turn is None:
-        raise InvalidInput(
+    if unit == "ticks" and ticks_per_turn is None:
+        raise fault(
             "angles in ticks without the ticks of a turn; give --ticks-per-turn, such as 4096 "
             "for Dynamixel X and Feetech STS servos"
         )
-    _, factor, shift, unit = _ANGLES[name]
-    if name in ("ticks", "us"):
+    _, factor, shift, of_angle = _ANGLES[unit]
+    if unit in ("ticks", "us"):
         factor /= ticks_per_turn or PULSES_PER_TURN
         shift *= factor
-    return Scale(name, factor, shift, unit)
+    return Scale(unit, factor, shift, of_angle)
 
 
 def split_name(name: str, units: Mapping[str, str]) -> tuple[str, str | None]:

@@ -229,28 +229,22 @@ def _is_row(cells: Sequence[str]) -> bool:
 
 
 def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, ...]:
+    (name, count), problem = Counter(names).most_common(1)[0], ""
     if len(names) > MOST_COLUMNS:
-        raise InvalidFile(
-            path,
-            f"{len(names)} columns, expected at most {MOST_COLUMNS}; leave out what is not needed",
-            line=line,
+        problem = (
+            f"{len(names)} columns, expected at most {MOST_COLUMNS}; leave out what is not needed"
         )
-    if "" in names:
-        raise InvalidFile(
-            path, f"column {names.index('') + 1} has no name; name or remove it", line=line
-        )
-    if all(_is_number(name) for name in names):
-        raise InvalidFile(
-            path,
+    elif "" in names:
+        problem = f"column {names.index('') + 1} has no name; name or remove it"
+    elif all(map(_is_number, names)):
+        problem = (
             f"the first line holds numbers ({_shortened(','.join(names))}), expected names; "
-            "put a line of column names above them",
-            line=line,
+            "put a line of column names above them"
         )
-    name, count = Counter(names).most_common(1)[0]
-    if count > 1:
-        raise InvalidFile(
-            path, f"{count} columns are named '{name}', expected one; rename the others", line=line
-        )
+    elif count > 1:
+        problem = f"{count} columns are named '{name}', expected one; rename the others"
+    if problem:
+        raise InvalidFile(path, problem, line=line)
     return tuple(names)
 
 

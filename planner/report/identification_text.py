@@ -40,9 +40,6 @@ RECORD: dict[str, dict[Topic, str]] = {
 }
 """Signals of `excite` that settle a topic, and what each shows; for several, the combined one."""
 
-NAMED = 3
-"""Joints that a line about several names."""
-
 
 def identification_text(
     identifications: Mapping[str, Identification], model: str = "joint.toml"
@@ -80,18 +77,20 @@ def next_step(identifications: Mapping[str, Identification], model: str) -> str:
     wrong = [joint for joint, open_ in topics.items() if open_ & {"sign", "columns"}]
     if wrong:
         return f"next: check the columns of {_names(wrong)}, as the first warning says"
-    kinds: list[str] = []
-    subjects: list[str] = []
-    joints: list[str] = []
-    for kind, shows in RECORD.items():
-        if which := [joint for joint, open_ in topics.items() if open_ & shows.keys()]:
-            kinds.append(kind)
-            subjects += [
-                what for topic, what in shows.items() if any(topic in topics[j] for j in which)
-            ]
-            joints += [joint for joint in which if joint not in joints]
-    if kinds:
-        kind = kinds[0] if len(kinds) == 1 else "combined"
+    needed = {
+        kind: which
+        for kind, shows in RECORD.items()
+        if (which := [joint for joint, open_ in topics.items() if open_ & shows.keys()])
+    }
+    if needed:
+        joints = list(dict.fromkeys(joint for which in needed.values() for joint in which))
+        subjects = [
+            what
+            for kind, which in needed.items()
+            for topic, what in RECORD[kind].items()
+            if any(topic in topics[joint] for joint in which)
+        ]
+        kind = next(iter(needed)) if len(needed) == 1 else "combined"
         first = joints[0] if joints[0] in identifications else ""
         likewise = f" (likewise {_names(joints[1:])})" if joints[1:] else ""
         return (
@@ -117,9 +116,9 @@ def _excite(kind: str, joint: str, identification: Identification) -> str:
 
 
 def _names(joints: Sequence[str]) -> str:
-    """The first of the joints, and how many more there are."""
-    if len(joints) > NAMED + 1:
-        return f"{', '.join(joints[:NAMED])} and {len(joints) - NAMED} more"
+    """The first three of the joints, and how many more there are, if that is more than one."""
+    if len(joints) > 4:
+        return f"{', '.join(joints[:3])} and {len(joints) - 3} more"
     return " and ".join(filter(None, [", ".join(joints[:-1]), joints[-1]]))
 
 
@@ -131,13 +130,12 @@ def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]
             own = finding.topic in ("log", "pattern")  # of which there are many kinds
             key = finding.topic, re.sub(r"[\d.]+", "", finding.words) if own else ""
             shared.setdefault(key, {}).setdefault(joint, finding.words)
-    topics = get_args(Topic)
-    ordered = sorted(shared.items(), key=lambda entry: topics.index(entry[0][0]))
-    lines = []
-    for _, words in ordered:
-        first, text = next(iter(words.items()))
-        whose = f" (the numbers are those of {first})" if len(set(words.values())) > 1 else ""
-        lines.append(f"{_names(list(words))}: warning: {text}{whose}")
+    lines, topics = list[str](), get_args(Topic)
+    for key in sorted(shared, key=lambda key: topics.index(key[0])):
+        first, text = next(iter(shared[key].items()))
+        several = len(set(shared[key].values())) > 1
+        whose = f" (the numbers are those of {first})" if several else ""
+        lines.append(f"{_names(list(shared[key]))}: warning: {text}{whose}")
     return lines
 
 

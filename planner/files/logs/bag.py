@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from planner.exceptions import InvalidFile, nearest
+from planner.files.columns import scale
 from planner.files.logs.bag_file import CONTROLLER_STATE, LATEST, Bag, open_bag
 from planner.files.logs.rows import ALL_JOINTS, LogOptions, Recorded, Rows
 from planner.files.table import Source
@@ -56,7 +57,7 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
                 f"topic {requested.topic}; expected the same clock and time in both topics",
             )
         unit = options.unit_of(joint)
-        scale = options.scale(unit or "rad", partial(InvalidFile, path))
+        own = scale(unit or "rad", options.ticks_per_turn, partial(InvalidFile, path))
         said = "--unit said" if unit else "is the custom of ROS (REP 103)"
         return Rows(
             source=source,
@@ -64,13 +65,13 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
             times=1e-9 * (stamps - origin).astype(np.float64),
             requests=requests,
             angles=angles,
-            request_scale=scale,
-            angle_scale=scale,
+            request_scale=own,
+            angle_scale=own,
             notes=(
                 *notes,
                 *[f"{repeated} repeated states left out"] * (repeated > 0),
                 *[f"{early} states before the first request left out"] * (early > 0),
-                f"angles in {scale.name}, as {said}",
+                f"angles in {own.name}, as {said}",
             ),
         )
 

@@ -30,6 +30,7 @@ from planner.files.columns import (
     meaning,
     pairs,
     read_clock,
+    scale,
     split_name,
     time_column,
 )
@@ -150,7 +151,7 @@ def _recorded(table: Table, options: LogOptions, *, units: str = "") -> Recorded
             # The joint as a word: `a` of `act_a` is not the first letter.
             word = rf"(?:(?<![^\W_])|(?<=[a-z])(?=[A-Z])){re.escape(joint)}(?![^\W_A-Z])"
             names = [re.sub(word, "<joint>", each) for each in columns]
-        both = " and ".join(dict.fromkeys(scale.name for scale in scales))
+        both = " and ".join(dict.fromkeys(each.name for each in scales))
         said = "the columns said" if user_units[1] is None else "--unit said"
         return Rows(
             source=table,
@@ -241,7 +242,7 @@ def _scales(
             f"{title} no unit; give {' and '.join(advice)}, or rename {'it' if one else 'them'} "
             f"{', '.join(endings)}"
         )
-    return [options.scale(unit, table.fault) for unit in units if unit]
+    return [scale(unit, options.ticks_per_turn, table.fault) for unit in units if unit]
 
 
 def _clock(table: Table, options: LogOptions) -> tuple[str, str | None]:

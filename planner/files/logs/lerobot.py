@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidFile, importing, nearest
+from planner.files.columns import scale
 from planner.files.logs.rows import LogOptions, Recorded, Rows
 from planner.files.table import Source
 from planner.files.text import read_json, read_text
@@ -82,7 +83,7 @@ def _rows(
             f"LeRobot does not say the unit of '{joint}'; give --unit rad, deg, range_m100_100 "
             "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks",
         )
-    scale = options.scale(unit, partial(InvalidFile, path))
+    own = scale(unit, options.ticks_per_turn, partial(InvalidFile, path))
     action, state = joints[joint]
     return Rows(
         source=Source(path=episode.file, part=f"episode {episode.number}"),
@@ -90,13 +91,13 @@ def _rows(
         times=episode.times,
         requests=episode.action[:, action],
         angles=episode.state[:, state],
-        request_scale=scale,
-        angle_scale=scale,
+        request_scale=own,
+        angle_scale=own,
         episode=episode.number,
         notes=(
             f"time from '{TIME}', requested from '{ACTION}' (sent at the time of its row), "
             f"actual from '{STATE}'",
-            f"angles in {scale.name}, as --unit said",
+            f"angles in {own.name}, as --unit said",
         ),
     )
 

@@ -20,7 +20,6 @@ from planner.files.columns import (
     LEAST_DEG,
     Scale,
     check_increasing,
-    scale,
 )
 from planner.files.table import Source
 from planner.identification.log import FASTEST, FEWEST_ROWS, Log, Written
@@ -116,13 +115,6 @@ class LogOptions:
             units[joint.strip()] = unit
         return units
 
-    def scale(self, unit: str, fault: Callable[[str], InvalidFile]) -> Scale:
-        """The scale of a unit, or the error that it is not known in radians."""
-        try:
-            return scale(unit, self.ticks_per_turn)
-        except InvalidInput as error:
-            raise fault(str(error)) from error
-
     def episode_numbers(self) -> frozenset[int] | None:
         """The episodes to read; None for all."""
         if self.episodes is None:
@@ -141,11 +133,7 @@ class LogOptions:
 
 
 def chosen_joints(path: Path | str, joints: Sequence[str], joint: str | None) -> tuple[str, ...]:
-    """The joint of ``path`` to read, or all for "all"; None where there is only one.
-
-    Raises:
-        InvalidFile: There is no such joint, or None is one of several.
-    """
+    """The joint of ``path`` to read, or all for "all"; None is the only one."""
     if joint == ALL_JOINTS and joint not in joints:
         return tuple(joints)
     names = ", ".join(each or "(one without a name)" for each in joints)
