@@ -70,13 +70,10 @@ ONE_BY_ONE = 16
 """Segments up to which every number is tried; beyond, a bracket grows and is halved. 8: more
 segments in 5 of 99 answers; 32: no change."""
 
-LIKELY = 1.02
-"""Squared error of a rough curve over the sufficient one, up to which that number of segments is
-searched in full at once. 1: more segments in 1 of 99 answers; 1.04: no change."""
-
 HOPELESS = 1.75
-"""The same from which on a number is not searched. Of 364 curves the full search lowered it by 1.04
-in one of ten, by 1.4 in one of a hundred, by 2.4 at most."""
+"""Squared error of a rough curve over the sufficient one from which on that number of segments is
+not searched. Of 364 curves the full search lowered it by 1.04 in one of ten, by 1.4 in one of a
+hundred, by 2.4 at most."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -334,12 +331,7 @@ def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candid
 
 
 def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) -> Candidate | None:
-    """The curve of fewest segments whose squared error is ``enough``, if there is one.
-
-    Few numbers are searched in full. Rough curves give a number that is surely enough. From there
-    the numbers decrease by one, each searched in full, until one is not enough: fewer segments are
-    assumed to be no better. Beyond :data:`ONE_BY_ONE` segments the number is found by bisection.
-    """
+    """The curve of fewest segments whose squared error is ``enough``, if there is one."""
     if exact_curve and search.exact is not None and search.exact.error <= enough:
         return search.exact
 
@@ -349,34 +341,21 @@ def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) 
             curve = search.valued(curve.knots)
         return curve if curve.error <= enough else None
 
-    fewest = None
-    count = search.fewest
-    failed = without = count - 1  # the number before; the last searched in full and without any
-    while True:
-        if count == most or search.rough_error(count) <= LIKELY * enough:
-            fewest = close_enough(count)
-            without = without if fewest else count
-        if fewest is not None or count == most:
-            break
-        failed = count
-        count = min(most, count + 1 if count < ONE_BY_ONE else math.ceil(1.3 * count))
-    one_by_one = count <= ONE_BY_ONE
-    while fewest is not None:
-        if one_by_one:
-            trial = count - 1
-            if trial <= without or search.rough_error(trial) > HOPELESS * enough:
-                break
+    count = max(search.fewest, min(most, ONE_BY_ONE))
+    for few in range(search.fewest, count + 1):
+        hopeful = few == most or search.rough_error(few) <= HOPELESS * enough
+        if hopeful and (fewest := close_enough(few)) is not None:
+            return fewest
+    failed, fewest = count, None
+    while fewest is None and count < most:
+        failed, count = count, min(most, math.ceil(1.3 * count))
+        fewest = close_enough(count)
+    while fewest is not None and count - failed > 1 + math.floor(0.004 * count):
+        middle = (failed + count) // 2
+        if (fewer := close_enough(middle)) is not None:
+            fewest, count = fewer, middle
         else:
-            trial = (failed + count) // 2
-            if count - failed <= 1 + math.floor(0.004 * count):
-                break
-        better = close_enough(trial)
-        if better is not None:
-            fewest, count = better, trial
-        elif one_by_one:
-            break
-        else:
-            failed = trial
+            failed = middle
     return fewest
 
 
