@@ -17,7 +17,6 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Sequence
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -61,14 +60,11 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
     queue = [(-math.inf, number, levels, first_multipliers(problem, search.best))]
     while queue and queue[0][0] < search.enough:
         _, order, levels, multipliers = heapq.heappop(queue)
-        tightened = search.tightened(levels, multipliers, 25 if order else 60)
+        tightened = search.tightened(levels, multipliers, 18 if order else 60)
         if tightened is None:
             continue
         bound, levels, multipliers = tightened
-        if math.prod(len(level) for level in levels) <= 16:
-            for chain in product(*(level.tolist() for level in levels)):
-                if search.possible(chain):
-                    search.attempt(chain)
+        if all(level.size == 1 for level in levels):
             continue
         for half in halves_of(levels):
             number += 1
@@ -213,12 +209,6 @@ class Relaxation:
         error += self.sxx[i, j] * (slope - self.slope[i, j]) ** 2 + tilt * slope
         start = self.mean[i, j] - rise / (2.0 * self.w0[i, j]) - slope * self.centre[i, j]
         return error, start, start + slope * self.length[i, j]
-
-    def possible(self, chain: Sequence[int]) -> bool:
-        """Whether these knots are in order, none too close, and no required one between them."""
-        cyclic = self.problem.cyclic
-        ends = [*chain, chain[0] + self.problem.samples] if cyclic else list(chain)
-        return bool(np.all(np.isfinite(self.error[ends[:-1], ends[1:]])))
 
     def bound(self, levels: Levels, multipliers: Array) -> Bound:
         """The cheapest chain with one knot of every level; O(levels · places²), of a cycle ³."""
