@@ -201,13 +201,7 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
         starts += [] if knots is None else [best_values(problem, knots)]
     starts += rough[:2]
     begun = [descend(problem, start, rounds=MANY, progress=1e-2) for start in starts]
-    begun.sort(key=by_error)
-    different = begun[:1]
-    for curve in begun[1:]:
-        knots = np.sort(curve.knots)
-        if all(np.max(np.abs(knots - np.sort(each.knots))) > 1.0 for each in different):
-            different.append(curve)
-    return with_moved_knots(problem, different[:2])
+    return with_moved_knots(problem, sorted(begun, key=by_error)[:2])
 
 
 def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
