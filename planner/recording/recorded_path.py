@@ -237,14 +237,14 @@ def _models_of(
             f"{', '.join(names)}; rename the tables of the model file to them"
         )
 
-    def choice(name: str) -> tuple[JointModel | None, str]:
+    chosen: dict[str, tuple[JointModel | None, str]] = {}
+    for name in names:
+        reason = "a gripper" if is_gripper(name) else "not chosen"
         if name in planned:
-            return by_joint.get(name, by_joint.get("")), ""
-        if name not in with_model and not joints:
-            return None, "no model"
-        return None, "a gripper" if is_gripper(name) else "not chosen"
-
-    return {name: choice(name) for name in names}
+            chosen[name] = by_joint.get(name, by_joint.get("")), ""
+        else:
+            chosen[name] = None, reason if joints or name in with_model else "no model"
+    return chosen
 
 
 def is_gripper(name: str) -> bool:

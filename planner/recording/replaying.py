@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from planner.identification.grid import measured_speed
 from planner.planning.inversion import LoadOfPose, plan
 from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import Inversion
-from planner.planning.task import JointLimits, Task
+from planner.planning.task import JointLimits
 from planner.planning.time_shift import shifted
 from planner.recording.recorded_path import (
     Models,
@@ -23,7 +23,7 @@ from planner.recording.recorded_path import (
     Track,
     recorded_path,
 )
-from planner.trajectory import Array, error_norm, most_lost
+from planner.trajectory import Array, Mask, error_norm, most_lost
 from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze
 
 Kind = Literal["resent", "direct", "shifted", "planned"]
@@ -161,13 +161,6 @@ def replay_at(
     return replace(answer, path=replace(path, remarks=(*path.remarks, words)))
 
 
-class Span(NamedTuple):
-    """A part of a replay [s], in the replay's own time."""
-
-    first: float
-    last: float
-
-
 @dataclass(frozen=True, eq=False)
 class JointReplay:
     """One joint of a replay; angles are in the unit of its log, "rad" or "1" (of its range)."""
@@ -193,26 +186,22 @@ class JointReplay:
 
     @cached_property
     def lost(self) -> float:
-        """Share of the recorded motion that straight lines between the samples lose, rms.
-
-        It is 0 where it is negligible.
-        """
-        times, followed = self._rows
-        lost = most_lost(times, followed[:, np.newaxis], self.moments, self.desired[:, np.newaxis])
+        """Share of the recorded motion that straight lines between the samples lose, rms, or 0."""
+        rows, desired = self.path.followed[self._rows, np.newaxis], self.desired[:, np.newaxis]
+        lost = most_lost(self.path.times[self._rows], rows, self.moments, desired)
         return lost[1] if lost else 0.0
 
     @property
-    def between(self) -> Array:
-        """How far lines between the samples are from the recorded path at its rows, shape (r,)."""
-        times, followed = self._rows
-        return np.asarray(np.interp(times, self.moments, self.desired) - followed)
+    def between(self) -> float:
+        """How far lines between the samples are from the recorded path at its rows, at most."""
+        lines = np.interp(self.path.times[self._rows], self.moments, self.desired)
+        return float(np.max(np.abs(lines - self.path.followed[self._rows])))
 
-    @property
-    def _rows(self) -> tuple[Array, Array]:
-        """Times [s] and angles of the rows between the first and the last sample, (r,) each."""
+    @cached_property
+    def _rows(self) -> Mask:
+        """Which rows lie between the first and the last sample."""
         times = self.path.times
-        inside = (times >= self.moments[0]) & (times <= self.moments[-1])
-        return times[inside], self.path.followed[inside]
+        return (times >= self.moments[0]) & (times <= self.moments[-1])
 
     @cached_property
     def recorded_requests(self) -> Array:
@@ -264,13 +253,13 @@ class JointReplay:
         return self.inversion.plan.joint(self.inversion.column)
 
     @cached_property
-    def _rms_task(self) -> Task:
-        """Its task, judged by the root mean square of the errors."""
-        return replace(self._plan.task, norm="rms")
+    def _by_rms(self) -> Plan:
+        """The same plan, judged by the root mean square of the errors."""
+        return replace(self._plan, task=replace(self._plan.task, norm="rms"))
 
     @cached_property
     def _shift(self) -> Plan:
-        return shifted(self._rms_task)
+        return shifted(self._by_rms.task)
 
     def error_of(self, kind: Kind) -> Array:
         """Angles minus desired angles of a planned joint under one kind of requests, shape (n,).
@@ -292,9 +281,7 @@ class JointReplay:
 
         NaN under a load of the pose: other requests would meet another load.
         """
-        if self._plan.task.load_of_pose:
-            return math.nan
-        return float(replace(self._plan, task=self._rms_task).lower_bounds[0])
+        return math.nan if self._plan.task.load_of_pose else float(self._by_rms.lower_bounds[0])
 
     @property
     def motion(self) -> RequestMotion:
@@ -320,16 +307,15 @@ class JointReplay:
         the model does not show that the plan is better. False where the torque was off at a
         replayed row: something else moved the joint.
         """
-        rows = (self.path.times >= self.moments[0]) & (self.path.times <= self.moments[-1])
-        driven = bool(np.all(self.path.log.torque_on[rows]))
+        driven = bool(np.all(self.path.log.torque_on[self._rows]))
         return driven and self.expected > 0.5 * error_norm(self.error_of("resent"), "rms")
 
     @cached_property
-    def too_fast(self) -> tuple[Span, ...]:
-        """Parts in which the desired angles are faster than the joint can be [s]."""
+    def too_fast(self) -> tuple[tuple[float, float], ...]:
+        """Parts in which the desired angles are faster than the joint can be, from and to [s]."""
         beyond, period = self._plan.speeds[0].too_fast, self._plan.period
         edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]])))
-        return tuple(Span(float(a * period), float(b * period)) for a, b in edges.reshape(-1, 2))
+        return tuple((a * period, b * period) for a, b in edges.reshape(-1, 2).tolist())
 
     def _under(self, requests: Array) -> Array:
         """Angles of the model under other requests, shape (n,); the first holds it, as planned."""
@@ -428,42 +414,3 @@ class Replay(ReadOnly, Summarised):
     def max_error(self) -> float:
         """Largest error of any planned joint [rad, or shares of a range]."""
         return max(each.inversion.max_error for each in self.planned if each.inversion)
-
-    def summary(self) -> dict[str, Any]:
-        """Figures of every joint, small and as JSON holds them; angles in the log's own unit."""
-        return {
-            "recording": self.path.name,
-            "track": self.path.track,
-            "speed": self.speed,
-            "period_s": self.period,
-            "requests": len(self.moments),
-            "duration_s": (len(self.moments) - 1) * self.period,
-            "joints": {joint.name: _figures(joint) for joint in self.joints},
-            "remarks": list(self.path.remarks),
-        }
-
-
-def _figures(joint: JointReplay) -> dict[str, Any]:
-    """Figures of a joint, as JSON holds them."""
-    figures: dict[str, Any] = {
-        "planned": joint.inversion is not None,
-        "unit": joint.path.unit,
-        "recorded_rms": error_norm(joint.recorded_errors, "rms"),
-    }
-    if joint.inversion is None:
-        return {**figures, "reason": joint.path.reason}
-    errors = {
-        kind: {"rms": error_norm(error, "rms"), "max": error_norm(error, "max")}
-        for kind, error in joint.errors.items()
-    }
-    return {
-        **figures,
-        "errors": errors,
-        "lead_s": joint.lead,
-        "expected_rms": joint.expected if math.isfinite(joint.expected) else None,
-        "lower_bound": joint.lower_bound if math.isfinite(joint.lower_bound) else None,
-        "norm": joint.inversion.norm,
-        "untested": list(joint.untested),
-        "largest_step": joint.inversion.largest_step,
-        "too_fast_s": [list(span) for span in joint.too_fast],
-    }

@@ -259,10 +259,8 @@ class Measure:
         at_samples = float(np.max(self.errors(replay, "planned")))
         if self.leg is not None:
             return at_samples
-        between = [
-            np.max(np.abs(each.between)) / self.of_path(each.path) for each in replay.planned
-        ]
-        return max(at_samples, *map(float, between))
+        between = (each.between / self.of_path(each.path) for each in replay.planned)
+        return max(at_samples, *between)
 
     def late(self, replay: Replay) -> list[JointReplay]:
         """The joints that a plan for the largest error may bring within the tolerance."""
@@ -464,10 +462,9 @@ class _Search:
 
     def _refuted(self, speed: float) -> Impossible | None:
         """The proof that a factor is too high, where there is one."""
-        for joint, ratio in self.bounds(speed, self.path.first):
-            if ratio > 1.0:
-                return Impossible(speed, joint, ratio, joint in self.path.open_top_speeds)
-        return None
+        open_speeds = self.path.open_top_speeds
+        late = (each for each in self.bounds(speed, self.path.first) if each[1] > 1.0)
+        return next((Impossible(speed, *each, each[0] in open_speeds) for each in late), None)
 
     def bounds(
         self, speed: float, first: float, last: float = math.inf

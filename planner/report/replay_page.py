@@ -179,8 +179,8 @@ def joints_table(replay: Replay) -> Table:
             pairs = {kind: _pair(joint, error) for kind, error in joint.errors.items()}
             fast = "nowhere"
             if spans := joint.too_fast:
-                widest = max(spans, key=lambda span: span.last - span.first)
-                fast = f"{widest.first:.2f} to {widest.last:.2f} s"
+                widest = max(spans, key=lambda span: span[1] - span[0])
+                fast = f"{widest[0]:.2f} to {widest[1]:.2f} s"
                 if len(spans) > 1:
                     total = sum(last - first for first, last in spans)
                     fast = f"{total:.2g} s in {len(spans)} parts, such as {fast}"
