@@ -70,23 +70,16 @@ class Line(NamedTuple):
 
 
 class Link(NamedTuple):
-    """An extreme line, kept until the next one crosses it.
+    """An extreme line, kept until the next one crosses it, between gates ``touched``, ``end`` + 1.
 
-    They cross between gates ``touched`` and ``end`` + 1.
-
-    Attributes:
-        line: The line.
-        rising: Whether it is the highest one, below gate ``end`` + 1; else the lowest, above it.
-        touched: The gate whose far end it touches last: its upper end if rising, else its lower.
-        before: The earlier gate whose opposite end it touches; -1 if its slope is at the bound.
-        end: The last gate that it passes.
+    Of the gates that it touches, it does so at opposite ends.
     """
 
     line: Line
-    rising: bool
-    touched: int
-    before: int
-    end: int
+    rising: bool  # whether it is the highest one, below gate end + 1; else the lowest, above it
+    touched: int  # the last gate that it touches: at its upper end if rising, else at its lower
+    before: int  # the gate that it touches before; -1 if its slope is at the bound
+    end: int  # the last gate that it passes
 
 
 LastLines = tuple[Line, Line]
@@ -164,10 +157,12 @@ def fewest_links_around(gates: Gates) -> Course | None:
 def joints(gates: Gates, links: Sequence[Link], final: Line) -> tuple[list[float], list[float]]:
     """Where lines cross one after the other, and the final one at last, and their values there."""
     following = [*(link.line for link in links[1:]), final]
-    places = [
-        meeting(link.line, line, gates.places[link.touched], gates.places[link.end + 1])
-        for link, line in zip(links, following, strict=False)  # without links nothing crosses
-    ]
+    places = []
+    for link, line in zip(links, following, strict=False):  # without links nothing crosses
+        (place, value, slope), least = link.line, gates.places[link.touched]
+        away = line.at(place) - value
+        crossing = place + away / (slope - line.slope) if slope != line.slope else least
+        places.append(min(max(crossing, least), gates.places[link.end + 1]))
     return places, [link.line.at(place) for link, place in zip(links, places, strict=True)]
 
 
@@ -180,15 +175,6 @@ def links_from(
         links.append(outcome)
         outcome = next_link(gates, last, after=outcome)
     return links, outcome
-
-
-def meeting(first: Line, second: Line, least: float, most: float) -> float:
-    """Where two lines cross, which is known to be between two places."""
-    place, value, slope = first
-    turn = slope - second.slope
-    if turn == 0.0:
-        return least
-    return min(max(place + (second.at(place) - value) / turn, least), most)
 
 
 def next_link(

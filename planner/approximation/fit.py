@@ -375,19 +375,12 @@ def _certify(fit: PiecewiseLinearFit, question: Question) -> None:
 
 
 class Choices(NamedTuple):
-    """The error for each number of segments, from which a user can choose one.
+    """The error for each number of segments, from which a user can choose one."""
 
-    Attributes:
-        segments: Numbers of segments, shape (m,).
-        rms: Rms error of the curve of at most so many [rad], shape (m,).
-        floor: Rms error of the slope-bounded ideal [rad]: no number of segments has less.
-        automatic: The number that is chosen by default.
-    """
-
-    segments: tuple[int, ...]
-    rms: Array
-    floor: float
-    automatic: int
+    segments: tuple[int, ...]  # numbers of segments, (m,)
+    rms: Array  # rms error of the curve of at most so many [rad], (m,)
+    floor: float  # rms error of the slope-bounded ideal [rad]: no number of segments has less
+    automatic: int  # the number that is chosen by default
 
 
 def choices(fit: PiecewiseLinearFit, *, most: int = 12) -> Choices:

@@ -44,21 +44,13 @@ rounding, which differs between processors, does not."""
 
 
 class Problem(NamedTuple):
-    """An approximation problem, in a unit of its own; compiled functions take it as it is.
+    """An approximation problem, in a unit of its own; compiled functions take it as it is."""
 
-    Attributes:
-        desired: Samples D, shape (n,).
-        step: Largest change per sample v.
-        cyclic: Whether the first sample follows the last.
-        required: Where there must be a knot [samples], shape (r,), increasing.
-        pins: The curve's values there, shape (r,); NaN where they are free.
-    """
-
-    desired: Array
-    step: float
-    cyclic: bool
-    required: Array = np.zeros(0)
-    pins: Array = np.zeros(0)
+    desired: Array  # samples D, (n,)
+    step: float  # largest change per sample v
+    cyclic: bool  # whether the first sample follows the last
+    required: Array = np.zeros(0)  # where there must be a knot [samples], (r,), increasing
+    pins: Array = np.zeros(0)  # the curve's values there, (r,); NaN where they are free
 
     @property
     def samples(self) -> int:

@@ -75,19 +75,9 @@ def stride(
 
     It lies in a plane of z and the heading around the foot of the standing pose
     (:func:`planner.gait.stride.standing_pose`). By default length and height are as large as the
-    leg allows, up to a quarter and three twentieths of its own length: it reaches every point
-    without a jump and stays at least 0.4 as dexterous as when it stands.
-
-    Args:
-        leg: A leg of three joints at most.
-        samples: As of :func:`planner.half_ellipse`, and so are all others; None for the default.
-        length: Half of the stroke [m].
-        height: How high the foot is lifted [m].
-        forward: x of the middle of the stroke [m].
-        sideways: y of the path [m].
-        hip_height: How far the ground lies below the base frame, -z [m].
-        ground_fraction: Fraction of the cycle that the foot is on the ground.
-        heading: Where the walk goes, from x towards y [rad].
+    leg, of three joints at most, allows, up to a quarter and three twentieths of its own length: it
+    reaches every point without a jump and stays at least 0.4 as dexterous as when it stands.
+    ``forward``, ``sideways`` and ``hip_height`` are by default those of the standing foot.
 
     Raises:
         InvalidInput: A parameter is not a number or out of its range.

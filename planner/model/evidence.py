@@ -114,10 +114,7 @@ class Evidence(NamedTuple):
         Without ``by_acceleration`` it is ``error`` for any motion. After a log of steps the
         delay of requests that move is not tested, and its interval counts as well: (19a).
 
-        Args:
-            angles: Angles by the model [rad], shape (n,).
-            period: Time between them [s].
-            cyclic: Whether the motion repeats.
+        The ``angles`` are those by the model [rad], (n,), with a ``period`` between them [s].
 
         Example:
             >>> seen = Evidence(0.02, by_acceleration=((0.0, 0.001), (10.0, 0.006)))
@@ -146,11 +143,8 @@ class Evidence(NamedTuple):
         interval of the delay adds more than the tested error and an encoder's step, "moving
         requests".
 
-        Args:
-            angles: Angles of the joint [rad], shape (n,).
-            period: Time between them [s].
-            cyclic: Whether the motion repeats.
-            load: Torque on it [N m], shape (n,) or one number.
+        The ``angles`` [rad], (n,), have a ``period`` between them [s]; the ``load`` is in N m, one
+        number or (n,).
 
         Example:
             >>> seen = Evidence(0.02, speed=1.0, angles=(-0.5, 0.5))
@@ -207,8 +201,7 @@ class Evidence(NamedTuple):
 def refusal(evidence: Mapping[str, Evidence | None]) -> str:
     """Which models are not to be planned with, and why, in a line; empty for none.
 
-    Args:
-        evidence: Evidence of the models by joint; the key "" is every other joint.
+    The key "" is every other joint.
 
     Example:
         >>> refusal({"knee": Evidence(verdict="refused", reason="it misses 41 % of the motion")})
@@ -234,10 +227,6 @@ def refusal(evidence: Mapping[str, Evidence | None]) -> str:
 
 def unproven_gains(names: Sequence[str], evidence: Sequence[Evidence | None]) -> str:
     """Joints whose models are hardly better than a pure delay, in a line; empty for none.
-
-    Args:
-        names: Names of the joints.
-        evidence: Of the model of each.
 
     Example:
         >>> unproven_gains(["hip", "knee"], [Evidence(over_delay=0.93), Evidence(over_delay=0.2)])
