@@ -201,7 +201,7 @@ class JointReplay:
     def _rows(self) -> Mask:
         """Which rows lie between the first and the last sample."""
         times = self.path.times
-        return (times >= self.moments[0]) & (times <= self.moments[-1])
+        return np.asarray((times >= self.moments[0]) & (times <= self.moments[-1]))
 
     @cached_property
     def recorded_requests(self) -> Array:
