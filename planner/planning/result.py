@@ -71,12 +71,12 @@ class _View(Summarised):
 
     def __init__(self, plan: Plan, column: int = 0, **changes: Any) -> None:
         """View a plan; ``changes`` are fields of it, or of its task, that are replaced."""
-        if changes and plan.task.goal == "angles":
-            plan, column = plan.joint(column), 0
-        own = {name: changes.pop(name) for name in plan.__dataclass_fields__ if name in changes}
-        if "requests" in own:
-            own["requests"] = np.reshape(own["requests"], plan.requests.shape).copy()
-        if own or changes:
+        if changes:
+            if plan.task.goal == "angles":
+                plan, column = plan.joint(column), 0
+            own = {name: changes.pop(name) for name in plan.__dataclass_fields__ if name in changes}
+            if "requests" in own:
+                own["requests"] = np.reshape(own["requests"], plan.requests.shape).copy()
             plan = replace(plan, **{"task": replace(plan.task, **changes), **own})
         vars(self).update(plan=plan, column=column)
 

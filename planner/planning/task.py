@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -122,7 +123,7 @@ class Task(ReadOnly):
     goal: Literal["angles", "foot"] = "angles"
     leg: Leg | None = None
     foot: Array | None = None
-    weights: Array = field(default_factory=lambda: np.ones(3))
+    weights: Array = field(default_factory=partial(np.ones, 3))
     reachable: Mask | None = None
     start: Array | None = None
     robust: Robust | None = None
@@ -233,12 +234,14 @@ class Task(ReadOnly):
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        freeze(*(each for each in vars(self).values() if isinstance(each, np.ndarray)))
+        for each in vars(self).values():
+            if isinstance(each, np.ndarray):
+                freeze(each)
 
-    @property
+    @cached_property
     def nominal(self) -> tuple[JointModel, ...]:
         """The nominal model of each joint."""
-        return tuple(each[0] for each in self.models)
+        return tuple(map(itemgetter(0), self.models))
 
     @property
     def period(self) -> float:
@@ -248,7 +251,8 @@ class Task(ReadOnly):
     @cached_property
     def scenarios(self) -> tuple[tuple[JointModel, ...], ...]:
         """Models of all joints together, nominal ones first; a single one is in every scenario."""
-        most = max(map(len, self.models))
+        if (most := max(map(len, self.models))) == 1:
+            return (self.nominal,)
         each = (models if len(models) == most else models * most for models in self.models)
         return tuple(zip(*each, strict=True))
 
@@ -395,11 +399,12 @@ class Task(ReadOnly):
         samples, joints = shape = self.desired.shape
         expected = f"torques [N m] of shape {shape} or ({joints},), one for each joint, or a number"
         values = of_each("load", load, self.names, expected=expected, shape=shape)
-        loads: list[Array | None] = []
-        for name, models, column in zip(self.names, self.models, values, strict=True):
+        loads = list[Array | None]([None] * joints)
+        for j, name in enumerate(self.names):
             with about(name if self.goal == "angles" else ""):
-                felt = [checked_load(column, each, samples) for each in models]
-                loads.append(next((each for each in felt if each is not None), None))
+                for model in self.models[j]:
+                    felt = checked_load(values[j], model, samples)
+                    loads[j] = felt if loads[j] is None else loads[j]
         columns = load_columns(loads, samples)
         task = self
         if columns is not None or self.load is not None:
@@ -419,9 +424,9 @@ class Task(ReadOnly):
         A negligible sag is ignored: the joint then stays that little short of the limit. Dry
         friction holds the joint wherever the request is within the dead band.
         """
-        if self.limits[j] is None:
-            return
         lower, upper, model = self.lower[j], self.upper[j], self.models[j][0]
+        if not (np.isfinite(lower) or np.isfinite(upper)):
+            return
         torques, angles = self.loads_on(self.nominal)[j], self.desired[:, j]
         count = len(angles)
         if self.start is not None:
