@@ -88,38 +88,26 @@ def line_offset(
     if array.dtype.kind not in "iuf":
         raise InvalidInput(f"slope: got {shown(slope)}, expected a number or an array [rad/s]")
     slopes = array.astype(np.float64)
-    torques = _load_of(model, load, slopes)
-    check_slopes(model, slopes, torques)
-    offsets = offsets_of(model, slopes, rule=rule, load=torques)
-    offsets.setflags(write=False)
-    return float(offsets) if slopes.ndim == 0 else offsets
-
-
-def check_slopes(model: JointModel, slopes: Array, load: npt.ArrayLike = 0.0) -> None:
-    """Raise InvalidInput where a slope [rad/s] is beyond the joint's speeds under the load."""
-    low, high = model.speed_limits(load)
-    rounding = model.v_max * AT_TOP_SPEED
-    beyond = ~((slopes <= high + rounding) & (slopes >= low - rounding))
-    if not np.any(beyond):
-        return
-    each = (np.broadcast_to(values, slopes.shape)[beyond] for values in (slopes, low, high))
-    steep, least, most = (float(values.flat[0]) for values in each)
-    raise InvalidInput(
-        f"slope: got {angle_text(steep)}/s, expected {slopes_text(least, most)}; no request makes "
-        "the joint follow a steeper line"
-    )
-
-
-def _load_of(model: JointModel, load: npt.ArrayLike | None, slopes: Array) -> Array:
-    """The torque for every slope [N m], like ``slopes``, or 0 where it has no effect."""
     try:
         each = np.broadcast_to(np.asarray(0.0 if load is None else load), slopes.shape).ravel()
     except ValueError as error:
         raise InvalidInput(
             f"load: got {shown(load)}, expected a torque [N m], or one for every slope"
         ) from error
-    torques = checked_load(each, model, slopes.size)
-    return np.zeros(()) if torques is None else torques.reshape(slopes.shape)
+    felt = checked_load(each, model, slopes.size)
+    torques = np.zeros(slopes.shape) if felt is None else felt.reshape(slopes.shape)
+    low, high = model.speed_limits(torques)
+    rounding = model.v_max * AT_TOP_SPEED
+    beyond = ~((slopes <= high + rounding) & (slopes >= low - rounding))
+    if np.any(beyond):
+        steep, least, most = (float(limits[beyond].flat[0]) for limits in (slopes, low, high))
+        raise InvalidInput(
+            f"slope: got {angle_text(steep)}/s, expected {slopes_text(least, most)}; no request "
+            "makes the joint follow a steeper line"
+        )
+    offsets = offsets_of(model, slopes, rule=rule, load=torques)
+    offsets.setflags(write=False)
+    return float(offsets) if slopes.ndim == 0 else offsets
 
 
 def offsets_of(
@@ -135,11 +123,15 @@ def offsets_of(
     At an ``angle`` [rad], like ``slopes``, gravity changes the top speeds; its sag is not part of
     the offsets.
     """
-    sign = np.sign(slopes)
+    sign, steady = np.sign(slopes), model.steady
     upwards = model.v_offset + model.top_speed_per_torque * np.asarray(load, dtype=np.float64)
     if angle is not None and model.most_pose_sag > 0.0:
         upwards = _limits_at(model, load, angle)[1] - model.v_max
-    lead = _lead(model.steady, np.abs(slopes), rule, sign * upwards)
+    faster = sign * upwards  # the top speed in the direction of a slope less v_max [rad/s]
+    # one number serves all slopes, where it can
+    excess = np.broadcast_to(faster, slopes.shape).ravel() * model.tick if np.any(faster) else 0.0
+    per_tick = np.minimum(np.abs(slopes).ravel() * model.tick, model.v_max_per_tick + excess)
+    lead = (_exact if rule == "exact" else _paper)(steady, per_tick, excess).reshape(slopes.shape)
     return np.asarray(sign * lead - model.sag(load))
 
 
@@ -235,18 +227,6 @@ def check_rule(rule: str, model: JointModel, *, stacklevel: int = 3) -> None:
             OutsideEquation13,
             stacklevel=stacklevel,
         )
-
-
-def _lead(model: JointModel, slopes: Array, rule: Rule, faster: Array) -> Array:
-    """C_m plus the sag for slopes m >= 0 [rad/s].
-
-    The top speed in the direction of each slope exceeds v_max by ``faster`` [rad/s].
-    """
-    even = not np.any(faster)  # then one number serves all slopes
-    excess = 0.0 if even else np.broadcast_to(faster, slopes.shape).ravel() * model.tick
-    per_tick = np.minimum(slopes.ravel() * model.tick, model.v_max_per_tick + excess)
-    solve = _exact if rule == "exact" else _paper
-    return solve(model, per_tick, excess).reshape(slopes.shape)
 
 
 def _paper(model: JointModel, slope: Array, excess: Array | float) -> Array:
