@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -67,6 +67,13 @@ class OverCycles(NamedTuple):
     mean: Distance
     deviation: Distance
 
+    @classmethod
+    def of(cls, distances: Iterable[Distance], unit: float) -> OverCycles:
+        """From the distances of single cycles, where ``unit`` counts as 1."""
+        rows = np.array(list(distances)) / unit
+        deviation = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.zeros(2)
+        return cls(Distance(*rows.mean(axis=0).tolist()), Distance(*deviation.tolist()))
+
 
 def _printed(l2: float, l2_deviation: float, linf: float, linf_deviation: float) -> OverCycles:
     """A distance as published, over 20 steps of the robot's walk."""
@@ -115,7 +122,7 @@ def published_foot(method: str) -> OverCycles | None:
 
 
 def deviations(
-    table2: Mapping[str, Mapping[str, Distance]], foot: Mapping[str, Distance]
+    table2: Mapping[str, Mapping[str, OverCycles]], foot: Mapping[str, OverCycles]
 ) -> tuple[float, ...]:
     """How far the baseline figures are from the published ones, each relative to the latter.
 
@@ -134,7 +141,7 @@ def deviations(
     return tuple(
         abs(our / their - 1.0)
         for ours, theirs in pairs
-        for our, their in zip(ours, theirs.mean, strict=True)
+        for our, their in zip(ours.mean, theirs.mean, strict=True)
     )
 
 
@@ -188,31 +195,32 @@ class PlannedWalk:
         angles = {"desired": self.walk.desired, **predicted}
         return {method: self.walk.leg.joint_positions(each) for method, each in angles.items()}
 
-    @property
-    def table2(self) -> dict[str, dict[str, Distance]]:
-        """Distances between angle trajectories by joint and comparison [degrees]: Table 2."""
+    def table2(self, walks: Mapping[str, Array] | None = None) -> dict[str, dict[str, OverCycles]]:
+        """Table 2: distances between angle trajectories by joint and comparison [degrees].
+
+        ``walks``: angles by method [rad], (cycles, n, k); by default the predicted ones.
+        """
+        table: dict[str, dict[str, OverCycles]] = {name: {} for name in self.walk.joint_names}
+        for pair, method in PAIRS.items():
+            cycles = [self.plans[method].predicted] if walks is None else walks[method]
+            goal = self.goal(pair)
+            for j, pairs in enumerate(table.values()):
+                distances = (angle_distance(angles[:, j], goal[:, j]) for angles in cycles)
+                pairs[pair] = OverCycles.of(distances, math.radians(1.0))
+        return table
+
+    def foot_table(self, walks: Mapping[str, Array] | None = None) -> dict[str, OverCycles]:
+        """Distances of the foot from its desired path by method [cm]; see :meth:`table2`."""
+        distance = walk_distance(self.walk)
+        if walks is None:
+            walks = {method: plan.predicted[np.newaxis] for method, plan in self.plans.items()}
         return {
-            name: {
-                pair: angle_distance(
-                    self.plans[method].predicted[:, j], self.goal(pair)[:, j]
-                ).in_units_of(math.radians(1.0))
-                for pair, method in PAIRS.items()
-            }
-            for j, name in enumerate(self.walk.joint_names)
+            method: OverCycles.of(map(distance, cycles), 0.01) for method, cycles in walks.items()
         }
 
-    @property
-    def foot_table(self) -> dict[str, Distance]:
-        """Distances of the foot from its desired path by method [cm]."""
-        return {
-            method: foot_distance(plan.foot, self.walk.desired_foot).in_units_of(0.01)
-            for method, plan in self.plans.items()
-        }
-
-    @property
-    def baseline_deviation(self) -> float:
+    def baseline_deviation(self, walks: Mapping[str, Array] | None = None) -> float:
         """Mean relative deviation of the ten baseline figures from the paper's."""
-        return float(np.mean(deviations(self.table2, self.foot_table)))
+        return float(np.mean(deviations(self.table2(walks), self.foot_table(walks))))
 
     @cached_property
     def steps(self) -> dict[float, StepResponse]:

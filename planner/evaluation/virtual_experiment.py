@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
 from planner.evaluation.reproduction import (
-    PAIRS,
     SEGMENTS,
     Clock,
     OverCycles,
@@ -29,7 +27,7 @@ from planner.identification.result import Identification
 from planner.learning.refine import refine
 from planner.planning.plan import Plan
 from planner.planning.result import Learning
-from planner.trajectory import Array, Distance, angle_distance
+from planner.trajectory import Array, angle_distance
 from planner.virtual.robot import Constants, VirtualRobot
 
 AMPLITUDES = (20.0, 40.0, 70.0)
@@ -56,18 +54,6 @@ MEASURED_CYCLES = 2
 
 MOST_DROPPED = 20
 """Cycles after which a walk that is not steady will not be."""
-
-
-def over_cycles(distances: Iterable[Distance], unit: float) -> OverCycles:
-    """Mean and standard deviation of the distances of single cycles, where ``unit`` counts as 1."""
-    rows = np.array(list(distances))
-    deviation = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.zeros(2)
-    mean, spread = (Distance(*map(float, each / unit)) for each in (rows.mean(axis=0), deviation))
-    return OverCycles(mean, spread)
-
-
-Reading = Literal["angles", "sensed"]
-"""Which angles of a walk: the true ones, or those that the sensors read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,24 +99,16 @@ class VirtualOutcome:
     shift_samples: int
     seconds: Mapping[str, float]
 
-    def table2(self, read: Reading = "angles") -> dict[str, dict[str, OverCycles]]:
-        """Table 2 by joint and comparison [degrees], by the true angles or the sensors."""
-        planned, degree = self.planned, math.radians(1.0)
-        table: dict[str, dict[str, OverCycles]] = {name: {} for name in planned.walk.joint_names}
-        for j, pairs in enumerate(table.values()):
-            for pair, method in PAIRS.items():
-                goal, cycles = planned.goal(pair)[:, j], getattr(self.runs[method], read)[:, :, j]
-                pairs[pair] = over_cycles((angle_distance(each, goal) for each in cycles), degree)
-        return table
-
-    def foot_table(self, read: Reading = "angles") -> dict[str, OverCycles]:
-        """Distances of the foot from its desired path by method [cm], likewise."""
-        return {method: self._foot(getattr(run, read)) for method, run in self.runs.items()}
+    @property
+    def walks(self) -> dict[str, Array]:
+        """True angles of the joints by method [rad], shape (cycles, n, k)."""
+        return {method: run.angles for method, run in self.runs.items()}
 
     @property
     def learnt_foot(self) -> list[OverCycles]:
         """Distance of the foot from its desired path in each trial [cm], by the true angles."""
-        return [self._foot(run.angles) for run in self.trials]
+        trials = {f"{number}": run.angles for number, run in enumerate(self.trials)}
+        return list(self.planned.foot_table(trials).values())
 
     @cached_property
     def legs(self) -> dict[str, Array]:
@@ -159,11 +137,6 @@ class VirtualOutcome:
             ).rms
             for j, name in enumerate(self.planned.walk.joint_names)
         }
-
-    def _foot(self, angles: Array) -> OverCycles:
-        """Distance of the foot from its desired path [cm], for angles (cycles, n, k)."""
-        distance = walk_distance(self.planned.walk)
-        return over_cycles(map(distance, angles), 0.01)
 
 
 def play_experiment(

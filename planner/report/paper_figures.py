@@ -352,7 +352,7 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
 def _virtual_joints(outcome: VirtualOutcome) -> list[Figure]:
     """Figures 2 and 7, the joints under requests for the foot, and under all methods."""
     planned, plain = outcome.planned, "closed_form_plain"
-    walked = {method: run.angles for method, run in outcome.runs.items()}
+    walked = outcome.walks
     return [
         joints_figure(
             planned,

@@ -18,7 +18,6 @@ from planner.evaluation.reproduction import (
     SOURCE,
     OverCycles,
     PlannedWalk,
-    deviations,
     published,
     published_foot,
 )
@@ -58,18 +57,15 @@ def paper_results(planned: PlannedWalk) -> dict[str, Any]:
     return {
         **_heads("reproduce", PAPER_NOTE),
         "table2": {
-            joint: {
-                comparison: distance_entry(distance, published(joint, comparison))
-                for comparison, distance in comparisons.items()
-            }
-            for joint, comparisons in planned.table2.items()
+            joint: {pair: _entry(over, published(joint, pair)) for pair, over in pairs.items()}
+            for joint, pairs in planned.table2().items()
         },
         "foot": {
-            method: distance_entry(distance, published_foot(method))
-            for method, distance in planned.foot_table.items()
+            method: _entry(over, published_foot(method))
+            for method, over in planned.foot_table().items()
         },
         "best_shift_samples": planned.lead,
-        "baseline_deviation": planned.baseline_deviation,
+        "baseline_deviation": planned.baseline_deviation(),
         **_bounds(planned),
         "step_tests": {
             f"{amplitude:g}": {
@@ -88,14 +84,14 @@ def paper_results(planned: PlannedWalk) -> dict[str, Any]:
     }
 
 
-def distance_entry(distance: Distance, published: OverCycles | None) -> dict[str, Any]:
+def _entry(over: OverCycles, published: OverCycles | None, **more: Any) -> dict[str, Any]:
     """A distance beside the paper's own, if it has one."""
     paper = published and {
         **_norms(published.mean),
         "L2_deviation": published.deviation.rms,
         "Linf_deviation": published.deviation.max,
     }
-    return {**_norms(distance), "paper": paper}
+    return {**_norms(over.mean), "paper": paper, **more}
 
 
 def _heads(command: str, note: str, **units: str) -> dict[str, Any]:
@@ -175,12 +171,10 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     (``loss``), and the paper's own.
     """
     planned, constants = outcome.planned, outcome.constants
-    sensed, predicted = outcome.table2("sensed"), planned.table2
-    mean_table2 = {
-        joint: {pair: over.mean for pair, over in pairs.items()}
-        for joint, pairs in outcome.table2().items()
-    }
-    mean_foot = {method: over.mean for method, over in outcome.foot_table().items()}
+    sensed = {method: run.sensed for method, run in outcome.runs.items()}
+    executed = outcome.walks
+    joints = planned.table2(executed), planned.table2(sensed), planned.table2()
+    feet = planned.foot_table(executed), planned.foot_table(sensed), planned.foot_table()
     return {
         **_heads(
             "reproduce --robot virtual",
@@ -205,21 +199,14 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         },
         "table2": {
             joint: {
-                pair: _entry(
-                    over, sensed[joint][pair], predicted[joint][pair], published(joint, pair)
-                )
-                for pair, over in pairs.items()
+                pair: _executed(published(joint, pair), *(table[joint][pair] for table in joints))
+                for pair in pairs
             }
-            for joint, pairs in outcome.table2().items()
+            for joint, pairs in joints[0].items()
         },
         "foot": {
-            method: _entry(
-                over,
-                outcome.foot_table("sensed")[method],
-                planned.foot_table[method],
-                published_foot(method),
-            )
-            for method, over in outcome.foot_table().items()
+            method: _executed(published_foot(method), *(table[method] for table in feet))
+            for method in outcome.runs
         },
         "learning": {
             "trials": [
@@ -231,7 +218,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
             "stopped": outcome.learning.stopped or None,
         },
         "best_shift_samples": outcome.shift_samples,
-        "baseline_deviation": float(np.mean(deviations(mean_table2, mean_foot))),
+        "baseline_deviation": planned.baseline_deviation(executed),
         **_bounds(planned),
         "parameters": {
             "models": {
@@ -247,16 +234,17 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     }
 
 
-def _entry(
-    over: OverCycles, sensed: OverCycles, predicted: Distance, published: OverCycles | None
-) -> dict[str, Any]:
-    return {
-        **distance_entry(over.mean, published),
-        "std": _norms(over.deviation),
-        "sensed": {**_norms(sensed.mean), "std": _norms(sensed.deviation)},
-        "predicted": _norms(predicted),
-        "loss": over.mean.rms / predicted.rms - 1.0,
-    }
+def _executed(published: OverCycles | None, *distances: OverCycles) -> dict[str, Any]:
+    """A distance when the walk is executed, the same by the sensors, and as it was predicted."""
+    over, sensed, predicted = distances
+    return _entry(
+        over,
+        published,
+        std=_norms(over.deviation),
+        sensed={**_norms(sensed.mean), "std": _norms(sensed.deviation)},
+        predicted=_norms(predicted.mean),
+        loss=over.mean.rms / predicted.mean.rms - 1.0,
+    )
 
 
 def _norms(distance: Distance) -> dict[str, float]:
