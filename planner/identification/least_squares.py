@@ -389,6 +389,23 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
     return fit
 
 
+def normal_equations(
+    slopes: Array, residuals: Array, corner: float, run: Indices, runs: int
+) -> tuple[Array, Array, Array, Array, Array]:
+    """J'WJ and J'Wr of Huber's loss, with weights W = min(1, corner / abs(r)).
+
+    The last column of J, (rows, c), is by the first angle of the row's own run. Without it the
+    matrix and the gradient come first; then for each run, of its first angle, the products with the
+    other columns, (runs, c - 1), the square and the gradient, (runs,).
+    """
+    sizes = np.abs(residuals)
+    weights = np.divide(corner, sizes, out=np.ones_like(sizes), where=sizes > corner)
+    weighted, start = weights * np.vstack([slopes.T, residuals]), slopes[:, -1].copy()
+    whole = weighted @ slopes
+    by_run = np.array([np.bincount(run, each * start, runs) for each in weighted])
+    return whole[:-2, :-1], whole[-1, :-1], by_run[:-2].T, by_run[-2], by_run[-1]
+
+
 class _Quadratic(NamedTuple):
     """The loss of a fit to second order, by its free coordinates and first angles."""
 
@@ -404,10 +421,8 @@ class _Quadratic(NamedTuple):
     @classmethod
     @np.errstate(over="ignore", invalid="ignore")
     def of(cls, fit: Fit, averaging: float) -> _Quadratic:
-        from planner.model import kernel
-
         grid, slopes = fit.grid, fit.slopes(averaging=averaging)
-        of_law, by_law, beside, squares, by_start = kernel.normal_equations(
+        of_law, by_law, beside, squares, by_start = normal_equations(
             slopes.of_law, fit.weighted, CORNER * fit.scale, grid.run, len(grid.starts)
         )
         change = slopes.change

@@ -15,10 +15,16 @@ import planner
 from planner.identification import grid
 from planner.identification.excitation import excite
 from planner.identification.grid import MOST_ROWS, glitches, resampled, thinned
-from planner.identification.least_squares import USUAL, huber, least_squares, respond, slopes_of
+from planner.identification.least_squares import (
+    USUAL,
+    huber,
+    least_squares,
+    normal_equations,
+    respond,
+    slopes_of,
+)
 from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, coordinates_of, only, parameters_at
-from planner.model import kernel
 from planner.trajectory import rms
 from tests.identification.made import (
     AIBO,
@@ -145,7 +151,7 @@ def test_the_normal_equations_are_those_of_the_derivatives():
     own = (grid.run[:, np.newaxis] == np.arange(runs)) * slopes.by_start[:, np.newaxis]
     dense = np.column_stack([slopes.of_law[:, :-1], own])
     expected = dense.T @ (weights[:, np.newaxis] * dense)
-    matrix, gradient, beside, squares, by_start = kernel.normal_equations(
+    matrix, gradient, beside, squares, by_start = normal_equations(
         slopes.of_law, residuals, corner, grid.run, runs
     )
     found = np.block([[matrix, beside.T], [beside, np.diag(squares)]])
