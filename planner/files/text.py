@@ -102,19 +102,10 @@ def write_bytes(path: Path | str, content: bytes) -> None:
 
 def to_json(content: Mapping[str, Any]) -> str:
     """JSON text; numbers that are not finite, which JSON has not, become null."""
-    return json.dumps(_finite(content), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if hasattr(value, "tolist"):  # an array, without NumPy's time to import
-        return _finite(value.tolist())
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value
+    # an array is known by its method, without NumPy's time to import
+    text = json.dumps(content, default=lambda array: array.tolist())
+    finite = json.loads(text, parse_constant=lambda _: None)
+    return json.dumps(finite, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 Place = tuple[str | int, ...]

@@ -110,46 +110,34 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
     Cells of a column that does not fit even alone are broken between words. The first column is on
     the left, the rest on the right. A blank line belongs between two tables.
     """
-    stub = sum(max(len(row[j]) + 2 for row in (header, *rows)) for j in range(about))
-    cells = [
-        [[cell] if j < about else _broken(cell, stub) for j, cell in enumerate(row)]
-        for row in (header, *rows)
-    ]
+    most, first = _WIDTH.get() or math.inf, list(range(about))
+    stub = sum(max(len(row[j]) + 2 for row in (header, *rows)) for j in first)
+
+    def lines_of(cell: str, j: int) -> list[str]:
+        if j < about or not cell or stub + len(cell) <= most:
+            return [cell]
+        room = max(int(most) - stub, 1)
+        return textwrap.wrap(cell, room, break_long_words=False, break_on_hyphens=False)
+
+    cells = [[lines_of(cell, j) for j, cell in enumerate(row)] for row in (header, *rows)]
     widths = [max(len(line) for row in cells for line in row[j]) for j in range(len(header))]
-    blocks = []
-    for columns in _blocks(widths, about):
-        lines = [
-            "  ".join(
-                line.ljust(widths[j]) if j == 0 else line.rjust(widths[j])
-                for j, line in zip(columns, parts, strict=True)
-            ).rstrip()
-            for row in cells
-            for parts in zip_longest(*(row[j] for j in columns), fillvalue="")
-        ]
-        blocks.append("\n".join(lines))
-    return "\n".join(blocks)
-
-
-def _broken(cell: str, stub: int) -> list[str]:
-    """Lines of a cell that fit beside the columns that identify a row, as far as words do."""
-    most = _WIDTH.get()
-    if not cell or most is None or stub + len(cell) <= most:
-        return [cell]
-    return textwrap.wrap(cell, max(most - stub, 1), break_long_words=False, break_on_hyphens=False)
-
-
-def _blocks(widths: Sequence[int], about: int) -> list[list[int]]:
-    """Columns that fit side by side, each time after the columns that identify a row."""
-    most, first = _WIDTH.get(), list(range(about))
-    stub = sum(widths[:about]) + 2 * (about - 1)
-    blocks, width = [first.copy()], stub
+    blocks, width = list[list[int]](), math.inf
     for j in range(about, len(widths)):
-        if most is not None and width + 2 + widths[j] > most and len(blocks[-1]) > about:
-            blocks.append(first.copy())
-            width = stub
-        blocks[-1].append(j)
         width += 2 + widths[j]
-    return blocks
+        if width > most or not blocks:
+            blocks.append(first.copy())
+            width = stub + widths[j]
+        blocks[-1].append(j)
+    lines = [
+        "  ".join(
+            line.ljust(widths[j]) if j == 0 else line.rjust(widths[j])
+            for j, line in zip(columns, parts, strict=True)
+        ).rstrip()
+        for columns in blocks
+        for row in cells
+        for parts in zip_longest(*(row[j] for j in columns), fillvalue="")
+    ]
+    return "\n".join(lines)
 
 
 def number(value: float | None, digits: int = 2) -> str:
