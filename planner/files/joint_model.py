@@ -52,9 +52,6 @@ def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
-_ANY = Key("", lambda value: value)
-
-
 def _text(value: Any) -> str | None:
     return value if isinstance(value, str) and value and "\0" not in value else None
 
@@ -68,12 +65,6 @@ def _pose(value: Any) -> dict[str, float] | None:
     if not isinstance(value, dict) or any(_number(each) is None for each in value.values()):
         return None
     return {joint: math.radians(angle) for joint, angle in value.items()}
-
-
-def _range(value: Any) -> tuple[float, float] | None:
-    if not isinstance(value, list) or [_number(each) is None for each in value] != [False, False]:
-        return None
-    return float(value[0]), float(value[1])
 
 
 PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
@@ -105,9 +96,8 @@ INTERVALS = {
 """Keys of intervals: the parameter of each, and its unit."""
 
 MODEL = {
-    **dict.fromkeys(PARAMETER_UNITS, _ANY),  # JointModel checks them
+    **dict.fromkeys([*PARAMETER_UNITS, *INTERVALS], Key("", lambda value: value)),  # checked later
     **TESTED,
-    **dict.fromkeys(INTERVALS, _ANY),
     "correlations": Key("", _tuples),  # of the parameters that have intervals, in their order
     "verdict": Key(
         f"one of {', '.join(map(repr, get_args(Verdict)))}",
@@ -139,7 +129,7 @@ SERVO_KEYS = {
     "zero_tick": Key("a whole number", as_whole),
     "direction": Key("a whole number", as_whole),
     "ticks_per_turn": Key("a number", _number),
-    "limits": Key("two angles [rad]", _range),
+    "limits": Key("two angles [rad]", _numbers("", 2, least=-LARGEST).fitted),
 }
 """Keys of a servo, beside those of its settings."""
 

@@ -139,7 +139,14 @@ def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> SampledP
 
 def path_table(path: Path | str) -> Table:
     """Read a table of at most as many rows as a path may have samples; see :func:`.read_table`."""
-    return read_table(path, most_rows=MOST_SAMPLES)
+    table = read_table(path)
+    if len(table.rows) > MOST_SAMPLES:
+        raise InvalidFile(
+            path,
+            f"more than {MOST_SAMPLES} rows, expected at most so many samples; split the file, or "
+            "take fewer samples a second",
+        )
+    return table
 
 
 def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> SampledPath:

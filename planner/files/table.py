@@ -9,7 +9,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -96,18 +95,14 @@ class Table(Source):
 
     def place(self, name: str) -> int:
         """Place of the named column."""
-        if name not in self._places:
+        if name not in self.names:
             raise self.fault(
                 f"no column '{name}'{nearest(name, self.names)}; columns: {', '.join(self.names)}"
             )
-        return self._places[name]
-
-    @cached_property
-    def _places(self) -> dict[str, int]:
-        return {name: place for place, name in enumerate(self.names)}
+        return self.names.index(name)
 
 
-def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
+def read_table(path: Path | str) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
     Lines that begin with ``#`` are comments; where numbers follow at once, the last of these
@@ -126,9 +121,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     lines: list[int] = []
     try:
         for cells in reader:
-            if not _is_row(cells):
-                continue
-            if declaration and reader.line_num == 1:
+            if not _is_row(cells) or (declaration and reader.line_num == 1):
                 continue
             if not names:
                 titles = [cell.strip() for cell in cells]
@@ -155,12 +148,6 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
             if len(rows) * len(names) > MOST_CELLS:
                 raise InvalidFile(
                     path, f"more than {MOST_CELLS} cells; split the file, or leave columns out"
-                )
-            if most_rows is not None and len(rows) > most_rows:
-                raise InvalidFile(
-                    path,
-                    f"more than {most_rows} rows, expected at most so many samples; split the "
-                    "file, or take fewer samples a second",
                 )
     except csv.Error as error:
         raise InvalidFile(
