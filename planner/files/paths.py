@@ -244,13 +244,10 @@ def foot_path(table: Table, *, even: bool = True) -> SampledPath:
     return SampledPath(str(table.path), AXES, units, positions, read_times(table, even=even))
 
 
-def write_foot_path(path: Path | str, positions: Array, *, period: float | None = None) -> None:
-    """Write positions [m], shape (n, 3), as CSV, with a column ``t_s`` for a period [s]."""
-    names, columns = [f"{axis}_m" for axis in AXES], positions
-    if period is not None:
-        names = [TIME, *names]
-        columns = np.column_stack([period * np.arange(len(positions)), positions])
-    write_table(path, names, columns)
+def write_foot_path(path: Path | str, positions: Array, *, period: float) -> None:
+    """Write positions [m], shape (n, 3), one every ``period`` [s], as CSV."""
+    rows = np.column_stack([period * np.arange(len(positions)), positions])
+    write_table(path, [TIME, *(f"{axis}_m" for axis in AXES)], rows)
 
 
 def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:

@@ -326,20 +326,17 @@ def close_up(fit: LogFit) -> npt.NDArray[np.intp]:
     return np.arange(start, ends[start])
 
 
-def thinned(times: Array, values: Array, *, bins: int = 10_000) -> tuple[Array, Array]:
-    """A curve for drawing: of every part the least and the largest value, NaN where it has none.
-
-    A log of twice as many rows as ``bins``, over three minutes at 100 Hz, is drawn row by row.
-    """
-    if len(values) <= 2 * bins:
-        return times, values
-    starts = np.linspace(0, len(values), bins, endpoint=False).astype(int)
-    ends = [extreme.reduceat(values, starts) for extreme in (np.fmin, np.fmax)]
-    return np.repeat(times[starts], 2), np.column_stack(ends).ravel()
-
-
 def _log_curve(role: Role, times: Array, values: Array, *, held: bool = False) -> Curve:
-    """A curve without the rows before its first and after its last value."""
+    """A curve without the rows before its first and after its last value.
+
+    Of a log of more than 20,000 rows, over three minutes at 100 Hz, the least and the largest value
+    of every part are drawn, NaN where it has none.
+    """
     finite = np.flatnonzero(np.isfinite(values))
     span = slice(finite[0], finite[-1] + 1) if len(finite) else slice(0)
-    return Curve(role, *thinned(times[span], values[span]), held=held)
+    times, values = times[span], values[span]
+    if len(values) > 20_000:
+        starts = np.linspace(0, len(values), 10_000, endpoint=False).astype(int)
+        ends = [extreme.reduceat(values, starts) for extreme in (np.fmin, np.fmax)]
+        times, values = np.repeat(times[starts], 2), np.column_stack(ends).ravel()
+    return Curve(role, times, values, held=held)
