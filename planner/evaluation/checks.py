@@ -108,18 +108,13 @@ class Check:
 
 
 class Answer(NamedTuple):
-    """Motion of one joint under one plan, simulated independently.
+    """Motion of one joint under one plan, simulated independently."""
 
-    Attributes:
-        agreement: Largest distance from the predicted angles [rad].
-        closure: Cyclic: distance between the ends of the predicted cycle; from rest: between the
-            first angle and the one it rests at [rad].
-        elsewhere: Distance of another steady cycle into which the joint may settle, depending on
-            its start [rad]; 0 where there is only one.
-    """
-
-    agreement: float
+    agreement: float  # largest distance from the predicted angles [rad]
+    # between the ends of the predicted cycle, from rest between the first angle and the one it
+    # rests at [rad]
     closure: float
+    # distance of another steady cycle into which the joint may settle [rad]; 0 where there is none
     elsewhere: float
 
 
@@ -156,10 +151,7 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
 
 
 def _settled(run: Callable[[Array], Array], begun: Array) -> Array | None:
-    """Angles of the cycle into which a joint settles from a state; None where it does not settle.
-
-    So many cycles are run at most that one into which it creeps is left out.
-    """
+    """Angles of the cycle into which a joint settles; None where it does not, or creeps into it."""
     before = run(begun)
     for _ in range(50):
         after = run(before[:, -1])

@@ -374,13 +374,10 @@ def compare_joint(
     levels: Sequence[Level] = LEVELS[:2],
     failed: Sequence[str] = (),
 ) -> JointComparison:
-    """Compare plans for one joint, from any method, and check them.
+    """Compare plans for one joint and the same desired angles, from any method, and check them.
 
-    Args:
-        name: The joint.
-        plans: A plan for each method of one joint, all for the same desired angles.
-        levels: The bounds to compute; of a joint with friction or inertia those that hold.
-        failed: Methods that found no plan.
+    ``levels``: the bounds to compute, of a joint with friction or inertia those that hold;
+    ``failed``: methods that found no plan.
     """
     optimal = plans["optimal"]
     problem = BoundProblem(

@@ -126,15 +126,9 @@ def deviations(
 ) -> tuple[float, ...]:
     """How far the baseline figures are from the published ones, each relative to the latter.
 
-    The baselines are the figures that no choice of an approximation enters: the six of (Des, Dir),
-    and L2 and Linf of the foot under the direct method and under the best time shift.
-
-    Args:
-        table2: Our distances by joint and comparison [degrees].
-        foot: Our foot distances by method [cm].
-
-    Returns:
-        Ten relative deviations, without a sign.
+    The baselines are the ten figures that no choice of an approximation enters: the six of
+    (Des, Dir), and L2 and Linf of the foot under the direct method and the best time shift. Ours
+    are in degrees by joint and comparison, and in centimetres by method.
     """
     pairs = [(table2[joint]["Des,Dir"], TABLE_2[joint]["Des,Dir"]) for joint in JOINTS]
     pairs += [(foot[method], FOOT[method]) for method in ("direct", "shift")]
@@ -153,20 +147,13 @@ class PlannedWalk:
     them; "closed_form_plain", the inversion as in the paper, which knows no limits; "closed_form",
     the same with the knots moved until the joint itself tracks best; "optimal", within the joints'
     limits; and "foot_optimal", for all joints at once.
-
-    Attributes:
-        segments: Lines of each approximation.
-        walk: The reference walk with its leg.
-        lead: Samples by which the best time shift is early.
-        plans: The plan of all joints by method.
-        seconds: Time that each part took [s].
     """
 
-    segments: int
+    segments: int  # lines of each approximation
     walk: ReferenceWalk
-    lead: int
-    plans: Mapping[str, Plan]
-    seconds: Mapping[str, float]
+    lead: int  # samples by which the best time shift is early
+    plans: Mapping[str, Plan]  # of all joints, by method
+    seconds: Mapping[str, float]  # time that each part took [s]
 
     @property
     def models(self) -> tuple[JointModel, ...]:
@@ -233,23 +220,14 @@ class PlannedWalk:
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """A joint's steady answer to the step test, and its features at the step down.
+    """A joint's steady answer to the step test, and its features at the step down."""
 
-    Attributes:
-        requests: Requests of Equation 1 [rad], shape (n,).
-        angles: Angles [rad], shape (n,).
-        step: Sample at which the requests step down.
-        lag: Samples until the speed begins to change.
-        acceleration: Samples from then until the joint moves down at its top speed.
-        v_max: Its top speed [rad/s].
-    """
-
-    requests: Array
-    angles: Array
-    step: int
-    lag: int
-    acceleration: int
-    v_max: float
+    requests: Array  # of Equation 1 [rad], (n,)
+    angles: Array  # [rad], (n,)
+    step: int  # sample at which the requests step down
+    lag: int  # samples until the speed begins to change
+    acceleration: int  # samples from then until the joint moves down at its top speed
+    v_max: float  # that speed [rad/s]
 
 
 def measure_step_response(
@@ -257,10 +235,7 @@ def measure_step_response(
 ) -> StepResponse:
     """Run the step test of Equation 1 and read its features off, in whole samples as by eye.
 
-    Args:
-        model: The joint.
-        amplitude: Height of the step [rad]; high enough for the joint to reach its top speed.
-        samples: Length of the test.
+    The amplitude [rad] is high enough for the joint to reach its top speed.
     """
     requests = step_test(amplitude, samples=samples)
     angles = simulate(model, requests)
@@ -288,12 +263,9 @@ def reproduce(
     segments: int = SEGMENTS,
     progress: Callable[[str], None] = lambda _: None,
 ) -> PlannedWalk:
-    """Run the paper's experiment on its own model.
+    """Run the paper's experiment on the model of every joint, by default that of Table 1.
 
-    Args:
-        model: The model of every joint; by default Table 1.
-        segments: Lines of each approximation.
-        progress: Called with the name of each part before it is computed.
+    ``progress`` is called with the name of each part before it is computed.
     """
     clock = Clock(progress)
     models = (JointModel.ers210a() if model is None else model,) * len(JOINTS)
@@ -345,13 +317,9 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
 def best_lead(unshifted: Array, distance: Callable[[Array], Distance]) -> int:
     """By how many samples to be early: the lead with the least rms, the smallest such lead.
 
-    A joint's answer to shifted requests is its shifted answer, so one simulation serves all leads.
-
-    Args:
-        unshifted: A cycle of the joints' angles when the desired angles are requested [rad],
-            shape (n, joints).
-        distance: Distance from the goal for given angles [rad], shape (n, joints); the paper judges
-            in the foot's space.
+    A joint's answer to shifted requests is its shifted answer, so one simulation serves all leads:
+    ``unshifted`` is a cycle when the desired angles are requested [rad], (n, k). The paper judges
+    the ``distance`` of such angles in the foot's space.
     """
     leads = range(len(unshifted))
     return min(leads, key=lambda lead: distance(np.roll(unshifted, -lead, axis=0)).rms)

@@ -97,11 +97,11 @@ class Swept:
 
 
 def search(
-    outcomes_at: Callable[[Array], Sequence[Outcome]],
-    ranges: Sequence[tuple[float, float]],
+    outcomes_at: Callable[[Array], Sequence[Outcome]],  # plans points, (points, parameters)
+    ranges: Sequence[tuple[float, float]],  # least and largest value of each parameter
     *,
-    most: int,
-    requirement: Requirement | None = None,
+    most: int,  # points that may be planned
+    requirement: Requirement | None = None,  # None for the whole front
     seed: int = 0,
 ) -> None:
     """Seek by CMA-ES, for a front five trade-offs at once; each plans a generation in parallel.
@@ -109,13 +109,6 @@ def search(
     The first points are spread evenly (Sobol), at most a quarter of all. Each trade-off minimises
     the larger of the weighted speed lost and logarithm of the error (Chebyshev), scaled to the
     first points' ranges.
-
-    Args:
-        outcomes_at: Plans points, shape (points, parameters).
-        ranges: Least and largest value of each parameter.
-        most: How many points may be planned.
-        requirement: What is sought; None for the whole front.
-        seed: Of the random numbers.
     """
     import cma
     from scipy.stats import qmc

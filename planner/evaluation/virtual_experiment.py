@@ -58,46 +58,27 @@ MOST_DROPPED = 20
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A walk of the robot.
+    """A walk of the robot."""
 
-    Attributes:
-        requests: Requests of every cycle [rad], shape (n, k).
-        sensed: Readings of the sensors [rad], shape (cycles, n, k).
-        angles: True angles of the joints [rad], shape (cycles, n, k).
-        dropped: Cycles before these, until the walk was steady.
-    """
-
-    requests: Array
-    sensed: Array
-    angles: Array
-    dropped: int
+    requests: Array  # of every cycle [rad], (n, k)
+    sensed: Array  # readings of the sensors [rad], (cycles, n, k)
+    angles: Array  # true angles of the joints [rad], (cycles, n, k)
+    dropped: int  # cycles before these, until the walk was steady
 
 
 @dataclass(frozen=True, eq=False)
 class VirtualOutcome:
-    """Results of the experiment on the virtual robot.
+    """Results of the experiment on the virtual robot."""
 
-    Attributes:
-        constants: Constants of the robot.
-        seed: Of its noise.
-        identifications: Identification of each joint from its step test.
-        planned: The plans on the identified models, with their predictions.
-        runs: Walks under each method's requests.
-        trials: Walks of the trials of learning, from the foot-optimised plan on.
-        learning: State of learning after the trials.
-        shift_samples: Lead of the best time shift, found on the robot.
-        seconds: Time that each part took [s].
-    """
-
-    constants: Constants
-    seed: int
-    identifications: tuple[Identification, ...]
-    planned: PlannedWalk
-    runs: Mapping[str, Run]
-    trials: tuple[Run, ...]
-    learning: Learning
-    shift_samples: int
-    seconds: Mapping[str, float]
+    constants: Constants  # of the robot
+    seed: int  # of its noise
+    identifications: tuple[Identification, ...]  # of each joint from its step test
+    planned: PlannedWalk  # the plans on the identified models
+    runs: Mapping[str, Run]  # walks under each method's requests
+    trials: tuple[Run, ...]  # walks of the trials of learning, from the foot-optimised plan on
+    learning: Learning  # its state after the trials
+    shift_samples: int  # lead of the best time shift, found on the robot
+    seconds: Mapping[str, float]  # time that each part took [s]
 
     @property
     def walks(self) -> dict[str, Array]:
@@ -150,14 +131,8 @@ def play_experiment(
     """Play the paper's experiment on a robot whose joints are not the planner's model.
 
     Step tests of each joint are recorded by its sensor, a model is identified from them, the walk
-    is planned on the models by every method, and the robot executes every plan.
-
-    Args:
-        segments: Lines of each approximation.
-        cycles: Cycles of each walk, once it is steady.
-        seed: Of the robot's noise.
-        constants: Constants of the robot; its own by default.
-        progress: Called with the name of each part before it begins.
+    is planned on the models by every method, and the robot executes every plan for ``cycles``, once
+    it is steady. ``progress`` is called with the name of each part before it begins.
 
     Raises:
         MissingExtra: MuJoCo is not installed.
@@ -200,14 +175,8 @@ def play_experiment(
 def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, amplitude: float) -> Log:
     """The sensor's log of a step test around the middle of the joint's range in the walk.
 
-    That is Equation 1, shifted to where the joint will work; the other joints rest in the middle
-    of theirs.
-
-    Args:
-        robot: The robot.
-        walk: The walk that the joints are tested for.
-        joint: Which of them.
-        amplitude: Height of the step [degrees].
+    That is Equation 1, its amplitude in degrees, shifted to where the joint will work; the other
+    joints rest in the middle of theirs.
     """
     middle = (walk.desired.min(axis=0) + walk.desired.max(axis=0)) / 2.0
     height = np.radians(amplitude)

@@ -30,21 +30,13 @@ DEGREE = math.degrees(1.0)
 
 
 class RequestMotion(NamedTuple):
-    """How a joint's requests move, beside the desired angles.
+    """How a joint's requests move, beside the desired angles."""
 
-    Attributes:
-        largest_step: Largest change from one request to the next [rad].
-        reversals_per_s: How often the requests change direction [1/s].
-        path_length: Sum of the changes of the requests [rad].
-        desired_length: Sum of the changes of the desired angles [rad].
-        beyond: How far the requests go beyond the range of the desired angles [rad].
-    """
-
-    largest_step: float
-    reversals_per_s: float
-    path_length: float
-    desired_length: float
-    beyond: float
+    largest_step: float  # largest change from one request to the next [rad]
+    reversals_per_s: float  # how often the requests change direction [1/s]
+    path_length: float  # sum of the changes of the requests [rad]
+    desired_length: float  # sum of the changes of the desired angles [rad]
+    beyond: float  # how far the requests go beyond the range of the desired angles [rad]
 
 
 def request_motion(

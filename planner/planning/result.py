@@ -22,17 +22,11 @@ if TYPE_CHECKING:
 
 
 class ErrorsOfModels(NamedTuple):
-    """Errors of a plan over the models that joints may have, in its norm: [rad], of a foot [m].
+    """Errors of a plan over the models that joints may have, in its norm: [rad], of a foot [m]."""
 
-    Attributes:
-        nominal: Error of the nominal model.
-        mean: Root mean square over all models.
-        worst: The largest.
-    """
-
-    nominal: float
-    mean: float
-    worst: float
+    nominal: float  # of the nominal model
+    mean: float  # root mean square over all models
+    worst: float  # the largest
 
 
 T = TypeVar("T")

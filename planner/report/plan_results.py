@@ -98,27 +98,17 @@ def foot_numbers(feet: Sequence[Plan]) -> FootNumbers:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanAnswer:
-    """A plan and how it was asked for: all that JSON, text and page say about it.
-
-    Attributes:
-        plan: The plan.
-        method: The method as the user names it.
-        model: Where the models come from, in words.
-        units: Of each joint, "deg" or "percent"; () if all are degrees.
-        legs: The legs of a whole robot whose joints are all planned, by name.
-        of_foot: Whether the path is that of a foot.
-        unreachable: Samples out of the leg's reach.
-        missed: Tolerances that the plan misses, in words; None where there are none to keep.
-    """
+    """A plan and how it was asked for: all that JSON, text and page say about it."""
 
     plan: Plan
-    method: str
-    model: str = ""
-    units: Sequence[str] = ()
+    method: str  # as the user names it
+    model: str = ""  # where the models come from, in words
+    units: Sequence[str] = ()  # of each joint, "deg" or "percent"; () if all are degrees
+    # of a whole robot whose joints are all planned, by name
     legs: Mapping[str, Leg] = field(default_factory=dict)
-    of_foot: bool = False
-    unreachable: int = 0
-    missed: Sequence[str] | None = None
+    of_foot: bool = False  # whether the path is that of a foot
+    unreachable: int = 0  # samples out of the leg's reach
+    missed: Sequence[str] | None = None  # tolerances, in words; None where there are none to keep
 
     @cached_property
     def shift(self) -> Plan:
