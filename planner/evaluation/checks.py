@@ -121,9 +121,9 @@ class Answer(NamedTuple):
 def second_answer(plan: Plan, column: int = 0) -> Answer:
     """Simulate a joint of a plan by the law in CasADi symbols, and compare the predicted angles.
 
-    A cycle is run from where the predicted one ends. Requests that saturate the joint throughout a
-    cycle leave it where it is, and so do those that its dry friction holds, so that several cycles
-    are steady: others are sought from where the least and the greatest request would hold it.
+    A cycle is run from where the predicted one ends. Where requests saturate the joint throughout,
+    or its dry friction holds it, several cycles are steady: others are sought from where the least
+    and the greatest request would hold it.
     """
     model, start, load = plan.models[column], plan.task.starts[column], plan.task.loads[column]
     requests, predicted = plan.requests[:, column].copy(), plan.predicted[:, column]
@@ -222,10 +222,9 @@ def beyond_limits(requests: Array, limits: tuple[Any, Any]) -> float:
 
 
 def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversion | None:
-    """The plan with its requests clipped to the limits; None where that leads to no cycle.
+    """The plan, its requests clipped to the limits: a gain beyond them does not count.
 
-    The closed form ignores limits, so its gain beyond them does not count against a plan that keeps
-    them.
+    None where that leads to no cycle.
     """
     if limits is None or beyond_limits(plan.requests, limits) <= WITHIN_LIMITS.value:
         return plan

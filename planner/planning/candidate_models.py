@@ -42,16 +42,11 @@ def models_of_joints(
     # same model share the draws.
     independent: bool = False,
 ) -> list[tuple[JointModel, ...]]:
-    """The candidate models of each joint, the nominal one first, in the order of the joints.
+    """The candidate models of each joint, checked, the nominal one first.
 
     A single model is the only candidate, unless ``robust`` asks for models drawn from its
     intervals. A sequence lists all candidates, even if it has one alone. The candidates of an
     identification are always drawn from its intervals.
-
-    Raises:
-        InvalidInput: They do not fit the joints, one is no JointModel, request periods differ, a
-            single model has no intervals, or ``robust`` is no error over models, or not None where
-            every joint has a sequence of one model.
     """
     if robust is not None:
         check_choice("robust", robust, get_args(Robust))

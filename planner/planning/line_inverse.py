@@ -120,8 +120,7 @@ def offsets_of(
 ) -> Array:
     """:func:`line_offset` of slopes within the joint's speeds [rad/s], without a warning.
 
-    At an ``angle`` [rad], like ``slopes``, gravity changes the top speeds; its sag is not part of
-    the offsets.
+    At an ``angle`` gravity changes the top speeds; its sag is not part of the offsets.
     """
     sign, steady = np.sign(slopes), model.steady
     upwards = model.v_offset + model.top_speed_per_torque * np.asarray(load, dtype=np.float64)
@@ -165,10 +164,7 @@ def interpolated_offset(
 
 
 def _limits_at(model: JointModel, load: npt.ArrayLike, angle: Array) -> tuple[Array, Array]:
-    """Least and largest speed under a load and gravity [rad/s], either at least a share of v_max.
-
-    Gravity may overcome the joint.
-    """
+    """Least and largest speed [rad/s], a share of v_max at least where gravity is stronger."""
     low, high = model.speed_limits(load, angle)
     if model.most_pose_sag == 0.0:
         return low, high
@@ -180,10 +176,7 @@ def _limits_at(model: JointModel, load: npt.ArrayLike, angle: Array) -> tuple[Ar
 def slope_limits(
     model: JointModel, load: Array | None = None, angles: Array | None = None
 ) -> tuple[float, float]:
-    """The slopes that the joint can follow at every sample: least and largest [rad/s].
-
-    At some angles gravity counts; where it overcomes the joint, they are a share of v_max.
-    """
+    """Least and largest slope that the joint can follow at every sample [rad/s], at some angles."""
     torques = 0.0 if load is None else load
     limits = model.speed_limits(torques) if angles is None else _limits_at(model, torques, angles)
     return float(np.max(limits[0])), float(np.min(limits[1]))

@@ -73,10 +73,10 @@ def refined_curve(
 ) -> PiecewiseLinear:
     """Move the knots of ``curve`` until its inverse makes the joint track no better.
 
-    A pattern search: every knot moves up and down and along the lines that meet there, every
-    segment up and down and to and fro; moves that lower the simulated error are kept, and when no
-    move does they become smaller. No segment becomes shorter than a sample, or steeper than the
-    joint's speeds. Requests change line ``ahead`` samples before a knot.
+    Every knot moves up and down and along the lines that meet there, every segment up and down and
+    to and fro; moves that lower the simulated error are kept, and when no move does they become
+    smaller. No segment becomes shorter than a sample, or steeper than the joint's speeds. Requests
+    change line ``ahead`` samples before a knot.
     """
     knots, values = np.array(curve.knots), np.array(curve.values)
     steps = COARSEST, FINEST, problem.models[0].v_max * curve.tick

@@ -293,12 +293,8 @@ class Task(ReadOnly):
         return self.foot_at(self.desired) if self.foot is None else self.foot
 
     def foot_at(self, angles: Array) -> Array:
-        """Position of the leg's foot at angles (n, k) [m], (n, 3).
-
-        Raises:
-            AttributeError: There is no leg, so that ``hasattr(plan, "foot")`` is False.
-        """
-        if self.leg is None:
+        """Position of the leg's foot at angles (n, k) [m], (n, 3)."""
+        if self.leg is None:  # so that ``hasattr(plan, "foot")`` is False
             raise AttributeError("a plan without a leg has no foot; see planner.invert_foot")
         return self.leg.foot_positions(angles)
 
@@ -324,10 +320,7 @@ class Task(ReadOnly):
         )
 
     def errors_of(self, angles: Array) -> Array:
-        """Errors of angles (n, k) in the norm that counts: of each joint [rad], of the foot [m].
-
-        The axes of the foot are weighted, the heaviest by 1.
-        """
+        """Errors of angles (n, k) in the norm that counts: of each joint [rad], of the foot [m]."""
         if self.goal == "foot":
             away = self.foot_at(angles) - self.desired_foot
             away = np.linalg.norm(away * self.axis_scales, axis=1)
@@ -336,10 +329,7 @@ class Task(ReadOnly):
         return np.array([error_norm(each, self.norm) for each in errors])
 
     def error_made_by(self, deviations: Array, angles: Array) -> float:
-        """Error by rms deviations of each joint [rad], (k,), from angles (n, k).
-
-        In [rad], for a foot in [m].
-        """
+        """Error by rms deviations [rad], (k,), from angles (n, k): of a joint [rad], a foot [m]."""
         if self.goal == "angles":
             return float(deviations[0])
         squares = (self.foot_jacobians(angles) * deviations) ** 2
@@ -390,12 +380,7 @@ class Task(ReadOnly):
     def under(
         self, load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None, *, of_pose: bool = False
     ) -> Task:
-        """The same task under another load [N m], also of a pose, checked.
-
-        Raises:
-            InvalidInput: Its shape is not allowed in :meth:`of`, or a joint cannot move against it.
-            Infeasible: Under it the limits exclude the start or a desired angle.
-        """
+        """The same task under another load [N m], also of a pose, checked as in :meth:`of`."""
         samples, joints = shape = self.desired.shape
         expected = f"torques [N m] of shape {shape} or ({joints},), one for each joint, or a number"
         values = of_each("load", load, self.names, expected=expected, shape=shape)
@@ -495,14 +480,10 @@ def of_each(
     expected: str,
     shape: tuple[int, ...] | None = None,
 ) -> list[Any]:
-    """The values of an argument for each joint; None for joints without one.
+    """The values of an argument for each joint, as far as they fit; None for joints without one.
 
     The argument is a dict by joint, one number, or one for each joint; where there may be one at
     every sample, ``shape`` is (n, k). For a joint without a name the value is returned as it is.
-
-    Raises:
-        InvalidInput: They are no numbers, not as many as there are joints, or for a joint that is
-            not planned.
     """
     if value is None:
         return [None] * len(names)
@@ -526,13 +507,7 @@ def of_each(
 
 
 def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Array, Array]:
-    """Smallest and largest request of every joint [rad], each of shape (k,).
-
-    Raises:
-        InvalidInput: They are no pair of numbers or of one number for each joint, or are for a
-            joint that is not planned.
-        Infeasible: A lower limit is above the upper one.
-    """
+    """Smallest and largest request of every joint [rad], each of shape (k,), checked."""
     pairs: Iterable[Any]
     if limits is None or isinstance(limits, Mapping) or names == ("",):
         pairs = of_each("limits", limits, names, expected="")
@@ -571,11 +546,7 @@ def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Ar
 def steps_of_each(
     max_step: npt.ArrayLike | Mapping[str, float] | None, names: Sequence[str]
 ) -> Array:
-    """Largest change of every joint's request [rad], shape (k,), inf where there is no limit.
-
-    Raises:
-        InvalidInput: They are not above 0, or not as many as there are joints.
-    """
+    """Largest change of every joint's request [rad], shape (k,), checked; inf for any."""
     expected = "an angle above 0 [rad], or one for each joint"
     largest = np.full(len(names), math.inf)
     for j, step in enumerate(of_each("max_step", max_step, names, expected=expected)):

@@ -118,10 +118,7 @@ def shifted(task: Task) -> Plan:
 
 
 def has_refused(plan: Plan) -> bool:
-    """Whether a model is refused: neither a plan by it nor its best time shift is recommended.
-
-    Of a model that is worse than a delay the best time shift is.
-    """
+    """Whether a model is refused: neither a plan by it nor its best time shift is recommended."""
     return any(model.evidence and model.evidence.verdict == "refused" for model in plan.models)
 
 

@@ -48,9 +48,7 @@ def paper_results(planned: PlannedWalk) -> dict[str, Any]:
     """The document that ``reproduce`` writes and prints, in degrees, centimetres and seconds.
 
     Every distance is a pair of plain numbers with the paper's own beside it, or None where the
-    paper has none: ``table2[joint]["Des,Dir"]["L2"]`` beside ``[...]["paper"]["L2"]``, and
-    ``foot[method]["Linf"]`` beside ``[...]["paper"]["Linf"]``. Comparisons are spelt as the paper
-    spells them, without parentheses and blanks; ``comparisons`` and ``methods`` explain them.
+    paper has none. ``comparisons`` and ``methods`` explain the keys, spelt as the paper does it.
     The paper's closed form stands beside both of ours: ``closed_form_plain`` (``Plain`` in Table 2)
     is its method, ``closed_form`` (``MB``) has its knots refined by simulating the joint.
     """
@@ -165,10 +163,8 @@ def _bounds(planned: PlannedWalk) -> dict[str, Any]:
 def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     """The document that ``reproduce --robot virtual`` writes and prints.
 
-    Every distance is the mean over the cycles by the true angles, in degrees or centimetres, with
-    its standard deviation (``std``), the same by the sensors (``sensed``), the plan's
-    prediction on the identified models (``predicted``), the relative excess of the mean over it
-    (``loss``), and the paper's own.
+    Every distance is the mean over the cycles by the true angles, in degrees or centimetres; beside
+    it stand the figures of :func:`_executed`, and the paper's own.
     """
     planned, constants = outcome.planned, outcome.constants
     sensed = {method: run.sensed for method, run in outcome.runs.items()}
@@ -235,7 +231,11 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
 
 
 def _executed(published: OverCycles | None, *distances: OverCycles) -> dict[str, Any]:
-    """A distance when the walk is executed, the same by the sensors, and as it was predicted."""
+    """A distance when the walk is executed, with its standard deviation (``std``).
+
+    The same by the sensors (``sensed``), and by the plan on the identified models (``predicted``),
+    and the relative excess of the mean over that (``loss``).
+    """
     over, sensed, predicted = distances
     return _entry(
         over,
