@@ -182,6 +182,8 @@ def test_velocities_are_those_of_the_requests_and_end_at_rest(schedule):
         np.max(np.abs(velocities[1:-1, 0] - exact[1:-1])) < 0.01
     )  # h² / 6 of the third derivative
     assert velocities[-1].tolist() == [0.0, 0.0, 0.0]
+    short = joint_trajectory(Schedule(("knee",), np.eye(2)[:, 1:], 0.5), velocities=True)
+    assert [point["velocities"] for point in short["points"]] == [[2.0], [0.0]]
 
 
 def test_yaml_is_read_back_by_the_parser_of_ros(schedule, tmp_path):

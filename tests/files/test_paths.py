@@ -84,6 +84,13 @@ def test_uneven_times_are_refused_unless_the_path_is_resampled(tmp_path):
     np.testing.assert_allclose(path.values[:, 0], true, rtol=0.0, atol=chord)
 
 
+def test_samples_may_be_a_hundredth_of_a_period_closer_than_requests(tmp_path):
+    path = read_joint_path(_written(tmp_path / "path.csv", "pan_deg", np.arange(9.0)))
+    path.check_period(path.step / 0.991)
+    with pytest.raises(InvalidFile, match=r"one sample every 0\.01 s, expected one every 0\.0101"):
+        path.check_period(path.step / 0.989)
+
+
 @pytest.mark.parametrize("resample", [True, False])
 def test_times_in_milliseconds_are_refused_before_they_are_resampled(resample):
     path = SampledPath("path.csv", ("knee",), ("deg",), np.zeros((100, 1)), 20.0 * np.arange(100))

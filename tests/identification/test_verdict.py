@@ -23,6 +23,7 @@ from tests.identification.made import (
     changed,
     identified_rich,
     identified_steps,
+    measured,
     rich_log,
 )
 
@@ -74,6 +75,29 @@ def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
         assert warning.startswith("this log holds no motion of the joint")
     moved = planner.identify(changed(log, angles=rich_log(seed=1).angles), hold_out=False)
     assert not any("holds no motion" in warning for warning in moved.warnings)
+
+
+PERIOD = 0.02
+
+
+def waves(shape, frequency):
+    times = PERIOD * np.arange(400)
+    sine = np.sin(2.0 * np.pi * frequency * times)
+    requests = 0.4 * {"sine": sine, "square": np.sign(sine), "swept": np.sin(times**2)}[shape]
+    angles = planner.simulate(JOINT, requests, cyclic=False, start=requests[0])
+    return planner.Log(
+        times=times, requests=requests, angles=measured(angles, np.random.default_rng(0))
+    )
+
+
+@pytest.mark.parametrize(("shape", "frequency"), [("square", 2.0), ("swept", 0.0)])
+def test_an_inverted_sign_is_refused_by_name_even_if_the_motion_repeats_itself(shape, frequency):
+    log = waves(shape, frequency)
+    assert not names_the_sign(planner.identify(log, hold_out=False))
+    inverted = planner.identify(changed(log, angles=-log.angles), hold_out=False)
+    assert not inverted.accepted
+    (warning,) = inverted.warnings  # and nothing that only follows from it
+    assert "invert the sign of one column" in warning
 
 
 def names_the_sign(found):

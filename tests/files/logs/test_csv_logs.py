@@ -315,6 +315,8 @@ def test_radians_under_a_heading_in_degrees_are_refused_where_their_steps_show_i
         ("deg rad", (57.3, 57.3), "the actual ones are read as radians, and are degrees"),
         ("deg rad", (57.3, 1.0), None),
         ("rad rad", (1.0, 1.0), None),
+        ("rad rad", (1.0, 47.0), None),  # 39 times as much, and 81
+        ("rad rad", (1.0, 97.0), None),
     ],
 )
 def test_one_column_in_degrees_beside_one_in_radians_is_refused(tmp_path, units, factors, wrong):
