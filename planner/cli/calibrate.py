@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import select
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -96,12 +95,14 @@ def calibrate(
         request-planner plan path.csv --model arm.toml -o requests.csv
         request-planner play requests.csv --bus virtual --model arm.toml -o log.csv
     """  # noqa: D301
+    from planner.files.joint_model import BUS, models_text
     from planner.report.calibration import (
         calibration_page,
         calibration_results,
         calibration_text,
         servos_text,
     )
+    from planner.report.identification_text import model_comments, remarks
     from planner.robot import measure
     from planner.robot.arm import Arm, Servo
 
@@ -165,8 +166,7 @@ def calibrate(
         if dry_run:
             return None
         if not yes:
-            with _answered():
-                click.confirm("Is the way free, and may they move?", abort=True, err=True)
+            _asked(click.confirm, "Is the way free, and may they move?", abort=True)
         advice = f"what was measured is in {folder}; go on with --resume"
         with buses.stopping(advice), arm.powered():
             for joint in joints:
@@ -174,7 +174,18 @@ def calibrate(
                     results[joint] = _calibrate_joint(
                         arm, joint, period, choices["duration_s"], folder, resume, progress
                     )
-                _write(output, results, arm, checked.settings, choices)
+                text = models_text(  # bus, models and servos; other joints of the file stay
+                    {name: each.model for name, each in results.items()},
+                    beside=output,
+                    remarks=remarks(),
+                    about=model_comments({n: each.identification for n, each in results.items()}),
+                    servos={
+                        name: replace(arm.servos[name], settings=checked.settings[name])
+                        for name in results
+                    },
+                    bus={name: choices[name] for name in BUS if choices[name]},
+                )
+                write_text(output, text)
 
     def page(place: str) -> str:
         settings = {
@@ -190,11 +201,10 @@ def calibrate(
     return Answer(document, calibration_text(results, output), page=page)
 
 
-@contextmanager
-def _answered() -> Iterator[None]:
-    """Ask in here; where standard input ends before an answer, say what to do."""
+def _asked(ask: Callable[..., Any], question: str, **more: Any) -> Any:
+    """The answer to a question; where standard input ends before it, what to do."""
     try:
-        yield
+        return ask(question, err=True, **more)
     except click.Abort as error:
         if isinstance(error.__context__, EOFError):
             click.echo(err=True)
@@ -211,15 +221,14 @@ def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
         for name, (low, high) in ranges.items()
     )
     click.echo(f"Ranges [deg]: {spans}", err=True)
-    with _answered():
-        answer = click.prompt(
-            "Enter to keep them, or h to show them by hand (the torque goes off: hold the arm)",
-            type=click.Choice(["", "h"]),
-            default="",
-            show_choices=False,
-            show_default=False,
-            err=True,
-        )
+    answer = _asked(
+        click.prompt,
+        "Enter to keep them, or h to show them by hand (the torque goes off: hold the arm)",
+        type=click.Choice(["", "h"]),
+        default="",
+        show_choices=False,
+        show_default=False,
+    )
     if answer != "h":
         return ranges
     for servo in arm.servos.values():
@@ -242,6 +251,7 @@ def _calibrate_joint(
     resume: bool,
     progress: Progress,
 ) -> Compared:
+    """Excite a joint, identify it, and compare the ways to plan for it."""
     from planner.identification.identify import identify
     from planner.robot.candidates import WORDS, compare
     from planner.robot.measure import angles_of, excitation, move
@@ -262,28 +272,6 @@ def _calibrate_joint(
         return compare(identification, arm.servos[joint].limits, measured)
 
 
-def _write(
-    output: str,
-    results: Mapping[str, Compared],
-    arm: Arm,
-    settings: Mapping[str, Mapping[str, int]],
-    choices: Mapping[str, Any],
-) -> None:
-    """Write bus, models and servos of the calibrated joints; keep other joints of the file."""
-    from planner.files.joint_model import BUS, models_text
-    from planner.report.identification_text import model_comments, remarks
-
-    text = models_text(
-        {name: each.model for name, each in results.items()},
-        beside=output,
-        remarks=remarks(),
-        about=model_comments({name: each.identification for name, each in results.items()}),
-        servos={name: replace(arm.servos[name], settings=settings[name]) for name in results},
-        bus={name: choices[name] for name in BUS if choices[name]},
-    )
-    write_text(output, text)
-
-
 @click.command()
 @buses.bus_options("The models and servos of the joints, as calibrate writes them.")
 @options.option(
@@ -293,12 +281,7 @@ def _write(
 @options.positive("--rate-hz", "Requests per second.  [default: those of the model]")
 @options.answers()
 def check(
-    *,
-    model: str,
-    chosen: tuple[str, ...],
-    duration_s: float,
-    rate_hz: float | None,
-    **choices: Any,
+    *, model: str, chosen: tuple[str, ...], duration_s: float, rate_hz: float | None, **choices: Any
 ) -> Answer:
     """Move each joint briefly, and say whether its model still holds and what has changed.
 
@@ -325,8 +308,7 @@ def check(
     for name, joint_model in models.items():
         if joint_model.evidence is None or math.isnan(joint_model.evidence.error):
             raise InvalidFile(
-                model,
-                f"[{name}] has no expected_error to compare with; calibrate the joint first",
+                model, f"[{name}] has no expected_error to compare with; calibrate the joint first"
             )
     document, lines, outdated = {}, [], []
     with (

@@ -225,11 +225,7 @@ class Progress:
     """The progress whose line is on the terminal: the innermost of nested ones."""
 
     def __init__(
-        self,
-        count: int = 0,
-        *,
-        parallel: bool = False,
-        clock: Callable[[], float] = time.monotonic,
+        self, count: int = 0, *, parallel: bool = False, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Find out whether standard error is a terminal.
 

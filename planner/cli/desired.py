@@ -354,7 +354,7 @@ def check_felt(key: str, models: Iterable[JointModel]) -> None:
     if not any(model.feels_load for model in models):
         raise BadSetting(
             f"{key} has no effect: compliance and speed_per_torque of the models are 0; identify "
-            "them from logs with a load, or leave the load out",
+            "them from logs with a load, or leave the load out"
         )
 
 
@@ -481,7 +481,7 @@ def _by_file(
         if not Path(file).suffix and not Path(file).exists():
             raise BadSetting(
                 f"‹model.file›: got '{name}', expected '{settings.SHIPPED_MODEL}', "
-                f"'{settings.FROM_URDF}', or a file that exists, such as joint.toml",
+                f"'{settings.FROM_URDF}', or a file that exists, such as joint.toml"
             )
         return read_model_file(file).for_joints(joints)
     key = marked("model.file", settings.FROM_URDF)
@@ -492,7 +492,7 @@ def _by_file(
         if math.isnan(speeds.get(joint, math.nan)):
             raise BadSetting(
                 f"{key}: the URDF has no usable top speed of joint '{joint}'; give a model file, "
-                "as `identify` writes it",
+                "as `identify` writes it"
             )
     return tuple(joint_of_top_speed(speeds[joint]) for joint in joints)
 

@@ -184,12 +184,7 @@ def write_rows(file: str, export: Export, rows: Schedule) -> None:
 
         write_lerobot(file, rows, task=export.task or LEROBOT_TASK)
     else:
-        from planner.files.exports import (
-            TOPIC,
-            joint_trajectory,
-            write_bag,
-            write_trajectory_yaml,
-        )
+        from planner.files.exports import TOPIC, joint_trajectory, write_bag, write_trajectory_yaml
 
         velocities = bool(export.velocities)
         message = joint_trajectory(rows, lead=export.lead_s or 0.0, velocities=velocities)

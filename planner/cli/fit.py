@@ -22,10 +22,7 @@ def _knot(text: str) -> tuple[float, float | None]:
 @click.command()
 @click.argument("desired", type=options.INPUT)
 @options.settings(
-    "model: file",
-    "path: joints",
-    "plan: cyclic segments",
-    segments="Lines of the approximation.",
+    "model: file", "path: joints", "plan: cyclic segments", segments="Lines of the approximation."
 )
 @options.positive(
     "--max-error", "Use as few lines as stay this close to the path everywhere.", unit="deg"

@@ -156,48 +156,47 @@ def _identify_joints(
 
     settings = {name: choices[name] for name in ("hold", "hold_out")}
     settings["tick"] = None if choices["tick_ms"] is None else 1e-3 * choices["tick_ms"]
-    tasks = {
-        joint or "the joint": Task(joint or "the joint", (joint, tuple(own), settings))
-        for joint, own in logs.items()
-    }
-    rows = sum(len(log.times) for own in logs.values() for log in own)
-    several = len(tasks) > 1 and rows > FEW_ROWS
-    found: dict[str, Identification | PlannerError] = dict.fromkeys(tasks, PlannerError())
+    tasks = [
+        Task(joint or "the joint", (joint, tuple(own), settings)) for joint, own in logs.items()
+    ]
+    several = (
+        len(tasks) > 1 and sum(len(log.times) for own in logs.values() for log in own) > FEW_ROWS
+    )
+    found: dict[str, Identification | PlannerError] = {}
     with Progress(len(tasks), parallel=several) as progress:
         if several:
             from planner.parallel import executor_of, outcomes
 
             with executor_of() as executor:
-                for task, outcome in outcomes(pickled_outcome, [*tasks.values()], executor):
-                    found[task.name] = PlannerError(outcome.reason)
-                    if outcome.result is not None:
-                        found[task.name] = pickle.loads(outcome.result)  # of our own process
+                for task, outcome in outcomes(identified, tasks, executor):
+                    result = outcome.result  # of our own process
+                    found[task.name] = (
+                        pickle.loads(result) if result else PlannerError(outcome.reason)
+                    )
                     progress(task.name)
         else:
-            for name, task in tasks.items():
-                progress(f"identifying {name}")
-                found[name] = outcome_of(task.argument)
-    by_joint = dict(zip(logs, found.values(), strict=True))
+            for task in tasks:
+                progress(f"identifying {task.name}")
+                try:
+                    found[task.name] = pickle.loads(identified(task.argument))
+                except PlannerError as error:
+                    found[task.name] = error
+    by_joint = {task.argument[0]: found[task.name] for task in tasks}
     left_out = {name: each for name, each in by_joint.items() if isinstance(each, PlannerError)}
     if len(left_out) == len(by_joint):  # the only joint, or the first of as many as there are
-        raise next(iter(left_out.values()))
+        with about(next(iter(left_out))):
+            raise next(iter(left_out.values()))
     for joint, reason in left_out.items():
         warn(f"{joint} is left out: {reason}")
     return {name: each for name, each in by_joint.items() if not isinstance(each, PlannerError)}
 
 
-def outcome_of(arguments: Any) -> Identification | PlannerError:
-    """The identification of a joint, or the error, from its name, logs and options."""
+def identified(arguments: Any) -> bytes:
+    """The identification of a joint by its name, logs and options, pickled.
+
+    It is a task of :mod:`planner.parallel`.
+    """
     from planner.identification.identify import identify as run
 
-    joint, logs, options = arguments
-    try:
-        with about(joint):
-            return run(logs, **options)
-    except PlannerError as error:
-        return error
-
-
-def pickled_outcome(arguments: Any) -> bytes:
-    """The outcome of a joint, for another process: a task of :mod:`planner.parallel`."""
-    return pickle.dumps(outcome_of(arguments))
+    _, logs, options = arguments
+    return pickle.dumps(run(logs, **options))

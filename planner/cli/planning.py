@@ -56,7 +56,7 @@ def prepare(run: settings.Run, folder: str = "") -> Desired:
             f"{marked('plan.robust', plan_settings.robust)} draws models from intervals, and the "
             f"model of {', '.join(without)} has none ({model_words(run.model)}); identify the "
             "joint, which writes them, or add to its model file what you know, such as "
-            "v_max_interval = [5.2, 5.7] beside v_max",
+            "v_max_interval = [5.2, 5.7] beside v_max"
         )
     of_foot = plan_settings.method == "foot-optimal" and desired.foot is not None
     if run.tolerance.deg is not None and of_foot:
@@ -68,10 +68,7 @@ def prepare(run: settings.Run, folder: str = "") -> Desired:
 
 
 def plan_of(
-    desired: Desired,
-    progress: Callable[[str], None] = lambda _: None,
-    *,
-    bounded: bool = True,
+    desired: Desired, progress: Callable[[str], None] = lambda _: None, *, bounded: bool = True
 ) -> Plan:
     """Plan by the chosen method, and check the plan before it is handed over.
 

@@ -29,13 +29,7 @@ if TYPE_CHECKING:
 )
 @options.answers()
 def play(
-    *,
-    requests: str,
-    model: str,
-    cycles: int,
-    measured: str | None,
-    output: str,
-    **choices: Any,
+    *, requests: str, model: str, cycles: int, measured: str | None, output: str, **choices: Any
 ) -> Answer:
     """Play REQUESTS, as `plan` or `refine` writes them, on servos, and log what the joints do.
 

@@ -194,7 +194,7 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
         if by_name[name].unit != "rad":
             raise BadSetting(
                 f"{key}: {name} is in shares of its range, and a pose needs angles; choose its "
-                "unit with --unit",
+                "unit with --unit"
             )
     names = [each.name for each in planned]
 

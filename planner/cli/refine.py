@@ -114,12 +114,7 @@ def refine(
     period = desired.period
     executed = read_executed(requests, desired.names, len(desired.angles), period)
     angles = read_measured(
-        measured,
-        executed,
-        period=period,
-        cyclic=desired.cyclic,
-        units=desired.units,
-        cycles=cycles,
+        measured, executed, period=period, cyclic=desired.cyclic, units=desired.units, cycles=cycles
     )
     columns = [desired.names.index(name) for name in angles.names]
     if not desired.cyclic and repeats(executed.values[:, columns], None)[0]:

@@ -82,13 +82,7 @@ def replay(
             --as lerobot -o planned_dataset
     """  # noqa: D301
     from planner.cli.export import FOLDERS
-    from planner.cli.recordings import (
-        ABOUT,
-        check_writing,
-        origin_of,
-        replay_many,
-        tasks_of,
-    )
+    from planner.cli.recordings import ABOUT, check_writing, origin_of, replay_many, tasks_of
     from planner.files.logs import recordings_in
     from planner.files.results import finished
     from planner.parallel import executor_of

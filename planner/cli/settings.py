@@ -64,8 +64,7 @@ class Leg(Settings):
         "'reference' the hip's.",
     )
     urdf: Source | None = option(
-        "The description of your own robot, in place of a shipped leg.",
-        example="robot.urdf",
+        "The description of your own robot, in place of a shipped leg.", example="robot.urdf"
     )
     base: Frame | None = option(
         "With a URDF: the frame of the foot positions.", example="base_link", metavar="FRAME"
