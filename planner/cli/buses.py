@@ -43,6 +43,7 @@ def bus_options(model: str = "") -> Callable[[Command], Command]:
     required = not model
     bus_type = options.Parsed(
         _bus,
+        "BUS",
         f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:so101, or virtual:KIND with one "
         f"of {', '.join(KINDS)}",
     )
@@ -53,7 +54,6 @@ def bus_options(model: str = "") -> Callable[[Command], Command]:
         f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
         + ("" if required else "  [default: that of the model file]"),
         bus_type,
-        metavar="BUS",
         required=required,
     )
     default = f"{'' if required else 'that of the model file, else '}1000000"
@@ -102,7 +102,7 @@ def ids_by_joint(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, i
     }
 
 
-IDS = options.Parsed(_ids, "identifiers of servos, such as 1-6 or pan=1,lift=2, each once")
+IDS = options.Parsed(_ids, "IDS", "identifiers of servos, such as 1-6 or pan=1,lift=2, each once")
 
 
 @contextmanager
@@ -194,6 +194,7 @@ def _fault(text: str) -> tuple[str, int, float]:
 
 FAULT = options.Parsed(
     _fault,
+    "FAULT",
     "drop=SHARE, disconnect=S, power-off=S, or stall, overheat or saturate=ID@S, such as stall=3@5",
 )
 
@@ -222,7 +223,6 @@ FAULT = options.Parsed(
     "drop=0.05 (of the packets), disconnect=10 (seconds from now), power-off=10, stall=3@5 "
     "(servo 3 after 5 s), overheat=3@5, saturate=3@5 (its supply sags). Repeat it for several.",
     FAULT,
-    metavar="FAULT",
     multiple=True,
 )
 def virtual_bus(

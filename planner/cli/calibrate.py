@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     "--ids",
     "Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2.",
     buses.IDS,
-    metavar="IDS",
     required=True,
 )
 @options.option(
@@ -47,7 +46,6 @@ if TYPE_CHECKING:
     "--zero-tick zeros",
     "Count of the servo at angle 0.  [default: the middle, 2048, or 512 of an XL-320]",
     options.TICKS,
-    metavar="[JOINT=]N",
     multiple=True,
 )
 @options.positive("--rate-hz", "Requests per second, as the joints will get them later.", 100.0)

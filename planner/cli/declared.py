@@ -47,11 +47,13 @@ NUMBER = "NUMBER"
 class Expected:
     """The expected value of a key in words, where its type is not enough, and a check of it.
 
-    The check returns the value, or raises ValueError with an addition to these words.
+    The check returns the value, or raises ValueError with an addition to these words. The ``form``
+    stands for a text in the help of an option.
     """
 
     words: str
     check: Callable[[Any], Any] | None = None
+    form: str = ""
 
 
 def within(
@@ -85,6 +87,7 @@ class Kind:
         origin: Literal, tuple or dict; None of a simple type.
         inner: The choices of a Literal, the kinds in a tuple or dict.
         expected: The expected value, in words.
+        form: What stands for it in the help of an option; "" for what its type does.
         is_table: Whether it is a table of settings.
         is_repeated: Whether it is a table that may stand there several times.
         is_free: Whether it is a table of values by any name, such as ``limits.joints``.
@@ -100,7 +103,8 @@ class Kind:
                 (annotation,) = (each for each in get_args(annotation) if each is not NoneType)
                 self.optional = True
         self.type, self.origin, self.inner = annotation, origin, get_args(annotation)
-        words = [note.words for note in self.notes if isinstance(note, Expected)]
+        expected = [note for note in self.notes if isinstance(note, Expected)]
+        words, self.form = [note.words for note in expected], expected[-1].form if expected else ""
         if origin is Literal:
             words = words or [f"one of {', '.join(self.inner)}"]
         else:

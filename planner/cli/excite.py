@@ -25,13 +25,7 @@ UNNAMED = "requested"
     click.Choice(KINDS),
     default="combined",
 )
-@options.option(
-    "--limits-deg limits_deg",
-    "Range of the requests.",
-    options.SPAN,
-    metavar="LOW:HIGH",
-    required=True,
-)
+@options.option("--limits-deg limits_deg", "Range of the requests.", options.SPAN, required=True)
 @options.option(
     "--centre-deg", "Where the signal begins and ends.  [default: the middle of the limits]", float
 )

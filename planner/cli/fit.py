@@ -39,8 +39,7 @@ def _knot(text: str) -> tuple[float, float | None]:
 @options.option(
     "--required-s required_s",
     "Time at which there must be a knot, and perhaps its angle. Repeat it for more.",
-    options.Parsed(_knot, "seconds (0.4) or seconds=degrees (0.4=12.5)"),
-    metavar="S[=DEG]",
+    options.Parsed(_knot, "S[=DEG]", "seconds (0.4) or seconds=degrees (0.4=12.5)"),
     multiple=True,
 )
 @options.option("--exact", "Prove that no other knots on samples are better.", bool)

@@ -38,12 +38,14 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
     name = "value"
 
     def __init__(
-        self, parse: Callable[[str], Any], expected: str, choices: Sequence[str] = ()
+        self, parse: Callable[[str], Any], form: str, expected: str, choices: Sequence[str] = ()
     ) -> None:
-        """Take a function that raises ValueError, the expected text in words, and names for it."""
-        self.parse = parse
-        self.expected = expected
-        self.choices = choices
+        """Take a function that raises ValueError, the text in short and in words, and names."""
+        self.parse, self.form, self.expected, self.choices = parse, form, expected, choices
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:  # noqa: ARG002
+        """The text as help shows it, such as JOINT=DEG."""
+        return self.form
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The value of a text."""
@@ -60,16 +62,16 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
         return names or [CompletionItem(incomplete, type="file")] * bool(self.choices)
 
 
-def by_joint(parse: Callable[[str], Any], expected: str, *, all_joints: bool = True) -> Parsed:
-    """A pair of joint and value: NAME=VALUE for one joint, VALUE for all joints, named ""."""
+def by_joint(parse: Callable[[str], Any], form: str, expected: str) -> Parsed:
+    """A pair of joint and value: NAME=VALUE, or for [NAME=]VALUE of all joints, named ""."""
 
     def parse_named(text: str) -> tuple[str, Any]:
         joint, equals, value = text.rpartition("=")
-        if not joint and (equals or not all_joints):
+        if not joint and (equals or not form.startswith("[")):
             raise ValueError
         return joint, parse(value)
 
-    return Parsed(parse_named, expected)
+    return Parsed(parse_named, form, expected)
 
 
 class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
@@ -159,19 +161,23 @@ def _check_file(path: str) -> None:
         check_writable(path)
 
 
-SPAN = Parsed(_span, "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
+SPAN = Parsed(_span, "LOW:HIGH", "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
 SPANS = by_joint(
-    _span, "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147"
+    _span,
+    "[JOINT=]LOW:HIGH",
+    "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147",
 )
-ANGLES = by_joint(finite, "degrees, as DEG or JOINT=DEG, such as knee=30")
-POSE = by_joint(finite, "JOINT=DEG, such as wrist=-90", all_joints=False)
-PARAMETER = by_joint(finite, "NAME=VALUE, such as length=0.04", all_joints=False)
-POSITIONS = by_joint(_position, "JOINT=DEG, such as wrist=-90", all_joints=False)
-LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C")
-NAMES = by_joint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
-TICKS = by_joint(_tick, "N or JOINT=N, such as knee=2048")
+ANGLES = by_joint(finite, "[JOINT=]DEG", "degrees, as DEG or JOINT=DEG, such as knee=30")
+POSE = by_joint(finite, "JOINT=DEG", "JOINT=DEG, such as wrist=-90")
+PARAMETER = by_joint(finite, "NAME=VALUE", "NAME=VALUE, such as length=0.04")
+POSITIONS = by_joint(_position, "JOINT=DEG", "JOINT=DEG, such as wrist=-90")
+LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C", "A,B,C")
+NAMES = by_joint(str, "JOINT=NAME", "JOINT=NAME, such as Rotation=shoulder_pan")
+TICKS = by_joint(_tick, "[JOINT=]N", "N or JOINT=N, such as knee=2048")
 
-LEG_NAME = Parsed(_leg, f"one of {', '.join(LEG_NAMES)}, or a .urdf file", LEG_NAMES)
+LEG_NAME = Parsed(
+    _leg, "NAME|FILE.urdf", f"one of {', '.join(LEG_NAMES)}, or a .urdf file", LEG_NAMES
+)
 
 TYPES = {"leg.name": LEG_NAME, "leg.lock": POSITIONS, "export.joint_names": LIST}
 """Types of settings that do not follow from the types of their values."""
@@ -228,8 +234,8 @@ def positive(
             raise ValueError
         return number
 
-    kind = Parsed(parse, f"more than 0 {UNITS_OF_OPTIONS[unit]}")
-    return option(name, about, kind, default=default, metavar=unit.upper())
+    kind = Parsed(parse, unit.upper(), f"more than 0 {UNITS_OF_OPTIONS[unit]}")
+    return option(name, about, kind, default=default)
 
 
 def several(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
@@ -409,6 +415,8 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
         text += f"  [default: {default_text}]"
     if kind is bool:
         attributes["default"] = None
+    elif not isinstance(kind, Parsed) and declared.kind.form:
+        attributes["metavar"] = declared.kind.form
     if several_times or declared.by_joint:
         attributes["multiple"] = True
     names = f"{declared.option} {_parameter(key)}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,6 @@ from planner.exceptions import about
 if TYPE_CHECKING:
     from planner.cli.desired import Desired
     from planner.files.learning_history import LearningState
-    from planner.files.measured import Measured
     from planner.planning.plan import Plan
     from planner.report.learning_page import Trials
     from planner.trajectory import Array
@@ -91,9 +90,10 @@ def refine(
 
     from planner.cli.desired import leg_title, model_words, repeats
     from planner.cli.planning import files_of, prepare
-    from planner.files.learning_history import LearningState, write_history
+    from planner.files.learning_history import LearningState, read_history, write_history
     from planner.files.measured import read_executed, read_measured
     from planner.learning.refine import in_a_cycle
+    from planner.learning.refine import refine as learn
     from planner.model.response import load_columns
     from planner.planning.plan import joined
     from planner.report.learning_page import (
@@ -119,8 +119,8 @@ def refine(
     columns = [desired.names.index(name) for name in angles.names]
     if not desired.cyclic and repeats(executed.values[:, columns], None)[0]:
         starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
-        models = [desired.models[j] for j in columns]
-        if in_a_cycle(models, executed.values[:, columns], angles.angles, starts):
+        nominal = [desired.models[j] for j in columns]
+        if in_a_cycle(nominal, executed.values[:, columns], angles.angles, starts):
             words = (
                 "the measured angles begin as in a cycle that repeats, and ‹plan.cyclic = false› "
                 "is for a motion from rest: if the requests were repeated, leave it out, here and "
@@ -129,16 +129,25 @@ def refine(
             options.warn_of([words])
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
-    with Progress(len(desired.names)) as progress:
-        every, states = refined(
-            desired,
-            executed.values,
-            angles,
-            history=history,
-            sensor_delay=None if sensor_delay_ms is None else 1e-3 * sensor_delay_ms,
-            reidentify=reidentify,
-            progress=progress,
-        )
+    every = executed_plans(desired, executed.values, by_joint=angles.names != desired.names)
+    states: dict[str, LearningState] = {}  # others stay in the history: of the foot, or of joints
+    if history is not None and Path(history).is_file():
+        of_foot = [FOOT] * (run.plan.method == "foot-optimal")
+        states = read_history(history, [*of_foot, *desired.names], desired.angles)
+        for name in every.keys() & states.keys():
+            models, learning = states.pop(name)
+            task = every[name].task.with_models(models)
+            every[name] = replace(every[name], learning=(learning,), task=task)
+    delay = None if sensor_delay_ms is None else 1e-3 * sensor_delay_ms
+    with Progress(len(desired.names)) as progress, desired.units_in_messages():
+        for name in [each for each in every if each in (FOOT, *angles.names)]:
+            progress(name if name == FOOT else f"the {name}")
+            own = slice(None) if name == FOOT else [angles.names.index(name)]
+            with about(", ".join(desired.names) if name == FOOT else ""):
+                cycles_of_plan = angles.angles[:, :, own]
+                every[name] = learn(
+                    every[name], cycles_of_plan, sensor_delay=delay, reidentify=reidentify
+                )
     missing = [name for name in desired.names if name not in angles.names]
     about_missing = ""
     if missing:
@@ -215,53 +224,6 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False)
         task = replace(task, desired=plan_of(desired, bounded=False).predicted)
     plan = Plan(task=task, requests=requests, solver=chosen.solver or "gauss-newton")
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}
-
-
-def refined(
-    desired: Desired,
-    executed: Array,
-    measured: Measured,
-    *,
-    history: str | None,
-    sensor_delay: float | None,
-    reidentify: bool,
-    progress: Callable[[str], None] = lambda _: None,
-) -> tuple[dict[str, Plan], dict[str, LearningState]]:
-    """The next plans by joint or foot; those of joints that were not measured stay as they are.
-
-    A ``history`` need not exist yet; a ``sensor_delay`` [s] of None is estimated. Also returned are
-    the states of other plans in the history: of the foot if joints were learnt one by one, or the
-    reverse.
-    """
-    from planner.files.learning_history import read_history
-    from planner.learning.refine import refine
-
-    names = desired.names
-    plans = executed_plans(desired, executed, by_joint=measured.names != names)
-    states: dict[str, LearningState] = {}
-    if history is not None and Path(history).is_file():
-        plan_names = (FOOT, *names) if desired.settings.plan.method == "foot-optimal" else names
-        states = read_history(history, plan_names, desired.angles)
-        for name in plans.keys() & states.keys():
-            models, learning = states.pop(name)
-            task = plans[name].task.with_models(models)
-            plans[name] = replace(plans[name], learning=(learning,), task=task)
-    answer: dict[str, Plan] = {}
-    for name, plan in plans.items():
-        if name not in (FOOT, *measured.names):
-            answer[name] = plan
-            continue
-        progress(name if name == FOOT else f"the {name}")
-        foot = name == FOOT
-        columns = slice(None) if foot else [measured.names.index(name)]
-        with desired.units_in_messages(), about(", ".join(names) if foot else ""):
-            answer[name] = refine(
-                plan,
-                measured.angles[:, :, columns],
-                sensor_delay=sensor_delay,
-                reidentify=reidentify,
-            )
-    return answer, states
 
 
 def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> list[Trials]:

@@ -29,9 +29,9 @@ SHIPPED_MODEL = "ers210a"
 FROM_URDF = "urdf"
 """Models with the top speeds of the leg's description, and assumed other parameters."""
 
-Frame = Annotated[Text, Expected("the name of a frame")]
+Frame = Annotated[Text, Expected("the name of a frame", form="FRAME")]
 Angles = Annotated[dict[str, float], Expected("a table of angles by joint")]
-JointNames = Annotated[tuple[Text, ...], Expected("a list of names of joints")]
+JointNames = Annotated[tuple[Text, ...], Expected("a list of names of joints", form="NAME")]
 Weights = Annotated[
     tuple[NotNegative, NotNegative, NotNegative], Expected("a list of three numbers, 0 or more")
 ]
@@ -58,7 +58,6 @@ class Leg(Settings):
         example="front-left",
         set_to="reference",
         option="--leg",
-        metavar="NAME|FILE.urdf",
         option_help="A leg of your own robot, with --base and --foot; or a shipped one: "
         f"{', '.join(LEG_NAMES)}. Positions are in the base's frame: the body's, and for "
         "'reference' the hip's.",
@@ -67,15 +66,12 @@ class Leg(Settings):
         "The description of your own robot, in place of a shipped leg.", example="robot.urdf"
     )
     base: Frame | None = option(
-        "With a URDF: the frame of the foot positions.", example="base_link", metavar="FRAME"
+        "With a URDF: the frame of the foot positions.", example="base_link"
     )
-    foot: Frame | None = option(
-        "With a URDF: the frame of the foot.", example="lf_foot", metavar="FRAME"
-    )
+    foot: Frame | None = option("With a URDF: the frame of the foot.", example="lf_foot")
     lock: Angles | None = option(
         "With a URDF: joints to hold, and where [deg], so that three remain.",
         example={"wrist": -90.0},
-        metavar="JOINT=DEG",
         option_help="With a URDF: hold a joint, so that three remain; JOINT=0.1m one that slides.",
     )
     lock_m: Annotated[dict[str, float] | None, Expected("a table of positions by joint")] = setting(
@@ -84,7 +80,6 @@ class Leg(Settings):
     near: Angles | None = option(
         "Initial pose [deg]: the nearest solution of the inverse kinematics is taken.",
         example={"knee": 30.0},
-        metavar="JOINT=DEG",
     )
     unreachable: Literal["raise", "nearest", "clamp"] = option(
         "Positions out of reach: stop and list them, take the nearest, or clamp each "
@@ -150,7 +145,6 @@ class Path(Settings):
         default=(),
         otherwise="every column",
         option="--joint",
-        metavar="NAME",
     )
     rate_hz: Positive | None = option(
         "Requests per second: a file with t_s is resampled to it, and the models take it.",
@@ -263,7 +257,6 @@ class Limits(Settings):
         example=[-120.0, 150.0],
         option="--limits-deg",
         by_joint="joints",
-        metavar="[JOINT=]LOW:HIGH",
         option_help="Range of the requests [deg], of all joints or one; by default that of the "
         "leg.",
     )
@@ -282,7 +275,6 @@ class Start(Settings):
         example=0.0,
         option="--start-deg",
         by_joint="joints",
-        metavar="[JOINT=]DEG",
     )
     joints: dict[str, float] = setting(
         "The same for single joints [deg], which overrule it.", example=30.0
@@ -356,7 +348,6 @@ class Export(Settings):
         "The joints' names on the robot, in the order of the columns.",
         otherwise="those of the path",
         example=["lf_1", "lf_2", "lf_3"],
-        metavar="A,B,C",
     )
     unit: Literal["rad", "deg", "ticks", "us"] | None = option(
         "csv: unit of the columns; us are the pulses of hobby servos.", only=("csv",), implied="rad"
@@ -373,7 +364,6 @@ class Export(Settings):
         otherwise="2048, or 1500 us",
         example=2048,
         by_joint="zero_ticks",
-        metavar="[JOINT=]N",
     )
     zero_ticks: Annotated[dict[str, Tick] | None, Expected("a table of ticks by joint")] = setting(
         "csv in ticks or us: the same for single joints.", only=("csv",), example={"knee": 2048}
@@ -383,7 +373,6 @@ class Export(Settings):
         only=("csv",),
         otherwise="none",
         example=["knee"],
-        metavar="NAME",
     )
     lead_s: NotNegative | None = option(
         "yaml, bag, mcap: time in which the controller leads the joints to the first.",
@@ -422,7 +411,6 @@ class Replay(Settings):
         default=(),
         otherwise="all that have a model, but no grippers",
         option="--joint",
-        metavar="NAME",
     )
     begin_s: NotNegative | None = option(
         "Where to begin [s since the first row].", otherwise="the first row"
@@ -447,7 +435,6 @@ class Replay(Settings):
         "With --urdf: what a joint of the recording is called there.",
         example={"Rotation": "shoulder_pan"},
         option="--urdf-joint",
-        metavar="JOINT=NAME",
     )
     write_as: ReplayFormat = setting(
         "What to write: csv has the columns and units of the recording, joints those of "

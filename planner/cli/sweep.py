@@ -36,7 +36,6 @@ HEADING = (
     "--at",
     "Only this point, with all files of `run`: a value of each parameter.",
     options.PARAMETER,
-    metavar="NAME=VALUE",
     multiple=True,
 )
 @options.option("--template", "Print a file with every key, to begin with.", bool)
