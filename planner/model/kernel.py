@@ -421,16 +421,6 @@ def number_in_force(edges: Array, time: float, number: int) -> int:
 
 
 @compiled
-def in_force(edges: Array, requests: Array, times: Array) -> Array:
-    """The request in force at each of some increasing times; before the first edge the first."""
-    values, number = np.empty(len(times)), 0
-    for k in range(len(times)):
-        number = number_in_force(edges, times[k], number)
-        values[k] = requests[number]
-    return values
-
-
-@compiled
 def along(
     servo: Servo,
     track: Track,

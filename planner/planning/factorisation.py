@@ -35,10 +35,10 @@ class Factor(NamedTuple):
 
 
 @inner
-def stored(rows: Places, columns: Places, position: Places) -> tuple[Places, Indices, Places]:
-    """The place of each entry in columns of the permuted upper triangle; equal places are one.
+def factor_of(rows: Places, columns: Places, position: Places) -> Factor:
+    """The storage of a matrix with these entries, of one triangle, and the pattern of its factor.
 
-    Further the first place of each column, and the row of each place.
+    The matrix is stored in columns of the permuted upper triangle; equal places are one.
     """
     size, count = len(position), len(rows)
     column = np.zeros(size + 1, np.int64)
@@ -64,13 +64,6 @@ def stored(rows: Places, columns: Places, position: Places) -> tuple[Places, Ind
                 seen[i] = number
             place[e] = seen[i] - 1
         first, column[k + 1] = last, number
-    return place, column, row[:number].copy()
-
-
-@inner
-def pattern_of_factor(position: Places, place: Places, column: Indices, row: Places) -> Factor:
-    """The pattern of the factor of a matrix in this storage: see :class:`Factor`."""
-    size = len(column) - 1
     parent, seen = np.zeros(size, np.int64), np.zeros(size, np.int64)  # 0 is no column's parent
     reach, below = np.zeros(size + 1, np.int64), np.zeros(size + 1, np.int64)
     for k in range(size):  # the elimination tree, and how many entries
@@ -87,7 +80,7 @@ def pattern_of_factor(position: Places, place: Places, column: Indices, row: Pla
     for k in range(size):
         reach[k + 1] += reach[k]
         below[k + 1] += below[k]
-    reached, rows = np.empty(reach[size], np.uint32), np.empty(reach[size], np.uint32)
+    reached, entries = np.empty(reach[size], np.uint32), np.empty(reach[size], np.uint32)
     following = below.copy()
     for k in range(size):
         seen[k] = size + k
@@ -95,17 +88,16 @@ def pattern_of_factor(position: Places, place: Places, column: Indices, row: Pla
             i = row[at]
             while i < k and seen[i] != size + k:
                 seen[i] = size + k
-                rows[following[i]] = k
+                entries[following[i]] = k
                 following[i] += 1
                 i = parent[i]
-    for k in range(size + 1):
-        following[k] = reach[k]
+    following = reach.copy()
     for i in range(size):  # so that they ascend
         for at in range(below[i], below[i + 1]):
-            k = rows[at]
+            k = entries[at]
             reached[following[k]] = i
             following[k] += 1
-    return Factor(position, place, column, row, reach, reached, below, rows)
+    return Factor(position, place, column, row[:number].copy(), reach, reached, below, entries)
 
 
 @inner

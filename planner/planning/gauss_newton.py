@@ -21,13 +21,7 @@ import numpy as np
 from planner.compilation import compiled, inner
 from planner.model.kernel import at_rest, law_of, moving_states, periods
 from planner.model.steady_cycle import motion_of
-from planner.planning.factorisation import (
-    Factor,
-    Places,
-    pattern_of_factor,
-    solved,
-    stored,
-)
+from planner.planning.factorisation import Factor, Places, factor_of, solved
 from planner.trajectory import Array, Indices
 
 
@@ -322,12 +316,6 @@ def set_cost(
 
 
 @inner
-def rows_of(spec: Spec, smoothing: bool) -> Rows:
-    """The rows S of the regularisation."""
-    return spec.smooth if smoothing else spec.near
-
-
-@inner
 def set_away(rows: Rows, requests: Array, away: Array) -> float:
     """Fill S applied to the requests, less their centre; the sum of squares."""
     total = 0.0
@@ -399,7 +387,8 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
             set_responses(spec, stage, point, a, first, min(MOST_TOGETHER, samples - first))
     values, jacobians = errors_of(spec, point.states)
     set_cost(spec, stage, unit, values, jacobians, point)
-    point.costs[3] = set_away(rows_of(spec, stage.smoothing), point.requests, point.away)
+    rows = spec.smooth if stage.smoothing else spec.near
+    point.costs[3] = set_away(rows, point.requests, point.away)
     point.costs[1] = point.costs[0] + stage.weight * point.costs[3]
 
 
@@ -436,7 +425,7 @@ def set_entries(
         rows[e] = columns[e] = number
         values[e] = terms[number // joints, number % joints]
         e += 1
-    numbers, factors, _ = rows_of(spec, stage.smoothing)
+    numbers, factors, _ = spec.smooth if stage.smoothing else spec.near
     for row in range(len(numbers)):
         for p in range(3):
             for q in range(p + 1):
@@ -503,7 +492,7 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
         np.zeros((samples, states)),
         np.zeros((drives, parts, parts + 2 * width, samples)),
         np.zeros((samples, blocks, size, size + 1)),
-        np.zeros(rows_of(spec, smoothing).centre.shape),
+        np.zeros((spec.smooth if smoothing else spec.near).centre.shape),
         np.zeros(5),
     )
 
@@ -567,8 +556,7 @@ def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
     rows, columns = np.zeros(room, np.uint32), np.zeros(room, np.uint32)
     count = set_entries(spec, stage, point, terms, eased, tight, rows, columns, values)
     rows, columns = rows[:count].copy(), columns[:count].copy()
-    place, column, row = stored(rows, columns, position)
-    return Pattern(rows, columns, pattern_of_factor(position, place, column, row))
+    return Pattern(rows, columns, factor_of(rows, columns, position))
 
 
 @inner
@@ -620,7 +608,7 @@ def set_step(
                         terms[number, a % joints] += bend
 
     right = np.zeros(len(step))
-    rows = rows_of(spec, stage.smoothing)
+    rows = spec.smooth if stage.smoothing else spec.near
     for row in range(len(away)):
         for p in range(3):
             factor = stage.weight * rows.factors[row, p]
@@ -640,7 +628,8 @@ def set_step(
         for number in range(state):
             k, j = number // joints, number % joints
             bound = FIRST if k == 0 and not cyclic else LOWER if at_limit[k, j] < 0 else UPPER
-            held = stiffness if bound == FIRST or at_limit[k, j] != 0 else 0.0
+            fixed = bound == FIRST or bounds[LOWER, k, j] == bounds[UPPER, k, j]
+            held = stiffness if fixed or at_limit[k, j] != 0 else 0.0
             diagonal[k, j], target[number] = terms[k, j] + held, right[number]
             if held > 0.0:
                 target[number] += held * (bounds[bound, k, j] - requests[k, j])
@@ -690,8 +679,6 @@ def active_changed(
         for j in range(joints):
             number, before = k * joints + j, at_limit[k, j]
             low, high = bounds[LOWER, k, j] - requests[k, j], bounds[UPPER, k, j] - requests[k, j]
-            if low == high:
-                continue
             beyond = 0.0 if before != 0 else TOUCHING
             above, below = step[number] > high + beyond, step[number] < low - beyond
             at_limit[k, j] = 1 if above else -1 if below else 0

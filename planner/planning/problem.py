@@ -242,10 +242,6 @@ class Problem:
             self, lower=-any_request, upper=any_request, max_step=any_request, norm="rms"
         )
 
-    def beginning(self, count: int) -> Problem:
-        """The same problem of a joint for its first samples alone."""
-        return replace(self, desired=self.desired[:count], loads=self.loads[:, :count])
-
     def in_scenarios(
         self, scenarios: Sequence[tuple[JointModel, ...]], loads: Array, robust: Robust
     ) -> Problem:

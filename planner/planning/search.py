@@ -281,7 +281,6 @@ def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
     Speeds are means over the period before, integrals 0.
     """
     count, drives = len(problem.models), problem.spec.drives
-    active = np.zeros((2, *requests.shape), dtype=np.int64)
     states = np.zeros((len(angles), problem.spec.parts * count))
     states[:, :count] = angles
     if problem.spec.parts > 1:
@@ -289,7 +288,7 @@ def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
         if problem.start is not None:
             before[0] = np.resize(problem.start, count)
         states[:, count : 2 * count] = drives[:, COASTING] / drives[:, HOLD] * (angles - before)
-    active[0][np.broadcast_to(problem.lower == problem.upper, requests.shape)] = -1
+    active = np.zeros((2, *requests.shape), dtype=np.int64)
     return Search(np.array(requests, order="C"), states, np.zeros_like(states), active, np.zeros(1))
 
 
@@ -331,7 +330,9 @@ def first_request_freed(
     settled = (model.theta_0 / model.v_max + model.time_constant) / model.period
     count = math.ceil(BEGINNING * (problem.ages.oldest + settled))
     if len(problem.desired) > 2 * count:
-        beginning = problem.beginning(count)
+        beginning = replace(
+            problem, desired=problem.desired[:count], loads=problem.loads[:, :count]
+        )
         beginning, _, _ = first_request_freed(beginning, best_requests(beginning, solver), solver)
         if beginning.first is None:
             return problem, requests, None

@@ -306,7 +306,10 @@ class Node(NamedTuple):
 
 
 def _branch_and_bound(relaxation: LagrangianRelaxation, away: Array, plan: Array) -> float:
-    """The least bound of nodes that cover all responses."""
+    """The least bound of nodes that cover all responses.
+
+    ``away`` is how far joints go from their angles at the middle sample at most, (n, k).
+    """
     distance, samples = relaxation.distance, relaxation.samples
     angles, multipliers = plan, relaxation.unconditional
     for _ in range(12):
@@ -324,7 +327,10 @@ def _branch_and_bound(relaxation: LagrangianRelaxation, away: Array, plan: Array
     while nodes[0][0] < 1.0 - GAP and effort < EFFORT:
         _, _, node = heapq.heappop(nodes)
         for half in _split(node):
-            child = _improved(_restricted(relaxation, half, away), half, rounds=3)
+            lower = np.maximum(distance.lower, half.lower - away)
+            upper = np.maximum(np.minimum(distance.upper, half.upper + away), lower)
+            near = distance._replace(lower=lower, upper=upper)
+            child = _improved(relaxation._replace(distance=near), half, rounds=3)
             effort += child.effort
             heapq.heappush(nodes, (child.bound, next(order), child))
     logging.getLogger(__name__).debug(
@@ -344,14 +350,6 @@ def _split(node: Node) -> list[Node]:
     first, second = node.upper.copy(), node.lower.copy()
     first[joint] = second[joint] = (np.min(angles[:, joint]) + np.max(angles[:, joint])) / 2.0
     return [node._replace(upper=first), node._replace(lower=second)]
-
-
-def _restricted(relaxation: LagrangianRelaxation, node: Node, away: Array) -> LagrangianRelaxation:
-    """The relaxation over a node's angles: ``away`` is how far joints go, (n, k)."""
-    distance = relaxation.distance
-    lower = np.maximum(distance.lower, node.lower - away)
-    upper = np.maximum(np.minimum(distance.upper, node.upper + away), lower)
-    return relaxation._replace(distance=distance._replace(lower=lower, upper=upper))
 
 
 def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node:

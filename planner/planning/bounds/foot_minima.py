@@ -83,8 +83,12 @@ def _block(
         np.minimum.at(lowest, owner, values)
         best = (values == lowest[owner]) & (values < least[owner])
         angles[owner[best]], least = centres[best], lowest
-        curved = distance.linearisation_error(half)[owner]
-        bounds = values - _depths(errors, jacobians, weight, slope, half.T[:, owner], curved)
+        # How far a cell goes below its centre, (13b): slope times half the width, and a term for
+        # the curvature of the foot's path.
+        wide, curved = half.T[:, owner], distance.linearisation_error(half)[owner]
+        gradients = 2.0 * weight * np.stack([_dot(each, errors) for each in jacobians]) + slope
+        farthest = np.sqrt(_dot(errors, errors)) + _dot(np.sqrt(np.sum(jacobians**2, axis=1)), wide)
+        bounds = values - _dot(np.abs(gradients), wide) - 2.0 * weight * farthest * curved
         is_open = ~(bounds >= (least - tolerance)[owner])
         proved = least - tolerance
         np.minimum.at(proved, owner[is_open], bounds[is_open])
@@ -111,21 +115,6 @@ def _first_cells(distance: Distance) -> tuple[Indices, Array, Array]:
     odd = 2.0 * np.array(list(np.ndindex(*count))) + 1.0
     centres = distance.lower[:, np.newaxis] + odd * half[:, np.newaxis]
     return np.repeat(np.arange(len(width)), len(odd)), half, centres.reshape(-1, len(count))
-
-
-def _depths(
-    errors: Array, jacobians: Array, weights: Array, slopes: Array, half: Array, curved: Array
-) -> Array:
-    """Bound on how far cells of angles go below the values at their centres, shape (m,): (13b).
-
-    The slope times the width, and a term for the curvature of the foot's path. Errors at the
-    centres and their derivatives, (3, m) and (k, 3, m), are scaled; slopes and half the widths have
-    shape (k, m), ``curved`` is :meth:`Distance.linearisation_error`, (m,).
-    """
-    gradients = 2.0 * weights * np.stack([_dot(column, errors) for column in jacobians]) + slopes
-    steps = np.sqrt(np.sum(jacobians**2, axis=1))
-    farthest = np.sqrt(_dot(errors, errors)) + _dot(steps, half)
-    return _dot(np.abs(gradients), half) + 2.0 * weights * farthest * curved
 
 
 def _dot(a: Array, b: Array) -> Array:
