@@ -174,17 +174,6 @@ def test_nothing_is_sent_where_the_input_is_wrong(changes, message):
     assert robot.rows == []
 
 
-def test_requests_in_degrees_are_refused_before_anything_is_sent():
-    sent = []
-    with pytest.raises(
-        planner.InvalidTrajectory, match=r"requests, column 1: got 59 rad, .*numpy\.radians"
-    ):
-        planner.play(
-            [[0.1, 40.0], [0.1, 59.0], [0.1, 40.0]], period=0.01, send=sent.append, cycles=1
-        )
-    assert sent == []
-
-
 pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
 
 JOINT = planner.JointModel(
@@ -251,13 +240,6 @@ def test_a_function_gives_stretches_until_it_ends_and_bad_ones_are_counted():
     assert (report.sent, report.held) == (30, 1)
     assert str(report).endswith("0 skipped, 1 held")
     assert np.array_equal(robot.rows[10], robot.rows[9])
-
-
-def test_what_is_not_known_yet_is_not_sent():
-    robot = Following()
-    report = robot.follow(lambda tick: np.full((5, 1), np.nan) if tick < 4 else None)
-    assert robot.rows == []
-    assert (report.sent, report.held) == (0, 4)
 
 
 class TwoJoints:

@@ -15,6 +15,7 @@ import planner
 from kinematics import UnsupportedLeg
 from planner import JointModel
 from planner.approximation.fit import fit_pwl
+from planner.cli.desired import repeats
 from planner.exceptions import (
     InvalidInput,
     NoSteadyCycle,
@@ -116,6 +117,12 @@ def test_a_path_whose_ends_are_far_apart_is_a_motion_from_rest_unless_it_shall_r
     again = run("simulate", "requests.csv", "--desired", "open.csv", "--json")
     joint = json.loads(taken.stdout)["joints"]["hip"]
     assert json.loads(again.stdout)["joints"]["hip"]["rms_deg"] == pytest.approx(joint["rms_deg"])
+
+
+@pytest.mark.parametrize(("apart", "closed"), [(2.9, True), (3.1, False)])
+def test_a_path_closes_whose_ends_are_at_most_three_of_its_largest_steps_apart(apart, closed):
+    rows = np.concatenate([np.arange(11.0), np.arange(9.0, apart, -1.0), [apart]])
+    assert repeats(rows[:, np.newaxis], None)[0] is closed
 
 
 def test_whether_a_simulation_repeats_follows_from_the_desired_path(run, tmp_path):

@@ -68,6 +68,10 @@ def test_the_time_left_follows_the_pace_of_the_steps_that_are_done(clock):
     assert progress.line().endswith("  30 s left")
     clock[0] = 100.0  # a step that takes longer than the others
     assert progress.line() == f"ankle …  {'█' * (BAR // 2)}{'░' * (BAR // 2)}  1 s left"
+    quick = at(clock, 2)  # there is no pace to tell within the first moments
+    quick("hip")
+    quick("knee")
+    assert quick.line() == f"knee …  {'█' * (BAR // 2)}{'░' * (BAR // 2)}"
 
 
 LONG = (

@@ -40,13 +40,6 @@ def test_every_task_has_its_result_and_an_empty_list_of_tasks_none(results):
     assert run(work.square, [], results) == {}
 
 
-def test_a_task_that_fails_is_reported_and_the_rest_goes_on(results):
-    with pytest.warns(UserWarning, match="four is even"):
-        failures = run(work.refuse_three, work.tasks(), results, workers=2)
-    assert failures == {"task 3": "episode: got nothing, expected samples"}
-    assert [task in results for task in work.tasks()] == [k != 3 for k in range(8)]
-
-
 def test_reasons_come_in_the_order_of_the_tasks_in_words_and_units_of_the_caller(results):
     executor, unit = work.LastFirst(5), ANGLE_UNIT.set("deg")
     with pytest.warns(UserWarning, match="odd") as warned:
@@ -71,12 +64,6 @@ def test_a_folder_without_a_result_does_not_outlive_what_ends_the_tasks(results,
     with pytest.raises(KeyboardInterrupt):
         carry_out(work.square, work.tasks(), results, SimpleNamespace(submit=ends))
     assert results.folder.exists() is bool(kept)
-
-
-def test_a_task_whose_worker_is_killed_is_tried_again(tmp_path, results):
-    tasks = [replace(task, argument=(task.argument, tmp_path / "mark")) for task in work.tasks()]
-    assert run(work.kill_once, tasks, results, workers=2) == {}
-    assert results.read(tasks[3]) == b"9"
 
 
 def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_path, results):
