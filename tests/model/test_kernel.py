@@ -12,8 +12,8 @@ import planner
 from planner.identification.grid import resampled
 from planner.identification.least_squares import respond, slopes_of
 from planner.identification.parameters import Parameters, units
-from planner.model import kernel
 from tests.identification.made import rich_log
+from tests.model.rounded_periods import rounded_periods
 
 INERT = planner.JointModel(
     v_max=4.0,
@@ -108,31 +108,18 @@ def test_derivatives_by_a_request_of_one_tick_are_differences_to_second_order(
         acceleration_time=0.01,
         tick=0.01,
         dead_band=friction,
+        v_offset=0.4,
         time_constant=motor,
         max_acceleration=most,
     )
-    rounded = (0.5 * joint.v_max_per_tick) ** 2
-    step = 1e-5
+    step, requests = 1e-5, np.linspace(-0.5, 0.7, 13)
 
-    def after(request):
-        derivatives = np.empty((2, 4, 1))
-        state = np.array([[0.1], [0.01]])
-        kernel.periods(
-            joint.law,
-            np.ones((1, 1)),
-            np.full((3, 1, 1), request),
-            np.zeros(1),
-            np.array([0.004]),
-            np.array([rounded]),
-            state,
-            derivatives,
-        )
-        return state[:, 0], derivatives[:, 2, 0], derivatives[:, 3, 0]
+    def after(requests):
+        moving = np.full((1, len(requests)), 0.01)
+        begin = np.full(len(requests), 0.1)
+        made = rounded_periods(joint, begin, requests[:, np.newaxis], 0.5, moving=moving)
+        return made.states, made.by_request[..., 0], made.bending[..., 0]
 
-    for request in np.linspace(-0.5, 0.7, 13):
-        (behind, slope_behind, _), (ahead, slope_ahead, _) = (
-            after(request + way) for way in (-step, step)
-        )
-        _, slopes, bends = after(request)
-        np.testing.assert_allclose(slopes, (ahead - behind) / (2.0 * step), atol=1e-7)
-        np.testing.assert_allclose(bends, (slope_ahead - slope_behind) / (2.0 * step), atol=1e-6)
+    behind, here, ahead = (after(requests + way) for way in (-step, 0.0, step))
+    for k, rounding in ((0, 1e-7), (1, 1e-6)):
+        np.testing.assert_allclose(here[k + 1], (ahead[k] - behind[k]) / (2 * step), atol=rounding)
