@@ -7,9 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.gait.half_ellipse import reference_walk
-from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner import JointModel, reference_walk, simulate
 from planner.trajectory import Array
 
 TICK = 0.008

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from planner.planning.plan import Plan
+from planner import Inversion, Plan
 from planner.planning.problem import Problem
-from planner.planning.result import Inversion
 from planner.planning.task import Task
 
 

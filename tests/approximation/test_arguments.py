@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.approximation.fit import fit_pwl
-from planner.exceptions import Infeasible, InvalidInput
+from planner import Infeasible, InvalidInput, fit_pwl
 from tests.approximation.samples import KINDS, closed, problems, samples_of
 
 SLOPE_ROUNDING = 1e-12

@@ -8,8 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from planner.approximation.curve import CurveStack, PiecewiseLinear
-from planner.exceptions import InvalidInput
+from planner import CurveStack, InvalidInput, PiecewiseLinear
 
 CYCLE = PiecewiseLinear(
     knots=[2.0, 5.5, 8.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=True

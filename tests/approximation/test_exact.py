@@ -14,11 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from planner import Infeasible, fit_pwl
 from planner.approximation.exact import PROVED, Relaxation, first_multipliers, proved_best
-from planner.approximation.fit import fit_pwl
 from planner.approximation.problem import Problem
 from planner.approximation.values import best_values
-from planner.exceptions import Infeasible
 from tests.approximation.samples import KINDS, oracle_instance, oracle_instances, samples_of
 
 CLOSE = 1.01

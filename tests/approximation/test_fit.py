@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.approximation.fit import choices, fit_pwl
+from planner import Infeasible, JointModel, fit_pwl, lower_bound
+from planner.approximation.fit import choices
 from planner.approximation.values import attainable_error
-from planner.exceptions import Infeasible
-from planner.model.joint import JointModel
-from planner.planning.bounds.certify import lower_bound
 from tests.approximation.samples import (
     EXACT_KNOTS,
     EXACT_VALUES,

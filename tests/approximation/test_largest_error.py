@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from planner.approximation.fit import fit_pwl
+from planner import Infeasible, fit_pwl
 from planner.approximation.largest_error import minimum_link
 from planner.approximation.problem import Problem
 from planner.approximation.values import attainable_error
-from planner.exceptions import Infeasible
 from tests.approximation.samples import KINDS, problems, samples_of
 
 ROUNDING = 1e-12

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner import InvalidInput, JointModel
 from planner.evaluation import cross_check as cross_check_module
-from planner.exceptions import InvalidInput
 from planner.files.joint_model import models_text
 from planner.files.paths import write_joint_path
-from planner.model.joint import JointModel
 
 JOINT = JointModel.ers210a()
 

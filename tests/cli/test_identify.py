@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner import JointModel, simulate
 from planner.files.joint_model import models_text, read_model_file
 from planner.files.table import write_table
 from planner.identification.excitation import excite
 from planner.model.evidence import Evidence
-from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.robot.arm import Servo
 
 TRUE = JointModel.ers210a()

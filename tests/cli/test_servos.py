@@ -12,17 +12,12 @@ import click
 import numpy as np
 import pytest
 
-from planner import JointModel
+from planner import BusError, JointModel, Log, Playback, read_logs, read_models, simulate
 from planner.cli import buses
-from planner.exceptions import BusError
-from planner.files.joint_model import read_models, read_servos
-from planner.files.logs import read_logs
-from planner.identification.log import Log
+from planner.files.joint_model import read_servos
 from planner.model.evidence import Evidence
-from planner.model.response import simulate
 from planner.robot import measure
 from planner.robot.arm import Arm
-from planner.robot.play import Playback
 from planner.virtual import servo_bus
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 from tests.report.test_made_up_pages import calibrated as made_up

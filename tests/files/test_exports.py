@@ -10,8 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from planner import LogOptions, read_logs
-from planner.exceptions import InvalidInput, MissingExtra
+from planner import InvalidInput, LogOptions, MissingExtra, read_logs
 from planner.files.exports import (
     TOPIC,
     TYPE,

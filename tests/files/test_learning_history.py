@@ -7,10 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from planner.exceptions import InvalidFile
+from planner import InvalidFile, JointModel, Learning, Trial
 from planner.files.learning_history import LearningState, read_history, write_history
-from planner.model.joint import JointModel
-from planner.planning.result import Learning, Trial
 
 ROWS, JOINTS = 3, ["hip", "knee", "foot"]
 

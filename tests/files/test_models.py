@@ -9,17 +9,15 @@ from math import inf
 import pytest
 from hypothesis import given
 
-from planner.exceptions import InvalidFile
+from planner import InvalidFile, JointModel, read_models
 from planner.files.joint_model import (
     legs_text,
     models_text,
     read_bus,
     read_legs,
     read_model_file,
-    read_models,
     read_servos,
 )
-from planner.model.joint import JointModel
 from planner.robot.arm import Servo
 from tests.strategies import models
 

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinematics import Leg, Limits, urdf_path
-from planner.exceptions import Infeasible
-from planner.gait.half_ellipse import half_ellipse
+from planner import Infeasible, half_ellipse
 from planner.gait.stride import (
     DEXTEROUS,
     HIGHEST,

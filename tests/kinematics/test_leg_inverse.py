@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics import UnreachableFoot
-from kinematics.chain import Limits
+from kinematics import Limits, UnreachableFoot
 from kinematics.inverse import nearest_poses
 from tests.kinematics.made_up_robots import (
     CLOSED,

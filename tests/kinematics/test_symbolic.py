@@ -7,8 +7,7 @@ import pinocchio
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics import Leg
-from kinematics.leg import foot_function
+from kinematics import Leg, foot_function
 from tests.kinematics.made_up_robots import Joint, made_up_leg, urdf_text
 
 ROUNDING = 1e-12

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner import InvalidTrajectory
+from planner import InvalidTrajectory, JointModel, Trial
 from planner.learning.measurements import (
     LATENCY_ERROR,
     check_angles,
@@ -21,8 +21,6 @@ from planner.learning.measurements import (
     noise_of,
     pure_delay,
 )
-from planner.model.joint import JointModel
-from planner.planning.result import Trial
 
 COUNT = 2.0 * math.pi / 4096.0
 """A count of a sensor of 12 bit [rad]."""

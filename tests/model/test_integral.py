@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.model.joint import JointModel
+from planner import JointModel, line_offset, simulate
 from planner.model.law import State, fastest_integral
-from planner.model.response import motion_under, rest_angles, rest_requests, simulate
-from planner.planning.line_inverse import line_offset
+from planner.model.response import motion_under, rest_angles, rest_requests
 from tests.model.test_symbolic import chained
 from tests.strategies import INTEGRALS, models, trajectories
 

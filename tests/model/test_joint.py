@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from planner.exceptions import InvalidModel
-from planner.model.joint import JointModel, joint_of_top_speed
-from planner.model.response import simulate
+from planner import InvalidModel, JointModel, simulate
+from planner.model.joint import joint_of_top_speed
 from tests.strategies import models
 
 ROUNDING = 1e-15

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.exceptions import NoSteadyCycle
-from planner.model.joint import JointModel
-from planner.model.response import path_speeds, simulate
+from planner import JointModel, NoSteadyCycle, simulate
+from planner.model.response import path_speeds
 from tests.independent import next_cycle, of_whole_ticks
 from tests.strategies import models, trajectories
 

@@ -13,9 +13,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from planner import parallel
-from planner._version import __version__
-from planner.exceptions import ANGLE_UNIT, InvalidInput, MissingExtra, PlannerError
+from planner import InvalidInput, MissingExtra, PlannerError, __version__, parallel
+from planner.exceptions import ANGLE_UNIT
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
 from tests.parallel import work

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.exceptions import SolverFailed
-from planner.model.joint import JointModel
+from planner import JointModel, SolverFailed
 from planner.planning import direct_transcription
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 

@@ -9,9 +9,8 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from planner.gait.half_ellipse import reference_walk
-from planner.model.joint import JointModel
-from planner.model.response import load_by_period, motion_under, simulate
+from planner import JointModel, reference_walk, simulate
+from planner.model.response import load_by_period, motion_under
 from planner.planning import gauss_newton
 from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, pattern_of
 from planner.planning.problem import Problem, constants_of, problem_of

@@ -8,8 +8,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner import JointModel, simulate
 from planner.planning.ideal import nearest_within_speeds, within_attainable_range
 
 ERS210A = JointModel.ers210a()

@@ -11,9 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.exceptions import InvalidInput, OutsideEquation13
-from planner.model.joint import JointModel
-from planner.planning.line_inverse import advanced_load, interpolated_offset, line_offset
+from planner import InvalidInput, JointModel, OutsideEquation13, line_offset
+from planner.planning.line_inverse import advanced_load, interpolated_offset
 from tests.independent import windowed
 from tests.instances import TICK, random_model_outside_equation_13
 from tests.strategies import models

@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.gait.half_ellipse import reference_walk
-from planner.model.joint import JointModel
+from planner import JointModel, invert_foot, invert_optimal, reference_walk
 from planner.planning import gauss_newton
-from planner.planning.inversion import invert_foot, invert_optimal
 from tests.from_python import from_python
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 

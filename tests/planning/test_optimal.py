@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from planner import JointModel, invert_closed_form, invert_optimal, simulate
 from planner.model.evidence import ENCODER_STEP
-from planner.model.joint import JointModel
-from planner.model.response import simulate
-from planner.planning.closed_form import invert_closed_form
-from planner.planning.inversion import invert_optimal
 from planner.planning.line_inverse import RULES
 from tests.instances import (
     REFERENCE_JOINTS,

@@ -12,12 +12,9 @@ import numpy as np
 import pytest
 
 import planner
-from planner.exceptions import InvalidInput
+from planner import InvalidInput, JointModel, Plan, invert_optimal, lower_bound
 from planner.model.evidence import Evidence
-from planner.model.joint import JointModel
-from planner.planning.bounds.certify import lower_bound
-from planner.planning.inversion import invert_optimal
-from planner.planning.plan import Plan, request_motion
+from planner.planning.plan import request_motion
 from planner.planning.task import Task
 from tests.instances import saturating
 from tests.plans import inversion

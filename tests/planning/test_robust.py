@@ -7,14 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.exceptions import InvalidInput
-from planner.identification.identify import identify
-from planner.identification.log import Log
+from planner import InvalidInput, JointModel, Log, identify, invert_optimal, plan, simulate
 from planner.model.evidence import Evidence
-from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.planning.candidate_models import drawn_models
-from planner.planning.inversion import invert_optimal, plan
 
 ERS210A = JointModel.ers210a()
 

@@ -8,11 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.gait.half_ellipse import reference_walk
+from planner import JointModel, invert_foot, invert_optimal, reference_walk
 from planner.model.evidence import ENCODER_STEP, Evidence
-from planner.model.joint import JointModel
 from planner.planning import search
-from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.problem import problem_of
 from planner.planning.result import UNFORESEEN
 from planner.planning.search import (

@@ -7,8 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from planner import JointModel, invert_foot, plan, reference_walk
-from planner.exceptions import Infeasible, InvalidInput
+from planner import Infeasible, InvalidInput, JointModel, invert_foot, plan, reference_walk
 from planner.planning.task import Task
 
 AIBO = JointModel.ers210a()

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 import planner
-from planner.exceptions import NoSteadyCycle
+from planner import JointModel, NoSteadyCycle, Plan, simulate
 from planner.model.evidence import Evidence
-from planner.model.joint import JointModel
-from planner.model.response import simulate
-from planner.planning.plan import Plan, joined
+from planner.planning.plan import joined
 from planner.planning.task import Task
 from planner.planning.time_shift import (
     USUAL,

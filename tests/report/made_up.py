@@ -7,11 +7,9 @@ import math
 
 import numpy as np
 
+from planner import Identification, JointModel, Log, simulate
 from planner.identification.excitation import excite
-from planner.identification.log import Log
-from planner.identification.result import Alternative, Finding, Identification, Interval, LogFit
-from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.identification.result import Alternative, Finding, Interval, LogFit
 
 NOISE = math.radians(0.2)
 """Standard deviation of the made-up sensor [rad]."""

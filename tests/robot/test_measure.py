@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.exceptions import BusError
-from planner.identification.log import Log
+from planner import BusError, Log
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
 from planner.robot.measure import angles_of, check, move, ranges_by_hand, servo_ranges, with_ranges

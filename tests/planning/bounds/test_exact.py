@@ -10,10 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import invert_optimal
-from planner.model.joint import JointModel
-from planner.model.response import simulate
-from planner.planning.bounds.certify import certify, lower_bound
+from planner import JointModel, certify, invert_optimal, lower_bound, simulate
 from planner.planning.bounds.exact import Node, branch, cut_off, exact_bound, tighten
 from planner.planning.bounds.reachable_set import BoundProblem
 from planner.planning.bounds.saturation_relaxation import (

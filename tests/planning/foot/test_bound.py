@@ -10,11 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.exceptions import NoSteadyCycle
-from planner.gait.half_ellipse import reference_walk
+from planner import JointModel, NoSteadyCycle, invert_foot, reference_walk, simulate
 from planner.gait.stride import stride
-from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.planning.bounds.foot_bound import (
     LagrangianRelaxation,
     Multipliers,
@@ -25,7 +22,6 @@ from planner.planning.bounds.foot_bound import (
 from planner.planning.bounds.foot_minima import Distance, minima
 from planner.planning.bounds.multipliers import ConicSolution
 from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
-from planner.planning.inversion import invert_foot
 from planner.planning.task import Task
 from tests.instances import random_model
 from tests.kinematics.made_up_robots import ers210a_leg

@@ -8,12 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from planner.gait.half_ellipse import reference_walk
+from planner import JointModel, invert_foot, invert_optimal, reference_walk, simulate
 from planner.model.evidence import Evidence
-from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.planning.candidate_models import drawn_models, models_of_joints
-from planner.planning.inversion import invert_foot, invert_optimal
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
 
 ERS210A = JointModel.ers210a()
