@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.identification.result import Identification, Interval, LogFit, SpeedPoints
 from planner.report import style
@@ -35,9 +34,6 @@ from planner.trajectory import Array, index_of_largest
 CLOSE_UP = 3.0
 """Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""
 
-MEASURED = style.DESIRED._replace(label="measured")
-FITTED = style.CLOSED_FORM._replace(label="model, fitted", width=1.4)
-UNSEEN = style.OPTIMAL._replace(label="model, rows held out", width=1.4)
 BAR = 9.0
 """Width of a bar [pt]."""
 
@@ -142,50 +138,43 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     """The paper's Figure 5, from data: speed against error, with the identified f over it."""
     model, units = identification.model, units_of(identification)
     points, reach, highest = cloud_of(identification)
-    factor = units.factor
-    curves = [line((-factor * reach, factor * reach), (0, 0)), line((0, 0), (-factor * highest,
-              factor * highest))]  # fmt: skip
+    factor, corners = units.factor, model.corners()
+    right, high = factor * reach, factor * highest
+    curves = [line((-right, right), (0, 0)), line((0, 0), (-high, high))]
     measured = points.errors, points.speeds
-    clouds = [
-        (points.off, style.MUTED, 0.3, "window across a corner of f", *measured),
-        (~points.off, style.INK, 0.6, "measured", *measured),
-    ]
+    off = [(points.off, style.MUTED, 0.3, "window across a corner of f", *measured)]
     if model.has_inertia:
         predicted = points.predicted_errors, points.predicted_speeds
-        clouds[0] = (points.off, style.MUTED, 0.55, "measured, as its speed changes", *measured)
-        clouds.insert(
-            0, (points.off, style.OPTIMAL, 0.35, "model, as its speed changes", *predicted)
-        )
-    for mask, role, opacity, name, errors, speeds in clouds:
+        off = [
+            (points.off, style.OPTIMAL, 0.35, "model, as its speed changes", *predicted),
+            (points.off, style.MUTED, 0.55, "measured, as its speed changes", *measured),
+        ]
+    for mask, role, opacity, name, errors, speeds in (
+        *off,
+        (~points.off, style.INK, 0.6, "measured", *measured),
+    ):
         places = np.flatnonzero(mask)
         places = places[:: max(1, math.ceil(len(places) / 1500))]  # enough to see a shape
         if len(places):
             x, y = factor * errors[places], factor * speeds[places]
             curves.append(Curve(role, x, y, name, marks="dots", opacity=opacity))
     far = max(reach, float(np.max(np.abs(points.errors), initial=0.0)))
-    corners = model.corners()
     ends = np.array([-far, *np.clip(corners, -far, far), far])
-    speeds = factor * model.speed(ends)
     words: tuple[Words, ...] = ()
-    if identification.saturates and corners[-1] <= reach:
-        corner, top = factor * float(corners[-1]), factor * float(model.speed(corners[-1]))
-        low = -factor * highest
-        curves.append(
-            line((corner, corner), (low, top), style.MUTED._replace(dashes=(0, (1.0, 1.5))))
-        )
+    corner, level = factor * float(corners[-1]), factor * float(model.speed(corners[-1]))
+    seen = corners[-1] <= reach
+    if identification.saturates and seen:
+        dotted = style.MUTED._replace(dashes=(0, (1.0, 1.5)))
+        curves.append(line((corner, corner), (-high, level), dotted))
+        threshold = "θ₀ + dead band" if model.steady.dead_band else "θ₀"
+        side: Literal["left", "right"] = "left" if corner < right / 3 else "right"  # within it
         words = (  # at the lower edge, where a joint has no dots: they lie about f
-            Words(
-                "θ₀ + dead band" if model.steady.dead_band else "θ₀",
-                corner,
-                low,
-                "left" if corner < factor * reach / 3 else "right",  # within the figure
-                "bottom",
-            ),
-            Words("v_max", -factor * reach, factor * model.v_max, across="left"),
+            Words(threshold, corner, -high, side, "bottom"),
+            Words("v_max", -right, factor * model.v_max, across="left"),
         )
-    curves.append(
-        Curve(style.CLOSED_FORM._replace(width=2.4), factor * ends, speeds, "f, identified")
-    )
+    wide, speeds = style.CLOSED_FORM._replace(width=2.4), factor * model.speed(ends)
+    curves.append(Curve(wide, factor * ends, speeds, "f, identified"))
+    panel = Panel(Axis("speed", units.speed, (-high, high)), tuple(curves), words=words, height=2.2)
     return Figure(
         f"{prefix}speed",
         *words_of(
@@ -195,17 +184,10 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
             gravity=model.most_pose_sag > 0.0,
             inertia=model.has_inertia,
             off=points.off.any(),
-            guessed=not identification.saturates and corners[-1] <= reach,
+            guessed=not identification.saturates and seen,
         ),
-        Axis("request minus angle", units.angle, (-factor * reach, factor * reach), decimals=3),
-        (
-            Panel(
-                Axis("speed", units.speed, (-factor * highest, factor * highest)),
-                tuple(curves),
-                words=words,
-                height=2.2,
-            ),
-        ),
+        Axis("request minus angle", units.angle, (-right, right), decimals=3),
+        (panel,),
     )
 
 
@@ -261,60 +243,62 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
 
     Above are requests, angles and prediction, below them the residuals.
     """
-    units, noise, log = units_of(identification), identification.noise, fit.log
-    times, held_out, close = log.times - log.times[0], fit.held_out, close_up(fit)
-    requests, angles = units.factor * log.requests, units.factor * log.angles
-    predicted = units.factor * np.where(held_out, fit.held_out_predicted, fit.predicted)
+    units, log, held_out = units_of(identification), fit.log, fit.held_out
+    factor, times = units.factor, log.times - log.times[0]
+    angles = factor * log.angles
+    predicted = factor * np.where(held_out, fit.held_out_predicted, fit.predicted)
     outliers = np.flatnonzero(fit.used & (fit.weights < 0.5))  # which count by less than half
     residuals = angles - predicted
+    fitted, unseen = (each._replace(width=1.4) for each in (style.CLOSED_FORM, style.OPTIMAL))
     above = [
-        _log_curve(MEASURED, times, angles),
-        _log_curve(style.REQUESTED._replace(width=1.1), times, requests, held=True),
-        _log_curve(FITTED, times, np.where(held_out, np.nan, predicted)),
-        _log_curve(UNSEEN, times, np.where(held_out, predicted, np.nan)),
+        _log_curve(style.DESIRED, "measured", times, angles),
+        _log_curve(
+            style.REQUESTED._replace(width=1.1), "", times, factor * log.requests, held=True
+        ),
+        _log_curve(fitted, "model, fitted", times, np.where(held_out, np.nan, predicted)),
+        _log_curve(unseen, "model, rows held out", times, np.where(held_out, predicted, np.nan)),
     ]
     below = [
-        _log_curve(style.INK._replace(label="residual", width=0.9), times, residuals),
+        _log_curve(style.INK._replace(width=0.9), "residual", times, residuals),
         Curve(style.DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
     ]
-    drawn = [tuple(curve for curve in curves if len(curve.y)) for curves in (above, below)]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
     shades = tuple(
         Span(float(times[start]), float(times[end - 1]), style.GRID, 0.45)
         for start, end in zip(edges[::2], edges[1::2], strict=True)
         if end - start < len(times)
     )
-    band = 2.0 * units.factor * noise
-    noises: tuple[Span, ...] = ()
-    if math.isfinite(noise):
-        noises = (Span(-band, band, style.CLOSED_FORM, 0.16, "y"),)
+    noise, known = factor * identification.noise, math.isfinite(identification.noise)
+    noises = (Span(-2.0 * noise, 2.0 * noise, style.CLOSED_FORM, 0.16, "y"),) if known else ()
+    top, low = (tuple(curve for curve in curves if len(curve.y)) for curves in (above, below))
+    quantity, whole = "angle" if units.si else "position", (0.0, float(times[-1]))
     return Figure(
         f"{prefix}whole",
         *words_of(
             "log",
             held_out=held_out.any(),
-            noise=f"{units.factor * noise:.2g} {units.angle}" if noises else "unknown",
+            noise=f"{noise:.2g} {units.angle}" if known else "unknown",
             outliers=len(outliers),
             least=float(np.min(log.weights[fit.used], initial=1.0)),
             seconds=CLOSE_UP,
         ),
-        Axis("time", "s", (0.0, float(times[-1])), decimals=3),
+        Axis("time", "s", whole, decimals=3),
         (
-            Panel(Axis("angle" if units.si else "position", units.angle), drawn[0], spans=shades,
-                  height=1.9),
-            Panel(Axis("residual", units.angle), drawn[1], "measured − predicted",
-                  spans=(*shades, *noises)),
+            Panel(Axis(quantity, units.angle), top, spans=shades, height=1.9),
+            Panel(
+                Axis("residual", units.angle),
+                low,
+                "measured − predicted",
+                spans=(*shades, *noises),
+            ),
         ),
         over_time=True,
-        views={
-            "whole log": (0.0, float(times[-1])),
-            "close-up": (float(times[close[0]]), float(times[close[-1]])),
-        },
-    )  # fmt: skip
+        views={"whole log": whole, "close-up": close_up(fit)},
+    )
 
 
-def close_up(fit: LogFit) -> npt.NDArray[np.intp]:
-    """The rows of the seconds to look at closely, within the rows held out if there are any."""
+def close_up(fit: LogFit) -> tuple[float, float]:
+    """The time to look at closely [s], within the rows held out if there are any."""
     log = fit.log
     rows = fit.held_out & fit.used if (fit.held_out & fit.used).any() else fit.used
     error = np.where(rows, (log.requests - log.angles) ** 2, 0.0)
@@ -323,10 +307,11 @@ def close_up(fit: LogFit) -> npt.NDArray[np.intp]:
     whole = log.times + CLOSE_UP <= log.times[np.flatnonzero(rows)[-1]]
     sums = cumulative[ends] - cumulative[:-1]
     start = index_of_largest(np.where(whole, sums, -1.0)) if whole.any() else 0
-    return np.arange(start, ends[start])
+    first, last = (log.times[[start, ends[start] - 1]] - log.times[0]).tolist()
+    return first, last
 
 
-def _log_curve(role: Role, times: Array, values: Array, *, held: bool = False) -> Curve:
+def _log_curve(role: Role, label: str, times: Array, values: Array, *, held: bool = False) -> Curve:
     """A curve without the rows before its first and after its last value.
 
     Of a log of more than 20,000 rows, over three minutes at 100 Hz, the least and the largest value
@@ -339,4 +324,4 @@ def _log_curve(role: Role, times: Array, values: Array, *, held: bool = False) -
         starts = np.linspace(0, len(values), 10_000, endpoint=False).astype(int)
         ends = [extreme.reduceat(values, starts) for extreme in (np.fmin, np.fmax)]
         times, values = np.repeat(times[starts], 2), np.column_stack(ends).ravel()
-    return Curve(role, times, values, held=held)
+    return Curve(role, times, values, label, held=held)
