@@ -288,16 +288,13 @@ def factors_figure(fastest: Fastest) -> Figure:
     """The speed along the replay."""
     timeline = _timeline_of(fastest.replay)
     factors = np.append(fastest.factors, fastest.factors[-1:])
-    curves = [timeline.curve(factors, style.OPTIMAL, "speed")]
-    constant = timeline.curve(
-        np.full(len(factors), fastest.constant), style.LIMIT, "largest constant"
+    constant = np.full(len(factors), fastest.constant)
+    curves = (
+        timeline.curve(constant, style.LIMIT, "largest constant"),
+        timeline.curve(factors, style.OPTIMAL, "speed"),
     )
-    return timeline.figure(
-        "factors",
-        [Panel(Axis("times the recorded speed", from_zero=True), (constant, *curves), height=1.8)],
-        words_of("factors"),
-        clock=True,
-    )
+    panel = Panel(Axis("times the recorded speed", from_zero=True), curves, height=1.8)
+    return timeline.figure("factors", [panel], words_of("factors"), clock=True)
 
 
 def _sizes(joint: JointReplay, errors: Array) -> Distance:
