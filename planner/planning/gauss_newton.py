@@ -399,27 +399,26 @@ def set_entries(
     point: Point,
     terms: Array,
     eased: Array,
-    tight: Indices,
+    held: Array,
     pattern_rows: Places,
     pattern_columns: Places,
     values: Array,
 ) -> int:
     """Fill the entries of the KKT matrix, of one triangle and the diagonal; their number.
 
-    Unknowns are the requests, the states, the multipliers of the dynamics and, where changes are
-    limited, of the changes. The first entries are the diagonal of the requests. Which places have
-    an entry may depend only on what is in the key of :func:`pattern_of`, which keeps patterns.
+    Unknowns are the requests, the states and the multipliers of the dynamics. Which places have an
+    entry may depend only on what is in the key of :func:`pattern_of`, which keeps patterns.
 
-    ``terms`` are the Levenberg-Marquardt terms of the requests, Delta, (n, J), ``eased`` those of
-    the angles, E, (n, A), ``tight`` the changes at their limits, (n, J). Filled are row, column and
-    value of each entry.
+    ``terms`` are the Levenberg-Marquardt terms of the requests, Delta, with the penalties of those
+    that are held, (n, J), ``eased`` those of the angles, E, (n, A), ``held`` the penalties of the
+    changes at their limits, (n, J). Filled are row, column and value of each entry.
     """
     rows, columns = pattern_rows, pattern_columns
     samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
-    change, e, cyclic, acting = multiplier + samples * states, 0, spec.cyclic, spec.acting
+    e, cyclic, acting = 0, spec.cyclic, spec.acting
     quadratic, slopes = point.quadratic, point.slopes
     for number in range(state):
         rows[e] = columns[e] = number
@@ -469,12 +468,11 @@ def set_entries(
                     e += 1
     if spec.limited:
         for number in range(state):
-            on = tight[number // joints, number % joints] != 0
-            row, following = change + number, (number + joints) % state
-            rows[e] = columns[e] = row
-            values[e] = -SLACK if on else -1.0
-            rows[e + 1], columns[e + 1], values[e + 1] = row, number, -1.0 if on else 0.0
-            rows[e + 2], columns[e + 2], values[e + 2] = row, following, 1.0 if on else 0.0
+            penalty = held[number // joints, number % joints]
+            following = (number + joints) % state
+            rows[e], columns[e], values[e] = number, number, penalty
+            rows[e + 1], columns[e + 1], values[e + 1] = following, following, penalty
+            rows[e + 2], columns[e + 2], values[e + 2] = following, number, -penalty
             e += 3
     return e
 
@@ -529,8 +527,6 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
         np.repeat(4 * (every - samples if free else every), states),
         np.repeat(4 * every + 1, states),
     ]
-    if spec.limited:
-        time.append(np.repeat(4 * turns + 2, joints))
     order = np.argsort(np.concatenate(time), kind="stable")
     position = np.empty(len(order), dtype=np.uint32)
     position[order] = np.arange(len(order))
@@ -552,9 +548,8 @@ def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
     most = joints * 11 + blocks * size**2 + drives * spec.parts * (4 + spec.parts + width)
     room = samples * most
     terms, eased = np.zeros((samples, joints)), np.zeros((samples, len(spec.drives)))
-    tight, values = np.zeros((samples, joints), np.int64), np.zeros(room)
-    rows, columns = np.zeros(room, np.uint32), np.zeros(room, np.uint32)
-    count = set_entries(spec, stage, point, terms, eased, tight, rows, columns, values)
+    values, rows, columns = np.zeros(room), np.zeros(room, np.uint32), np.zeros(room, np.uint32)
+    count = set_entries(spec, stage, point, terms, eased, terms, rows, columns, values)
     rows, columns = rows[:count].copy(), columns[:count].copy()
     return Pattern(rows, columns, factor_of(rows, columns, position))
 
@@ -575,8 +570,8 @@ def set_step(
     an even weight, and the curvature of the Lagrangian at the corners where it is positive. Which
     limits are active is found by the primal-dual active set strategy (M. Hintermüller, K. Ito,
     M. Kunisch, SIAM J. Optim. 13, 2002), from the active set of the step before. Where it does not
-    end, the search computes the step again with more damping, from the last active set. A request
-    is held at a limit by a stiff penalty on its distance from it.
+    end, the search computes the step again with more damping, from the last active set. Requests
+    and changes are held at their limits by stiff penalties.
 
     The answer is whether the system had a solution within the limits, and the cost that the
     linearisation predicts.
@@ -585,7 +580,7 @@ def set_step(
     drives, _, width = spec.weights.shape
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
-    change, count = multiplier + samples * states, point.quadratic.shape[2]
+    count = point.quadratic.shape[2]
     at_limit, tight = search.active[0], search.active[1]
     cyclic, acting = spec.cyclic, spec.acting
     bounds, slopes, quadratic = spec.bounds, point.slopes, point.quadratic
@@ -623,21 +618,24 @@ def set_step(
     rows_of_entries, columns, places = pattern.rows, pattern.columns, pattern.factor.place
     values, matrix = np.empty(len(columns)), np.empty(len(pattern.factor.row))
     stiffness = STIFF * (point.costs[4] + stage.weight)
-    diagonal, target = terms.copy(), right.copy()
+    diagonal, held, target = terms.copy(), np.zeros((samples, joints)), right.copy()
     for _ in range(ACTIVE_SETS):
         for number in range(state):
             k, j = number // joints, number % joints
             bound = FIRST if k == 0 and not cyclic else LOWER if at_limit[k, j] < 0 else UPPER
-            fixed = bound == FIRST or bounds[LOWER, k, j] == bounds[UPPER, k, j]
-            held = stiffness if fixed or at_limit[k, j] != 0 else 0.0
-            diagonal[k, j], target[number] = terms[k, j] + held, right[number]
-            if held > 0.0:
-                target[number] += held * (bounds[bound, k, j] - requests[k, j])
-            if spec.limited:
+            diagonal[k, j], target[number] = terms[k, j], right[number]
+            if bound == FIRST or at_limit[k, j] != 0 or bounds[LOWER, k, j] == bounds[UPPER, k, j]:
+                diagonal[k, j] += stiffness
+                target[number] += stiffness * (bounds[bound, k, j] - requests[k, j])
+        for number in range(state if spec.limited else 0):
+            k, j, following = number // joints, number % joints, (number + joints) % state
+            held[k, j] = stiffness if tight[k, j] != 0 else 0.0
+            if tight[k, j] != 0:
                 moved = requests[(k + 1) % samples, j] - requests[k, j]
-                room = tight[k, j] * bounds[LARGEST_CHANGE, k, j] - moved
-                target[change + number] = room if tight[k, j] else 0.0
-        set_entries(spec, stage, point, diagonal, eased, tight, rows_of_entries, columns, values)
+                force = stiffness * (tight[k, j] * bounds[LARGEST_CHANGE, k, j] - moved)
+                target[number] -= force
+                target[following] += force
+        set_entries(spec, stage, point, diagonal, eased, held, rows_of_entries, columns, values)
         matrix[:] = 0.0
         for e in range(len(values)):
             matrix[places[e]] += values[e]
@@ -670,11 +668,10 @@ def active_changed(
 ) -> bool:
     """Activate limits that a step would pass, release those with an inward force; any changed?
 
-    The force on a request at a limit has the sign of the way by which it passes the limit.
+    A force has the sign of the way by which what it holds passes its limit.
     """
     samples, joints = spec.bounds.shape[1:]
-    change, first = samples * (joints + 2 * point.states.shape[1]), 0 if spec.cyclic else 1
-    changed, bounds, requests = False, spec.bounds, point.requests
+    first, changed, bounds, requests = 0 if spec.cyclic else 1, False, spec.bounds, point.requests
     for k in range(first, samples if spec.bounded else 0):
         for j in range(joints):
             number, before = k * joints + j, at_limit[k, j]
@@ -686,16 +683,10 @@ def active_changed(
     for k in range(samples - first if spec.limited else 0):
         for j in range(joints):
             number, following, before = k * joints + j, (k + 1) % samples, tight[k, j]
-            largest, after = bounds[LARGEST_CHANGE, k, j], following * joints + j
-            moved = requests[following, j] + step[after] - requests[k, j] - step[number]
-            too_far = abs(moved) > largest + TOUCHING
-            if at_limit[following, j] != 0 and (at_limit[k, j] != 0 or k < first):
-                tight[k, j] = 0
-                changed |= too_far  # both are held: no such step is within the limits
-            elif before != 0:
-                tight[k, j] = before if before * step[change + number] > 0.0 else 0
-            elif too_far:
-                tight[k, j] = 1 if moved > 0.0 else -1
+            after = step[following * joints + j] - step[number]
+            moved = requests[following, j] - requests[k, j] + after
+            most = bounds[LARGEST_CHANGE, k, j] + (0.0 if before != 0 else TOUCHING)
+            tight[k, j] = 1 if moved > most else -1 if moved < -most else 0
             changed |= tight[k, j] != before
     return changed
 
