@@ -52,10 +52,6 @@ MOST_JOINTS = 1000
 UNEVEN = 0.01
 """A time step may differ from the period by this part of it, for clocks written in few decimals."""
 
-FARTHEST = 5.0
-"""Longest mean time between samples of a path [s]; times in milliseconds are a thousand times as
-long."""
-
 AXES = ("x", "y", "z")
 """Axes of a foot's positions."""
 
@@ -103,10 +99,11 @@ class SampledPath:
         Without times it has a sample per request, and is returned unchanged unless ``speed``
         multiplies its speed.
         """
-        if self.step > FARTHEST:
+        farthest = 5.0  # [s]; times in milliseconds are a thousand times as long
+        if self.step > farthest:
             raise InvalidFile(
                 self.path,
-                f"one sample every {self.step:.6g} s, expected one every {FARTHEST:g} s or more "
+                f"one sample every {self.step:.6g} s, expected one every {farthest:g} s or more "
                 "often; give the times in seconds, or call a column of milliseconds t_ms",
             )
         if speed is None and (self.times is None or not resample):

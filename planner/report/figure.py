@@ -27,10 +27,6 @@ MARGIN = 0.06
 MOST_FRAMES = 1500
 """Most samples of a motion that are shown; of longer motions every second one, or every third."""
 
-NEAR = 0.6
-"""A limit is drawn within this share of the requests' range beyond them: one far away would press
-the curves into a line."""
-
 
 @dataclass(frozen=True, eq=False)
 class Curve:
@@ -350,7 +346,7 @@ def joint_figure(
         )
 
     requested = curves(requests, held=True)
-    low, high = around([requested[-1].y], margin=NEAR)
+    low, high = around([requested[-1].y], margin=0.6)  # one far away would flatten the curves
     lines = [
         Curve(LIMIT, np.array([0.0, timeline.step * timeline.last]), np.full(2, factor * limit))
         for limit in limits or ()

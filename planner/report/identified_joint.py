@@ -27,11 +27,6 @@ COMPARED = {"delay": "the best pure delay", "first_order": "a delay with a first
 NOT_KNOWN = "not known"
 """In place of an uninformative interval: without ends, or from zero to infinity."""
 
-ROUGH = 0.2
-"""Beyond this part of the estimate the half width of an interval is called rough; the lag is
-compared with itself and the acceleration time, and is rough too where a warning says that the log
-does not determine it; the static sag is compared with theta_0."""
-
 HARDLY = "hardly at all"
 """How well a parameter is known whose interval is wider to either side than the estimate."""
 
@@ -121,7 +116,8 @@ def parameters(identification: Identification) -> list[Parameter]:
             angle = units.angle if unit == "rad" else units.speed.removesuffix("/s")
             factor, unit = units.factor, unit.replace("rad", angle)
         shown, half = Interval(*(factor * end for end in ends)), 0.5 * (ends.upper - ends.lower)
-        rough = not half <= ROUGH * abs(beside.get(name, estimate))
+        rough = not half <= 0.2 * abs(beside.get(name, estimate))
+        # beside itself, too, where a warning says that the log does not determine it
         rough |= name == "lag" and is_loose(model.tick, 2.0 * half, estimate)
         interval, known = between(shown), "only " if rough else ""
         if interval == NOT_KNOWN:

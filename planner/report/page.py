@@ -28,9 +28,6 @@ from planner.report.wording import breakable, environment
 if TYPE_CHECKING:
     from planner.model.joint import JointModel
 
-LIBRARIES = ("numpy", "scipy", "casadi", "clarabel", "cvxpy", "pin", "matplotlib", "plotly")
-"""Libraries whose versions a page lists."""
-
 Written = Iterable[tuple[str, "Path | str | None"]]
 """Role and path of each file of a run; None or an empty name for none."""
 
@@ -55,9 +52,6 @@ PARAMETERS: Mapping[str, tuple[str, str]] = {
     "position_integral_rate": ("rate of the position's integral", "position integral"),
 }
 """Descriptions of a joint's parameters, long and short; ``gain`` is v_max / theta_0."""
-
-MANY = 6
-"""So many figures stand in columns, each below the one before, and not in rows."""
 
 
 class Page:
@@ -91,7 +85,7 @@ class Page:
         def side_by_side(figures: Sequence[Figure]) -> Markup:
             if not figures:
                 return Markup()
-            kind = "pictures many" if len(figures) >= MANY else "pictures"
+            kind = "pictures many" if len(figures) > 5 else "pictures"  # in columns, not in rows
             elements = Markup("\n").join(map(show, figures))
             return Markup('<div class="{}">\n{}\n</div>').format(kind, elements)
 
@@ -153,7 +147,8 @@ def versions(*more: str) -> dict[str, str]:
     from importlib.metadata import PackageNotFoundError, version  # takes 10 ms
 
     by_package = {"request-planner": __version__, "python": platform.python_version()}
-    for library in (*LIBRARIES, *more):
+    libraries = ("numpy", "scipy", "casadi", "clarabel", "cvxpy", "pin", "matplotlib", "plotly")
+    for library in (*libraries, *more):
         try:
             by_package[library] = version(library)
         except PackageNotFoundError:  # installed by other means than a package

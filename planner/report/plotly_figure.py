@@ -16,9 +16,6 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Span, around
 from planner.report.style import INK, MUTED
 from planner.trajectory import Array
 
-ROW = 150
-"""Height of a panel of height 1 [px]."""
-
 GAP = 34
 """Between panels, room for a title [px]."""
 
@@ -30,7 +27,7 @@ def live(figure: Figure) -> Mapping[str, Any]:
 
 def plot(figure: Figure) -> dict[str, Any]:
     """The figure as a plot, of ``data`` and ``layout``: zoom one panel along x, and all follow."""
-    heights = [ROW * panel.height for panel in figure.panels]
+    heights = [150 * panel.height for panel in figure.panels]  # [px]
     inner = top = sum(heights) + GAP * (len(heights) - 1)
     above = 30 + (18 if figure.panels[0].title else 0)  # for the buttons
     below = 8 if figure.x.names == {} else 46  # for the axis

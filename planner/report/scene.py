@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 LOOKS = ((DESIRED, 0.55), (DIRECT, 0.45), (FOOT_OPTIMAL._replace(label="planned"), 1.0))
 """Colours and opacities of the desired motion, the direct one and the planned one."""
 
-MOST_FRAMES = 1000
-"""Most samples of a motion that are shown; of longer motions every second one, or every third."""
-
 SIDES = 8
 """Sides of a foot's trace, which is a tube: browsers draw lines one pixel wide."""
 
@@ -86,7 +83,9 @@ def scene_page(
     """
     meshcat, recording = import_meshcat(), Recording()
     viewer = meshcat.Visualizer(window=recording)
-    stride = -(-len(leg_motions[0].angles) // MOST_FRAMES)
+    stride = -(
+        -len(leg_motions[0].angles) // 1000
+    )  # of longer motions every second sample is shown
     places = scene.places(leg_motions[0].angles[0])
     thickness = 0.008 * (float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0)  # of the traces
     rest = scene.configurations(leg_motions[0].angles[:1])[0]

@@ -27,10 +27,6 @@ LATEST = 2**63
 
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 
-LONGEST = 1_000_000
-"""Longest array in a message that is read: one of 2^32 empty messages takes no bytes, and rosbags
-more than 15 s."""
-
 MOST_TIMES = 1000
 """Chunks of a bag that is not small unfold to this many times its size at most, counted once for
 each topic that is read. Names that repeat in every message unfold to some 50 times."""
@@ -161,7 +157,8 @@ def _stores(connections: Sequence[Connection]) -> list[Typestore]:
         if connections[0].msgtype != CONTROLLER_STATE:
             del stores[1:]
     for store in stores:
-        store.max_sequence_length = LONGEST
+        # an array of 2^32 empty messages takes no bytes, and rosbags more than 15 s
+        store.max_sequence_length = 1_000_000
     return stores
 
 

@@ -38,15 +38,6 @@ SLOW_TIME, SLOW_SHARE, SLOW_RANGE = 1.0, 0.4, 0.5
 then lags by its delay and friction only, to both sides. For a scale to be fitted they must span
 this share of the range of all."""
 
-STRAIGHT = 0.1
-"""Share of their spread by which slow rows may miss a straight line, rms."""
-
-SPARSE = 0.5
-"""Rows so far apart [s] hardly show how a joint moves: their times may be numbers of rows."""
-
-MOST_SHARE = 2.0
-"""Largest magnitude of a share of the range."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class LogOptions:
@@ -331,11 +322,12 @@ def _with_fitted_scale(rows: Rows, measured: Switch) -> Rows:
     line, *_ = np.linalg.lstsq(basis, counts)
     zero, slope, *_ = line.tolist()
     missed = float(np.std(counts - basis @ line)) / max(float(np.std(counts)), 1e-300)
-    if not missed <= STRAIGHT:
+    straight = 0.1  # share of their spread by which slow rows may miss a straight line, rms
+    if not missed <= straight:
         raise InvalidFile(
             name,
             f"actual angles in counts are {100.0 * missed:.0f} % of their spread beside a straight "
-            f"line of slow requests, expected at most {100.0 * STRAIGHT:g} %; is this "
+            f"line of slow requests, expected at most {100.0 * straight:g} %; is this "
             "the sensor of this joint?",
         )
     fit = Scale(COUNTS, 1.0 / slope, -zero / slope, "rad")
@@ -382,7 +374,7 @@ def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
             k,
         )
     values: Array = scale.factor * numbers + scale.shift
-    largest = {"1": MOST_SHARE, "rad": LARGEST}.get(scale.unit, math.inf)
+    largest = {"1": 2.0, "rad": LARGEST}.get(scale.unit, math.inf)
     if (beyond := np.abs(values) > largest).any():
         k = int(np.argmax(beyond))
         expected = "a share of the range" if scale.unit == "1" else "an angle"
@@ -447,7 +439,7 @@ def _doubts(rows: Rows) -> tuple[str, ...]:
     """Signs of a wrong unit, in words."""
     doubts = []
     step = float(np.median(np.diff(rows.times)))
-    if not FASTEST <= step < SPARSE:
+    if not FASTEST <= step < 0.5:  # later rows hardly show a motion: they may be numbered
         doubt = "is the unit of time right" if step < FASTEST else "are the times in seconds"
         doubts.append(f"one row every {step:.3g} s: {doubt}?")
     for what, numbers, unit in (
