@@ -315,6 +315,12 @@ class JointComparison:
         """The sharpest bound [rad]."""
         return max(self.bounds.values())
 
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """Smallest and largest request of the plans that keep them [rad]; None without limits."""
+        optimal = self.plans["optimal"]
+        return optimal.plan.task.limits[optimal.column]
+
     def gap(self, method: str) -> float:
         """Relative distance of a plan from the sharpest bound; inf where only that is zero."""
         return relative_gap(self.plans[method].error, self.bound)
@@ -325,10 +331,10 @@ class JointComparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, angles in degrees."""
-        limits = self.plans["optimal"].limits
+        limits = self.limits and [_finite(math.degrees(limit)) for limit in self.limits]
         return {
             "model": self.model.parameters(),
-            "limits_deg": limits and [_finite(math.degrees(limit)) for limit in limits],
+            "limits_deg": limits,
             "desired_deg": np.degrees(self.desired).tolist(),
             "lower_bound_deg": math.degrees(self.bound),
             "bounds_deg": {level: math.degrees(each) for level, each in self.bounds.items()},
@@ -380,8 +386,10 @@ def compare_joint(
     ``failed``: methods that found no plan.
     """
     optimal = plans["optimal"]
+    task, j = optimal.plan.task, optimal.column
+    start, load, limits = task.starts[j], task.loads[j], task.limits[j]
     problem = BoundProblem(
-        optimal.model, optimal.desired, optimal.cyclic, optimal.norm, optimal.start, optimal.load
+        optimal.model, optimal.desired, optimal.cyclic, optimal.norm, start, load
     )
     proved = (certified(problem, level) for level in levels)
     certificates = {proof.level: proof for proof in proved}
@@ -394,7 +402,7 @@ def compare_joint(
     rivals = {
         METHODS[method]: clipped.error
         for method, plan in plans.items()
-        if method in CLOSED_FORMS and (clipped := kept_within(plan, optimal.limits)) is not None
+        if method in CLOSED_FORMS and (clipped := kept_within(plan, limits)) is not None
     }
     checks += no_worse_checks(name, "optimal", optimal.plan, optimal.error, rivals, NO_WORSE)
     checks += bound_checks(name, bounds, errors)
@@ -412,10 +420,10 @@ def compare_joint(
             Check(name, METHODS[SECOND], SOLVED, 0.0, SOLVES),
             Check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
         ]
-    if optimal.limits is not None:
+    if limits is not None:
         for method, plan in plans.items():
             if method not in CLOSED_FORMS:
-                excess = beyond_limits(plan.requests, optimal.limits)
+                excess = beyond_limits(plan.requests, limits)
                 checks.append(Check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
     return JointComparison(name, plans, certificates, answers, tuple(checks))
 
@@ -559,17 +567,19 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
     for column, joint in enumerate(joints):
         answer = second_answer(best, column)
         checks += answer_checks(joint.name, label, answer, cyclic=best.cyclic)
-    excess = beyond_limits(best.requests, together.limits)
+    limits = best.task.lower, best.task.upper
+    excess = beyond_limits(best.requests, limits)
     checks.append(Check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
     error = error_norm(best.distances, norm)
     if best.foot_bound is not None:
         below = best.foot_bound - error
         checks.append(Check(FOOT, label, ABOVE, below, ABOVE_BOUND._replace(unit="m")))
-    limits = list(zip(*together.limits, strict=True))
     for method in planned_methods(joints):
         single = [joint.plans[method] for joint in joints]
         plans[method] = _foot_plan(best, single)
-        clipped = [kept_within(*each) for each in zip(single, limits, strict=True)]
+        clipped = [
+            kept_within(*each) for each in zip(single, zip(*limits, strict=True), strict=True)
+        ]
         usable = [plan for plan in clipped if plan is not None]
         if len(usable) == len(joints):
             rivals[METHODS[method]] = error_norm(_foot_plan(best, usable).distances, norm)
@@ -579,7 +589,11 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
 
 def _foot_plan(together: Plan, plans: Sequence[Inversion]) -> Plan:
     """Plans of the joints, one by one, judged by where they bring the foot, all axes alike."""
-    start = None if together.cyclic else np.array([plan.start for plan in plans])
+    start = (
+        None
+        if together.cyclic
+        else np.array([plan.plan.task.starts[plan.column] for plan in plans])
+    )
     task = replace(together.task, start=start, weights=np.ones(3))
     requests = np.column_stack([plan.requests for plan in plans])
     return replace(together, task=task, requests=requests)

@@ -1,6 +1,6 @@
 """Views of a plan for one joint or for a foot, and what it has learnt from executed cycles.
 
-The views have the figures that follow from the requests; ``plan.task`` has the arguments.
+The views have the figures that follow from the requests; their ``plan.task`` has the arguments.
 """
 
 from __future__ import annotations
@@ -9,11 +9,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar, final
 
 import numpy as np
 
-from planner.planning.task import checked_leg
 from planner.trajectory import Array
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 
@@ -143,6 +142,7 @@ class _View(Summarised):
     )
 
 
+@final
 class Inversion(_View):
     """Requests for a desired trajectory of one joint, with the response of the exact model.
 
@@ -150,30 +150,11 @@ class Inversion(_View):
     """
 
     model = _Figure(lambda plan, j: plan.models[j], "The joint.")
-    models = _Figure(
-        lambda plan, j: plan.task.models[j] if len(plan.task.models[j]) > 1 else (),
-        "All judged models, the nominal one first; () for the nominal one alone.",
-    )
-    robust = _Figure(
-        lambda plan, j: plan.task.robust if len(plan.task.models[j]) > 1 else None,
-        'Whether the "mean" or the "worst" of the models\' errors was minimised, or neither.',
-    )
     desired = _Figure(
         lambda plan, j: _own(plan.desired, plan, j), "Desired angles [rad], shape (n,)."
     )
     errors = _Figure(
         lambda plan, j: _own(plan.errors, plan, j), "Predicted minus desired angles [rad], (n,)."
-    )
-    solver = _Figure(
-        lambda plan, _: plan.solver, "Solver of an optimised plan; None for a closed form."
-    )
-    limits = _Figure(
-        lambda plan, j: plan.task.limits[j],
-        "Smallest and largest request allowed [rad]; None where there was no limit.",
-    )
-    start = _Figure(
-        lambda plan, j: plan.task.starts[j],
-        "From rest: angle at which the joint rests before the first request [rad].",
     )
     approximation = _Figure(
         lambda plan, j: plan.approximations[j] if plan.approximations else None,
@@ -182,16 +163,6 @@ class Inversion(_View):
     lead = _Figure(
         lambda plan, j: plan.leads[j] if plan.leads else None,
         "Of a time shift: how early the desired angles are requested [s], else None.",
-    )
-    load = _Figure(
-        lambda plan, j: plan.task.loads[j],
-        "Torque at each sample [N m], (n,); None if no model feels it.",
-    )
-    load_of_pose = _Figure(
-        lambda plan, j: plan.task.load_of_pose and plan.task.loads[j] is not None,
-        "Whether ``load`` is the load at the predicted angles. Other requests would meet another "
-        "load, so that there is no lower bound on their error: it is 0, unless the nominal model "
-        "feels no load.",
     )
     expected = _Figure(
         lambda plan, j: plan.expected[j],
@@ -214,6 +185,7 @@ class Inversion(_View):
     )
 
 
+@final
 class FootInversion(_View):
     """Requests for all joints of a leg, with the response of the exact models.
 
@@ -221,40 +193,6 @@ class FootInversion(_View):
     """
 
     models = _Figure(lambda plan, _: plan.models, "The joints, in the leg's order.")
-    robust = _Figure(
-        lambda plan, _: plan.task.robust,
-        'Whether the "mean" or the "worst" of the models\' errors was minimised, or neither.',
-    )
-    leg = _Figure(lambda plan, _: checked_leg(plan.task.leg), "The leg.")
-    desired_foot = _Figure(
-        lambda plan, _: plan.task.desired_foot,
-        "Desired foot positions in the leg's base frame [m], shape (n, 3).",
-    )
-    weights = _Figure(
-        lambda plan, _: plan.task.weights,
-        "Weight of each axis in the distance that counts, shape (3,).",
-    )
-    reachable = _Figure(
-        lambda plan, _: plan.task.reachable,
-        "Which of the desired positions the leg can reach, shape (n,).",
-    )
-    limits = _Figure(
-        lambda plan, _: (plan.task.lower, plan.task.upper),
-        "Smallest and largest request of each joint [rad], two arrays of shape (k,).",
-    )
-    start = _Figure(
-        lambda plan, _: plan.task.start,
-        "From rest: angles at which the joints rest before the first request [rad], (k,).",
-    )
-    loads = _Figure(
-        lambda plan, _: plan.task.loads,
-        "Torque on each joint at every sample [N m], (n,), or None where no model feels it.",
-    )
-    load_of_pose = _Figure(
-        lambda plan, _: plan.task.load_of_pose,
-        "Whether ``loads`` are the loads at the predicted angles. There is no lower bound then, "
-        "unless the nominal models feel no load.",
-    )
     foot = _Figure(lambda plan, _: plan.foot, "Predicted position of the foot [m], shape (n, 3).")
     distances = _Figure(
         lambda plan, _: plan.distances,

@@ -47,11 +47,10 @@ def comparison_page(
     """The whole page: verdict and key figures first, sources last; with a leg, it moves."""
     joints, foot = check.joints, check.foot
     names = [joint.name for joint in joints]
-    limits = [joint.plans["optimal"].limits for joint in joints]
     excesses = {
-        joint.name: math.degrees(beyond_limits(joint.plans[SHOWN].requests, each))
-        for joint, each in zip(joints, limits, strict=True)
-        if each is not None
+        joint.name: math.degrees(beyond_limits(joint.plans[SHOWN].requests, joint.limits))
+        for joint in joints
+        if joint.limits is not None
     }
     methods = [method for method in (SHOWN, "optimal", SECOND) if method in check.methods]
     expected = [joint.plans["optimal"].expected.error for joint in joints]
@@ -242,7 +241,7 @@ def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
         words_of("comparison_joint", name=joint.name),
         angles=[(joint.desired, style.DESIRED), *((plan.predicted, role) for plan, role in plans)],
         requests=[(plan.requests, role) for plan, role in plans],
-        limits=joint.plans["optimal"].limits,
+        limits=joint.limits,
         below=[Panel(Axis("difference", "deg"), difference, title, height=0.8)],
     )
 

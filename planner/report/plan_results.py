@@ -240,7 +240,10 @@ class PlanAnswer:
         for label, robust in zip(labels, results, strict=True):
             if robust.nominal is None:
                 return None
-            for result, kind in ((robust, robust.robust), (robust.nominal, "nominal model")):
+            for result, kind in (
+                (robust, self.plan.task.robust),
+                (robust.nominal, "nominal model"),
+            ):
                 errors = tuple(f"{factor * error:.3f}" for error in result.over_models)
                 rows.append(Row(f"{label}, for the {kind}", errors))
         columns = tuple(Column(f"{which} [{unit}]") for which in ErrorsOfModels._fields)
@@ -310,7 +313,7 @@ class PlanAnswer:
         return {
             **_named(numbers.planned, unit),
             "norm": inversion and inversion.norm,
-            "solver": inversion and inversion.solver,
+            "solver": plan.solver,
             f"expected_rms_{unit}": math.degrees(expected.error),
             f"expected_range_{unit}": ends if np.isfinite(ends).all() else None,
             "untested": list(expected.untested),
@@ -421,7 +424,7 @@ class PlanAnswer:
         lines = [f"foot: {rms_error:.3f} cm rms from its path, {most:.3f} cm at most{robot}"]
         if plan.of_foot is not None and plan.foot_bound:
             norm = "rms" if plan.task.norm == "rms" else "at most"
-            weighted = " as weighted" if len(set(plan.of_foot.weights)) > 1 else ""
+            weighted = " as weighted" if len(set(plan.task.weights)) > 1 else ""
             lines.append(
                 f"no requests within the limits bring it below {100.0 * plan.foot_bound:.3f} cm "
                 f"{norm}{weighted}: the plan is {percent(plan.of_foot.gap)} above that"

@@ -99,7 +99,7 @@ def test_random_joints_pass(seed):
 def test_limits_hold_for_all_joints_or_one_by_one():
     desired = np.where(np.arange(20) < 10, 0.0, 20 * JOINT.v_max_per_tick / 3)
     check = cross_check(JOINT, np.column_stack([desired] * 2), limits=([0.0, -1.0], [0.3, 1.0]))
-    assert [joint.plans["optimal"].limits for joint in check.joints] == [(0.0, 0.3), (-1.0, 1.0)]
+    assert [joint.limits for joint in check.joints] == [(0.0, 0.3), (-1.0, 1.0)]
     assert check.passed
     closed_form, optimal = (
         check.joints[0].plans[method] for method in ("closed_form_paper", "optimal")
@@ -145,7 +145,7 @@ def test_the_second_answer_agrees_for_any_joint(cyclic, model, requests):
 def test_the_second_solvers_plan_is_a_plan_of_its_own_and_as_good(of_walk):
     for joint in of_walk.joints:
         second, optimal = joint.plans[SECOND], joint.plans["optimal"]
-        assert (second.solver, optimal.solver) == ("ipopt", "gauss-newton")
+        assert (second.plan.solver, optimal.plan.solver) == ("ipopt", "gauss-newton")
         assert not np.array_equal(second.requests, optimal.requests)
         assert joint.gap(SECOND) == pytest.approx(joint.gap("optimal"), abs=2e-3)
         assert {check.name for check in joint.checks if check.plan == METHODS[SECOND]} >= {
@@ -240,7 +240,7 @@ def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):
     broken = {name for _, name in _broken(judge_foot(of_walk.joints, late))}
     others = PAPER, EXACT, OPTIMAL, METHODS[SECOND]
     assert broken == {f"no worse than {label}" for label in others}
-    lower, upper = plan.limits
+    lower, upper = plan.plan.task.lower, plan.plan.task.upper
     tight = replace(plan, lower=lower, upper=upper - 1.0)
     tight.plan.__dict__["lower_bounds"] = plan.plan.lower_bounds
     broken = _broken(judge_foot(of_walk.joints, tight))

@@ -38,7 +38,8 @@ def test_the_foot_keeps_the_tolerance_and_not_in_a_sample_less(leg, circle, monk
         JOINT, leg, lambda count: in_samples(circle, count), tolerance=TOLERANCE, samples=16
     )
     assert found.plan.max_error <= TOLERANCE
-    np.testing.assert_array_equal(found.plan.limits, leg.limits)
+    task = found.plan.plan.task
+    np.testing.assert_array_equal([task.lower, task.upper], leg.limits)
     assert found.period == pytest.approx(found.samples * JOINT.period)
     if found.samples > 11:
         shorter = in_samples(circle, found.samples - 1)

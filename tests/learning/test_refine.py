@@ -448,7 +448,9 @@ def a_foot() -> planner.FootInversion:
 @pytest.mark.parametrize("j", [0, 1, 2])
 def test_deviations_of_a_joint_are_those_of_the_foot_in_its_weighted_norm(j, a_foot) -> None:
     off = 1e-5 * np.eye(3)[j]
-    foot, moved = (a_foot.leg.foot_positions(a_foot.predicted + each) for each in (0.0, off))
+    foot, moved = (
+        a_foot.plan.task.leg.foot_positions(a_foot.predicted + each) for each in (0.0, off)
+    )
     scales = a_foot.plan.task.axis_scales
     expected = math.sqrt(np.mean(np.sum(((moved - foot) * scales) ** 2, axis=1)))
     assert refining._size(a_foot.plan, off) == pytest.approx(expected, rel=1e-3)

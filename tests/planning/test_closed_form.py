@@ -98,7 +98,7 @@ def test_from_rest_the_first_request_holds_the_joint_at_the_first_desired_angle(
     model = random_model(rng, hold=hold, offset=True)
     desired = saturating(rng, model)
     plan = invert_closed_form(model, desired, cyclic=False, rule="exact")
-    assert plan.start == desired[0]
+    assert plan.plan.task.starts[0] == desired[0]
     assert plan.requests[0] == desired[0] - model.offset
     expected = from_rest(model, plan.requests, start=desired[0])
     np.testing.assert_allclose(plan.predicted, expected, rtol=0.0, atol=1e-12)

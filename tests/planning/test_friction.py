@@ -92,7 +92,7 @@ def test_any_joint_gets_a_plan_that_keeps_its_bound(norm, model, desired, seed):
     for cyclic in (True, False):
         made = invert_optimal(model, desired, cyclic=cyclic, norm=norm, load=load)
         assert made.lower_bound <= made.error + 1e-9
-        assert made.load is None or np.array_equal(made.load, load)
+        assert made.plan.task.loads[0] is None or np.array_equal(made.plan.task.loads[0], load)
 
 
 def test_a_mirrored_joint_has_the_mirrored_plan():
@@ -154,8 +154,10 @@ def test_from_rest_beyond_the_limits_the_first_request_still_holds_the_joint():
         made = invert_optimal(joint, way * desired, cyclic=False, limits=limits, smoothness=0.0)
         first = way * made.requests[0]
         assert 0.39 <= first <= 0.4  # a dead band from the start, 0.44, and within the limits
-        held = simulate(joint, np.full(30, made.requests[0]), cyclic=False, start=made.start)
-        assert np.array_equal(held, np.full(30, made.start))
+        held = simulate(
+            joint, np.full(30, made.requests[0]), cyclic=False, start=made.plan.task.starts[0]
+        )
+        assert np.array_equal(held, np.full(30, made.plan.task.starts[0]))
 
 
 PAPER = planner.JointModel.ers210a()

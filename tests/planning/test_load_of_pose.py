@@ -51,8 +51,10 @@ def test_the_load_is_that_of_the_predicted_angles(kind, too_fast):
         made = planner.plan(SOFT, PATH, load=pendulum, method=method, cyclic=cyclic)
     (inversion,) = made.inversions
     load = pendulum(made.predicted[:, 0])
-    np.testing.assert_allclose(inversion.load, load, rtol=0.0, atol=ROUNDING)
-    start = None if cyclic else inversion.start
+    np.testing.assert_allclose(
+        inversion.plan.task.loads[inversion.column], load, rtol=0.0, atol=ROUNDING
+    )
+    start = None if cyclic else inversion.plan.task.starts[inversion.column]
     simulated = planner.simulate(SOFT, made.requests[:, 0], load=load, cyclic=cyclic, start=start)
     np.testing.assert_allclose(simulated, made.predicted[:, 0], rtol=0.0, atol=ROUNDING)
 
@@ -67,17 +69,17 @@ def test_where_the_joint_can_follow_one_more_plan_settles_the_load():
 
 def test_where_it_cannot_the_plan_is_made_for_the_angles_that_it_reaches(too_fast):
     made = too_fast
-    fixed = planner.plan(SOFT, TOO_FAST, load=made.inversions[0].load)
+    fixed = planner.plan(SOFT, TOO_FAST, load=made.task.loads[0])
     assert made.rms[0] <= 1.01 * fixed.rms[0]  # rounding decides between local minima
     naive = planner.plan(SOFT, TOO_FAST, load=pendulum(TOO_FAST)).under(
-        made.inversions[0].load[:, np.newaxis]
+        made.task.loads[0][:, np.newaxis]
     )
     assert made.rms[0] < naive.rms[0]
 
 
 def test_a_load_of_the_pose_has_no_lower_bound(too_fast):
     (inversion,) = too_fast.inversions
-    assert inversion.load_of_pose
+    assert inversion.plan.task.load_of_pose
     assert inversion.lower_bound == 0.0 < inversion.rms
     stiff = replace(SOFT, compliance=0.0, speed_per_torque=0.0)
     (unloaded,) = planner.plan(stiff, TOO_FAST, load=pendulum).inversions
@@ -90,11 +92,13 @@ def test_a_leg_carries_itself():
     model = replace(planner.JointModel.ers210a(), compliance=0.3, speed_per_torque=0.5)
     joints = planner.plan(model, leg.joint_angles(foot_path), load=leg.load_torques)
     expected = leg.load_torques(joints.predicted)
-    loads = np.column_stack([each.load for each in joints.inversions])
+    loads = np.column_stack(joints.task.loads)
     np.testing.assert_allclose(loads, expected, rtol=0.0, atol=ROUNDING)
     foot = planner.invert_foot(model, leg, foot_path, load=leg.load_torques)
     expected = leg.load_torques(foot.predicted)
-    np.testing.assert_allclose(np.column_stack(foot.loads), expected, rtol=0.0, atol=ROUNDING)
+    np.testing.assert_allclose(
+        np.column_stack(foot.plan.task.loads), expected, rtol=0.0, atol=ROUNDING
+    )
     assert foot.lower_bound == 0.0
 
 

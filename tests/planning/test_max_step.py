@@ -59,12 +59,14 @@ def test_steps_and_requests_are_within_their_limits_whatever_else_is_asked_for(s
     limit = options["max_step"]
     assert np.max(steps(made.requests, cyclic=made.cyclic)) <= limit * (1.0 + EXACT)
     assert made.largest_step <= limit * (1.0 + EXACT)
-    if made.limits is not None:
-        assert made.limits[0] <= np.min(made.requests)
-        assert np.max(made.requests) <= made.limits[1]
+    if made.plan.task.limits[0] is not None:
+        assert made.plan.task.limits[0][0] <= np.min(made.requests)
+        assert np.max(made.requests) <= made.plan.task.limits[0][1]
     if not made.cyclic:
-        load = 0.0 if made.load is None else made.load[0]
-        holding = made.start - model.sag(load)  # the middle of the requests that hold the joint
+        load = 0.0 if made.plan.task.loads[0] is None else made.plan.task.loads[0][0]
+        holding = made.plan.task.starts[0] - model.sag(
+            load
+        )  # the middle of the requests that hold the joint
         assert made.requests[0] == pytest.approx(holding, abs=model.dead_band + 1e-12)
     assert made.error >= made.lower_bound - 1e-9
 

@@ -78,13 +78,13 @@ def test_no_closed_form_within_the_limits_does_better(seed, cyclic, limited):
 
 def closed_forms_do_no_better(plan, *, segments=(None, None)):
     """Clipped to the limits of the plan, by each rule with so many lines."""
-    limits = plan.limits or (-math.inf, math.inf)
+    limits = plan.plan.task.limits[0] or (-math.inf, math.inf)
     for rule, lines in zip(RULES, segments, strict=True):
         other = invert_closed_form(
             plan.model, plan.desired, cyclic=plan.cyclic, segments=lines, rule=rule
         )
         requests = np.clip(other.requests, *limits)
-        angles = simulate(plan.model, requests, cyclic=plan.cyclic, start=other.start)
+        angles = simulate(plan.model, requests, cyclic=plan.cyclic, start=other.plan.task.starts[0])
         assert plan.rms <= math.sqrt(np.mean((angles - plan.desired) ** 2)) + NO_WORSE
 
 

@@ -71,13 +71,13 @@ def test_the_mean_and_the_worst_of_several_models_are_better_than_under_a_plan_f
         expected = errors(MODELS, made.requests, SINE, norm=norm, cyclic=cyclic, **start)
         np.testing.assert_allclose(made.errors_of_models, expected, rtol=0.0, atol=1e-12)
         assert made.error == made.errors_of_models[0]
-        assert made.models == MODELS
+        assert made.plan.task.models == (MODELS,)
         assert made.error >= made.lower_bound - 1e-9
     assert np.sum(mean.errors_of_models**2) <= np.sum(before**2)
     # From rest the largest error is that of the start, which no requests can lessen.
     assert worst.over_models.worst <= (0.8 if cyclic else 1.0) * np.max(before)
     assert worst.over_models.worst <= 1.01 * mean.over_models.worst
-    assert (mean.robust, worst.robust) == ("mean", "worst")
+    assert (mean.plan.task.robust, worst.plan.task.robust) == ("mean", "worst")
 
 
 def test_a_plan_for_an_identification_is_good_for_the_models_that_it_allows(identified):
@@ -194,7 +194,7 @@ def test_plan_takes_several_models_of_one_joint_or_of_each(identified):
     )
     both = np.column_stack([SINE, 0.5 * SINE])
     made = plan([MODELS[:2], identified], both)
-    assert [len(each.models) for each in made.inversions] == [2, 9]
+    assert [len(each) for each in made.task.models] == [2, 9]
     for method in ("closed_form", "shift"):
         with pytest.raises(InvalidInput, match="got several of a joint, which need method 'optim"):
             plan([MODELS[:2], ERS210A], both, method=method)

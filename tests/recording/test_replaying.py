@@ -221,7 +221,7 @@ def test_the_torque_of_a_log_acts_at_the_moments_of_the_replay_on_all_kinds_of_r
     log = carried()
     (joint,) = replay(log, SAGGING, speed=2.0, smoothness=0.0).joints
     torques = np.interp(joint.moments, log.times, log.load)
-    np.testing.assert_allclose(joint.inversion.load, torques)
+    np.testing.assert_allclose(joint.inversion.plan.task.loads[joint.inversion.column], torques)
     assert recorded_path(log, SERVO).joints[0].load is None  # which this model does not feel
     (own,) = replay(log, SAGGING, smoothness=0.0).joints
     start = float(own.desired[0])

@@ -83,7 +83,7 @@ def test_candidates_have_the_figures_of_what_was_played_after_the_run_in(monkeyp
 
     monkeypatch.setattr(candidates, "invert_optimal", inverted)
     found = candidates.compare(SimpleNamespace(model=MODEL), LIMITS, measured)
-    assert [each.limits for each in plans] == [LIMITS, LIMITS]
+    assert [each.plan.task.limits[0] for each in plans] == [LIMITS, LIMITS]
     count = len(desired) - skipped - 1
     for each in found.candidates:
         assert each.error == pytest.approx(np.sqrt((0.02**2 * (count - 1) + 0.06**2) / count))

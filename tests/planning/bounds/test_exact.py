@@ -154,7 +154,7 @@ def test_the_levels_are_ordered_and_no_plan_goes_below_them(samples, hold, cycli
     model = random_model(rng, whole=False, hold=hold)
     desired = saturating(rng, model, samples=samples)
     plan = invert_optimal(model, desired, cyclic=cyclic, norm=norm)
-    for start in {None, plan.start}:
+    for start in {None, plan.plan.task.starts[0]}:
         options = {"cyclic": cyclic, "norm": norm, "start": start, "time_limit": 0.1}
         bounds = [
             lower_bound(model, desired, level=level, **options)

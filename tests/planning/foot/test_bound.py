@@ -72,33 +72,40 @@ def short_plan(
 
 def error_of(plan, requests):
     """What other requests of a leg make of a plan's error, by exact simulation [m]."""
-    starts = [None] * 3 if plan.start is None else plan.start
+    starts = [None] * 3 if plan.plan.task.start is None else plan.plan.task.start
     angles = [
         simulate(model, column, cyclic=plan.cyclic, start=start, load=load)
         for model, column, start, load in zip(
-            plan.models, requests.T, starts, plan.loads, strict=True
+            plan.models, requests.T, starts, plan.plan.task.loads, strict=True
         )
     ]
-    roots = np.sqrt(plan.weights / np.max(plan.weights))
-    missed = (plan.leg.foot_positions(np.transpose(angles)) - plan.desired_foot) * roots
+    roots = np.sqrt(plan.plan.task.weights / np.max(plan.plan.task.weights))
+    foot = plan.plan.task.leg.foot_positions(np.transpose(angles))
+    missed = (foot - plan.plan.task.desired_foot) * roots
     distances = np.linalg.norm(missed, axis=1)
     return np.max(distances) if plan.norm == "max" else np.sqrt(np.mean(distances**2))
+
+
+def limits_of(plan):
+    return plan.plan.task.lower, plan.plan.task.upper
 
 
 def task_of(plan):
     """The relaxation behind a plan's bound, in units of its error."""
     lower, upper = attainable_angles(
-        plan.models, plan.limits, len(plan.desired_foot), start=plan.start
+        plan.models, limits_of(plan), len(plan.plan.task.desired_foot), start=plan.plan.task.start
     )
-    roots = np.sqrt(plan.weights / np.max(plan.weights))
-    starts = [None] * 3 if plan.start is None else plan.start
+    roots = np.sqrt(plan.plan.task.weights / np.max(plan.plan.task.weights))
+    starts = [None] * 3 if plan.plan.task.start is None else plan.plan.task.start
     sets = [
         reachable_set(
             BoundProblem(model, plan.predicted[:, 0], plan.cyclic, plan.norm, start), "envelope"
         )
         for model, start in zip(plan.models, starts, strict=True)
     ]
-    distance = Distance(plan.leg.chain, lower, upper, plan.desired_foot, roots / plan.error)
+    distance = Distance(
+        plan.plan.task.leg.chain, lower, upper, plan.plan.task.desired_foot, roots / plan.error
+    )
     return LagrangianRelaxation.of(distance, sets, plan.norm)
 
 
@@ -119,9 +126,9 @@ def test_no_requests_within_the_limits_go_below_it(hold, cyclic, norm, friction,
     for spread in (0.01, 0.1, 1.0):
         for _ in range(20):
             requests = plan.requests + rng.normal(0.0, spread, plan.requests.shape)
-            if plan.start is not None:
+            if plan.plan.task.start is not None:
                 requests[0] = plan.requests[0]  # which holds the joints where they rest
-            requests = np.clip(requests, *plan.limits)
+            requests = np.clip(requests, *limits_of(plan))
             assert plan.lower_bound <= error_of(plan, requests)
 
 
@@ -204,7 +211,7 @@ def test_where_the_joints_could_follow_nothing_is_searched(monkeypatch):
 
 def test_a_cycle_may_begin_anywhere():
     plan = short_plan(1, True, "rms", samples=8)
-    task = replace(plan.plan.task, foot=np.roll(plan.desired_foot, 5, axis=0))
+    task = replace(plan.plan.task, foot=np.roll(plan.plan.task.desired_foot, 5, axis=0))
     later = foot_bound(task, np.roll(plan.predicted, 5, axis=0))
     assert later == pytest.approx(plan.lower_bound, rel=0.01)
 

@@ -37,6 +37,10 @@ pytestmark = pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquat
 
 
 @cache
+def limits_of(plan):
+    return plan.plan.task.lower, plan.plan.task.upper
+
+
 def reference_plan(**options) -> FootInversion:
     """The plan for the reference walk, searched for once."""
     return invert_foot(ERS210A, WALK.leg, WALK.desired_foot, **options)
@@ -64,12 +68,15 @@ def stride(leg, *, samples=30, swing=0.35, seed=1):
 
 def foot_errors(plan, requests):
     """Distances of the foot under other requests to the same joints, by exact simulation [m]."""
-    starts = [None] * len(plan.models) if plan.start is None else plan.start
+    starts = [None] * len(plan.models) if plan.plan.task.start is None else plan.plan.task.start
     angles = [
         simulate(model, column, cyclic=plan.cyclic, start=start)
         for model, column, start in zip(plan.models, np.transpose(requests), starts, strict=True)
     ]
-    return np.linalg.norm(plan.leg.foot_positions(np.transpose(angles)) - plan.desired_foot, axis=1)
+    return np.linalg.norm(
+        plan.plan.task.leg.foot_positions(np.transpose(angles)) - plan.plan.task.desired_foot,
+        axis=1,
+    )
 
 
 def rms(distances):
@@ -77,22 +84,24 @@ def rms(distances):
 
 
 def assert_within_limits(plan):
-    lower, upper = plan.limits
+    lower, upper = limits_of(plan)
     assert np.all((lower <= plan.requests) & (plan.requests <= upper))
 
 
 def joint_by_joint(plan, norm="rms"):
     """Every joint planned for itself, for the angles that come nearest to the path."""
     offsets = np.array([model.offset for model in plan.models])
-    lower, upper = np.array(plan.limits) + offsets  # where the requests let the joints rest
+    lower, upper = np.array(limits_of(plan)) + offsets  # where the requests let the joints rest
     desired = np.clip(
-        plan.leg.joint_angles(plan.desired_foot, unreachable="nearest"), lower, upper
+        plan.plan.task.leg.joint_angles(plan.plan.task.desired_foot, unreachable="nearest"),
+        lower,
+        upper,
     ).T
     return np.transpose(
         [
             invert_optimal(model, angles, cyclic=plan.cyclic, limits=limits, norm=norm).requests
             for model, angles, limits in zip(
-                plan.models, desired, np.transpose(plan.limits), strict=True
+                plan.models, desired, np.transpose(limits_of(plan)), strict=True
             )
         ]
     )
@@ -118,7 +127,7 @@ def test_on_the_reference_walk_no_plan_of_single_joints_is_better(norm, cyclic):
     error = np.max if norm == "max" else rms
     others = [joint_by_joint(plan, norm)]
     for rule in RULES:
-        closed_forms = np.clip(reference_closed_forms(rule, cyclic), *plan.limits)
+        closed_forms = np.clip(reference_closed_forms(rule, cyclic), *limits_of(plan))
         others.append(closed_forms)
     for requests in others:
         assert error(plan.distances) <= error(foot_errors(plan, requests)) + NO_WORSE
@@ -159,7 +168,7 @@ def test_limits_narrower_than_the_path_are_respected_to_the_last_bit(norm, cycli
     options = {"cyclic": cyclic, "limits": limits, "norm": norm, "smoothness": 0.0}
     plan = invert_foot(ERS210A, leg, path, **options)
     assert_within_limits(plan)
-    np.testing.assert_array_equal(plan.limits, limits)
+    np.testing.assert_array_equal(limits_of(plan), limits)
     assert np.any((plan.requests == limits[0]) | (plan.requests == limits[1]))
     error = np.max if norm == "max" else rms
     assert error(plan.distances) <= error(foot_errors(plan, joint_by_joint(plan, norm))) + NO_WORSE
@@ -182,7 +191,7 @@ def test_joints_of_different_kinds_are_planned_together(hold, cyclic):
         if cyclic:
             expected = next_cycle(model, requests, angles[-1])
         else:
-            expected = from_rest(model, requests, start=plan.start[joint])
+            expected = from_rest(model, requests, start=plan.plan.task.start[joint])
         np.testing.assert_allclose(angles, expected, rtol=0.0, atol=SAME)
 
 
@@ -191,10 +200,10 @@ def test_from_rest_the_joints_hold_the_first_pose_until_the_second_request_acts(
     model = replace(ERS210A, offset=0.1)
     desired = stride(leg)
     plan = invert_foot(model, leg, leg.foot_positions(desired), cyclic=False)
-    np.testing.assert_allclose(plan.start, desired[0], rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(plan.requests[0] + 0.1, plan.start, rtol=0.0, atol=1e-15)
-    np.testing.assert_allclose(plan.predicted[:5], [plan.start] * 5, rtol=0.0, atol=1e-15)
-    assert reference_plan().start is None
+    np.testing.assert_allclose(plan.plan.task.start, desired[0], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(plan.requests[0] + 0.1, plan.plan.task.start, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(plan.predicted[:5], [plan.plan.task.start] * 5, rtol=0.0, atol=1e-15)
+    assert reference_plan().plan.task.start is None
 
 
 @pytest.mark.parametrize("offset", [-0.1, 0.1])
@@ -213,7 +222,7 @@ def test_an_axis_without_a_weight_is_let_go_for_the_others(axis):
     freed = np.abs(plan.foot - WALK.desired_foot)
     assert rms(freed[:, axis]) > 1.5 * rms(errors[:, axis])
     assert rms(freed * weights) < 0.9 * rms(errors * weights)
-    np.testing.assert_array_equal(plan.weights, weights)
+    np.testing.assert_array_equal(plan.plan.task.weights, weights)
 
 
 def test_a_point_out_of_reach_is_pointed_at():
@@ -233,7 +242,7 @@ def test_a_path_partly_out_of_reach_is_followed_as_closely_as_the_rest_of_it(nor
     error = np.max if norm == "max" else rms
     assert error(solution.distance) <= error(plan.distances)
     assert error(plan.distances) <= error(foot_errors(plan, joint_by_joint(plan, norm))) + NO_WORSE
-    np.testing.assert_array_equal(plan.desired_foot, WALK.half_ellipse)
+    np.testing.assert_array_equal(plan.plan.task.desired_foot, WALK.half_ellipse)
 
 
 def test_every_figure_follows_from_the_requests():

@@ -46,7 +46,7 @@ def planned(**options):
 def errors(scenarios, plan, *, requests=None, loads=(None, None, None)):
     """Errors of the foot in each scenario, by simulation joint by joint [m], (scenarios,)."""
     sent = plan.requests if requests is None else requests
-    starts = [None] * sent.shape[1] if plan.start is None else plan.start
+    starts = [None] * sent.shape[1] if plan.plan.task.start is None else plan.plan.task.start
     found = []
     for models in scenarios:
         columns = zip(models, sent.T, starts, loads, strict=True)
@@ -55,7 +55,8 @@ def errors(scenarios, plan, *, requests=None, loads=(None, None, None)):
             for model, each, start, load in columns
         ]
         away = np.linalg.norm(
-            plan.leg.foot_positions(np.transpose(angles)) - plan.desired_foot, axis=1
+            plan.plan.task.leg.foot_positions(np.transpose(angles)) - plan.plan.task.desired_foot,
+            axis=1,
         )
         found.append(np.max(away) if plan.norm == "max" else np.sqrt(np.mean(away**2)))
     return np.array(found)
@@ -70,7 +71,7 @@ def test_the_foots_errors_over_several_models_are_smaller_than_under_a_plan_for_
     before = errors(scenarios, alone)
     for made, which in ((mean, "mean"), (worst, "worst")):
         assert made.plan.task.scenarios == scenarios
-        assert made.robust == which
+        assert made.plan.task.robust == which
         np.testing.assert_array_equal(made.nominal.requests, alone.requests)
         np.testing.assert_allclose(made.nominal.errors_of_models, before, rtol=0.0, atol=1e-11)
         np.testing.assert_allclose(
@@ -94,8 +95,8 @@ def test_of_a_single_joint_the_foots_plan_is_as_good_as_the_joints(tmp_path):
     for robust in ("mean", "worst"):
         joint = invert_optimal(SLOWER, desired, robust=robust)
         foot = invert_foot(SLOWER, leg, feet, robust=robust)
-        assert foot.plan.task.scenarios == tuple((each,) for each in joint.models)
-        flat = invert_foot(joint.models, leg, feet, robust=robust)
+        assert foot.plan.task.scenarios == tuple((each,) for each in joint.plan.task.models[0])
+        flat = invert_foot(joint.plan.task.models[0], leg, feet, robust=robust)
         np.testing.assert_array_equal(flat.requests, foot.requests)
         # A foot turned by e is 2 r sin(e / 2) away; two searches end apart by a per cent or so.
         after = [getattr(each.over_models, robust) for each in (foot, joint)]
@@ -122,7 +123,7 @@ def test_every_model_is_judged_under_the_load_that_it_feels():
     for plan in (made, made.nominal, under):
         expected = errors(scenarios, plan, loads=load)
         np.testing.assert_allclose(plan.errors_of_models, expected, rtol=0.0, atol=1e-11)
-    assert made.loads[1] is None  # no model of the abductor feels it
+    assert made.plan.task.loads[1] is None  # no model of the abductor feels it
 
 
 def test_joints_with_the_same_model_share_what_is_not_known_of_it_and_others_do_not():
