@@ -34,7 +34,7 @@ from planner.approximation.exact import MOST_SAMPLES, proved_best
 from planner.approximation.largest_error import within_largest_error
 from planner.approximation.problem import (
     BARELY,
-    KNOT_UNIT,
+    SAME_PLACE,
     SMALLEST,
     Candidate,
     Problem,
@@ -272,14 +272,14 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     elif question.max_error is not None:
         search = KnotSearch(scaled)
         bound = question.max_error / unit
-        curve, fewest = within_largest_error(search.unrounded, bound, question.segments, unit)
+        curve, fewest = within_largest_error(search.problem, bound, question.segments, unit)
         curve = search.form.restore(curve)
     else:
         search = KnotSearch(scaled)
-        curve = search.final_curve(_search_curve(search, question, unit))
+        curve = search.form.restore(_search_curve(search, question, unit))
     knots = np.array(curve.knots)
     for place in problem.required:
-        knots[np.abs(knots - place) < 8.0 * KNOT_UNIT] = place
+        knots[np.abs(knots - place) < SAME_PLACE] = place
     values = with_pins(problem, knots, middle + unit * curve.values)
     return Candidate(knots, values, curve.error), fewest
 
@@ -337,8 +337,6 @@ def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) 
 
     def close_enough(segments: int) -> Candidate | None:
         curve = search.curve(segments)
-        if enough < curve.error <= 1.001 * enough:  # with values a little short of the best
-            curve = search.valued(curve.knots)
         return curve if curve.error <= enough else None
 
     count = max(search.fewest, min(most, ONE_BY_ONE))

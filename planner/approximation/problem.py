@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.trajectory import LARGEST, Array, Indices, Mask
@@ -29,14 +28,8 @@ SAME_PLACE = 1e-6
 SHORTEST = 1.0 - 1e-9
 """Length of the shortest segment [samples]: a sample, less rounding."""
 
-KNOT_UNIT = 2.0**-32
-"""Knots are rounded to multiples of this [samples], so that their sums are exact."""
-
 BARELY = 1e-9
 """Relative distance from a bound on the error that rounding cannot cross."""
-
-RESOLUTION = 2.0**-36
-"""Samples and slope are searched as multiples of this; the last QP takes them as they are."""
 
 EQUAL = 1e-9
 """Relative difference up to which two numbers count as equal where the larger one decides, so that
@@ -132,11 +125,6 @@ def with_pins(problem: Problem, knots: Array, values: Array) -> Array:
     return np.where(np.isfinite(pins), pins, values)
 
 
-def rounded(values: npt.ArrayLike, unit: float) -> Array:
-    """The nearest multiples of a unit, an array like ``values``."""
-    return np.asarray(np.round(np.asarray(values) / unit) * unit)
-
-
 def nearest_samples(required: Array) -> Indices:
     """The samples that stand for required knots on grids of samples."""
     return np.floor(required + 0.5).astype(np.intp)
@@ -195,9 +183,7 @@ def checked_knots(
     pairs = required.items() if isinstance(required, Mapping) else ((k, None) for k in required)
     angles: dict[float, float] = {}
     for place, angle in pairs:
-        index = _number(f"{name} knots", place)
-        # The sum is 0.0 where a place is rounded to -0.0.
-        knot = float(rounded(index, KNOT_UNIT)) + 0.0 if abs(index) < 2.0 * n else index
+        knot = _number(f"{name} knots", place) + 0.0  # not -0.0
         if not (0.0 <= knot < n if cyclic else 0.0 <= knot <= n - 1.0):
             limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
             raise InvalidInput(f"{name}: got a knot at {knot:g}, expected {limit} [samples]")

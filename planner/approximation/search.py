@@ -18,15 +18,12 @@ with.
 
 from __future__ import annotations
 
-import math
 from functools import cache, cached_property
 from heapq import heapify, heappop, heappush
 
 import numpy as np
 
 from planner.approximation.problem import (
-    KNOT_UNIT,
-    RESOLUTION,
     SHORTEST,
     Candidate,
     CanonicalForm,
@@ -35,7 +32,6 @@ from planner.approximation.problem import (
     even_knots,
     nearest_samples,
     required_knots,
-    rounded,
     segment_capacity,
     with_required,
 )
@@ -98,22 +94,15 @@ BEND = 1e-10
 class KnotSearch:
     """Curves of any number of segments through the same samples, each computed once.
 
-    The samples are searched in a canonical form and at a resolution of their own, so that shifted,
-    mirrored, reversed and scaled ones give the same curve in spite of rounding.
+    The samples are searched in a canonical form, so that shifted, mirrored, reversed and scaled
+    ones give the same curve.
     """
 
     def __init__(self, problem: Problem) -> None:
         """Find the ideal and the canonical form."""
-        mantissa, exponent = math.frexp(problem.step)
-        coarse = problem._replace(
-            desired=rounded(problem.desired, RESOLUTION),
-            step=math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent),
-        )
-        ideal = ideal_of(coarse)
-        self.form = CanonicalForm.of(coarse.desired, ideal, cyclic=problem.cyclic)
-        self.problem = self.form.of_problem(coarse)
-        self.ideal = rounded(self.form.apply(ideal), RESOLUTION)
-        self.unrounded = self.form.of_problem(problem)
+        ideal = ideal_of(problem)
+        self.form = CanonicalForm.of(problem.desired, ideal, cyclic=problem.cyclic)
+        self.problem, self.ideal = self.form.of_problem(problem), self.form.apply(ideal)
         most = segment_capacity(self.problem)[1]  # between required knots
         self.fewest = max(2 if problem.cyclic else 1, most.size)
         self.most = int(np.sum(most))
@@ -130,16 +119,10 @@ class KnotSearch:
         values = solve_values(self.problem, knots)
         return candidate(self.problem, knots, within_slopes(self.problem, knots, values))
 
-    def final_curve(self, curve: Candidate) -> Candidate:
-        """The curve through the input samples, by the last QP in the values."""
-        knots = rounded(curve.knots, KNOT_UNIT)
-        values = solve_values(self.unrounded, knots, near=curve.values)
-        return self.form.restore(Candidate(knots, values, curve.error))
-
     @cached_property
     def exact(self) -> Candidate | None:
         """The curve on which the samples lie, if there is one."""
-        return exact_curve(self.unrounded)
+        return exact_curve(self.problem)
 
     @cached_property
     def _ranked(self) -> Array:
@@ -173,7 +156,9 @@ class KnotSearch:
         starts = sorted(map(self.valued, proposals), key=by_error)[:2]
         rough = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts]
         best = min(rough, key=by_error)
-        return [best if segments > PROPOSED else descend_by_windows(problem, best, rounds=MANY)]
+        if segments <= PROPOSED:
+            best = descend_by_windows(problem, best, rounds=MANY)
+        return [self.valued(best.knots)]
 
 
 def by_error(curve: Candidate) -> float:
