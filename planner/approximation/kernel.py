@@ -60,16 +60,15 @@ def open_ended(desired: Array, weights: Array, step: float) -> Array:
 
 
 @compiled
-def segment_costs(desired: Array, step: float, nodes: Indices, states: Array, fixed: Mask) -> Array:
-    """Squared errors of segments between nodes, each over the samples after its start.
+def segment_costs(desired: Array, step: float, nodes: Indices, values: Array, fixed: Mask) -> Array:
+    """Squared errors of chords between nodes, each over the samples after its start.
 
-    Knots may lie at ``nodes``, increasing samples, (m,), of which the ``fixed`` ones must be knots,
-    with one of the ``states``, (m, g), infinite where there are fewer. The costs, (m g, m g) by end
-    and start, are infinite where a segment is too steep, does not end after its start or passes a
-    fixed node.
+    Nodes are increasing samples, (m,), with ``values``, and the ``fixed`` ones must be knots. The
+    costs, (m, m) by end and start, are infinite where a chord is too steep, does not end after its
+    start or passes a fixed node.
     """
-    size, count = states.shape
-    costs, sums = np.zeros((size * count, size * count)), np.zeros((size, 3))
+    size = len(nodes)
+    costs, sums = np.zeros((size, size)), np.zeros((size, 3))
     costs[:] = np.inf
     for j in range(1, size):  # Σ d, Σ k d and Σ d² from the node before, where k = 0
         for k in range(1, nodes[j] - nodes[j - 1] + 1):
@@ -85,29 +84,22 @@ def segment_costs(desired: Array, step: float, nodes: Indices, states: Array, fi
             length = float(nodes[j] - nodes[i])
             w1 = 0.5 * length * (length + 1.0)
             w2 = w1 * (2.0 * length + 1.0) / 3.0
-            for start in range(count):
-                a = states[i, start]
-                for end in range(count):
-                    slope = (states[j, end] - a) / length
-                    if abs(slope) <= step * (1.0 + 1e-9):
-                        cost = a * (length * a + 2.0 * (slope * w1 - d0))
-                        cost += slope * (slope * w2 - 2.0 * d1) + d2
-                        costs[j * count + end, i * count + start] = max(cost, 0.0)
+            a, slope = values[i], (values[j] - values[i]) / length
+            if abs(slope) <= step * (1.0 + 1e-9):
+                cost = a * (length * a + 2.0 * (slope * w1 - d0))
+                cost += slope * (slope * w2 - 2.0 * d1) + d2
+                costs[j, i] = max(cost, 0.0)
             if fixed[j]:
                 break
     return costs
 
 
 @compiled
-def cheapest_chain(costs: Array, at_start: Array, segments: int) -> Indices:
-    """States on the cheapest way from the first node to the last; empty if there is none.
-
-    ``costs`` are those of :func:`segment_costs`, ``at_start`` those of the first node's states.
-    """
-    size, count = len(costs), len(at_start)
+def cheapest_chain(costs: Array, segments: int) -> Indices:
+    """Nodes on the cheapest way from the first to the last; empty if there is none."""
+    size = len(costs)
     total, after = np.zeros(size), np.zeros(size)
-    for state in range(size):
-        total[state] = at_start[state] if state < count else np.inf
+    total[1:] = np.inf
     came_from = np.zeros((segments, size), np.int64)
     for level in range(segments):
         for end in range(size):
@@ -118,14 +110,10 @@ def cheapest_chain(costs: Array, at_start: Array, segments: int) -> Indices:
             came_from[level, end] = best
             after[end] = total[best] + costs[end, best]
         total, after = after, total
-    last = size - count
-    for state in range(last, size):
-        if total[state] < total[last]:
-            last = state
-    if not total[last] < np.inf:
+    if not total[size - 1] < np.inf:
         return np.zeros(0, np.int64)
     way = np.zeros(segments + 1, np.int64)
-    way[segments] = last
+    way[segments] = size - 1
     for level in range(segments - 1, -1, -1):
         way[level] = came_from[level, way[level + 1]]
     return way

@@ -1,19 +1,15 @@
 """The search for knots: chains on grids, bottom-up merging, descents, and moves of single knots.
 
 Nothing is proved here. Cheapest chains and merged samples are starts of descents
-(:mod:`planner.approximation.values`); a lattice around the best of them gives more. The squared
-error has a kink wherever a knot meets a sample, so a local minimum between any two samples is
-possible; so the knots of the best two curves are moved across samples, one at a time, each move
-with a descent of its own. Beyond 32 segments, knots come from merging and one descent.
-Samples that are piecewise linear already have their corners read off.
+(:mod:`planner.approximation.values`). The squared error has a kink wherever a knot meets a sample,
+so a local minimum between any two samples is possible; so the knots of the best two curves are
+moved across samples, one at a time, each move with a descent of its own: by a few samples, or into
+the segment with the largest squared error. Beyond 32 segments, knots come from merging and one
+descent. Samples that are piecewise linear already have their corners read off.
 
-A segment from one sample to another has a cost that needs no other segment, so the cheapest chain
-of a given number of segments is a shortest path (Bellman, On the approximation of curves by line
-segments using dynamic programming, 1961; (5a) of docs/math.md). At each node one of a few angles
-around the ideal may be taken, and a segment between two of these states has its exact squared error
-as its cost, infinite if it is too steep. So the cheapest chain is continuous, within the slopes,
-and best of all on the lattice. With the ideal as the only state, chains need no curve to begin
-with.
+A chord of the ideal has a cost, its squared error, that needs no other segment, so the cheapest
+chain of a given number of chords is a shortest path (Bellman, On the approximation of curves by
+line segments using dynamic programming, 1961; (5a) of docs/math.md).
 """
 
 from __future__ import annotations
@@ -32,6 +28,7 @@ from planner.approximation.problem import (
     even_knots,
     nearest_samples,
     required_knots,
+    residuals,
     segment_capacity,
     with_required,
 )
@@ -44,7 +41,7 @@ from planner.approximation.values import (
     solve_values,
     within_slopes,
 )
-from planner.trajectory import Array, Indices
+from planner.trajectory import Array
 
 # The effects of half and twice were measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40.
 
@@ -60,16 +57,8 @@ CLOSE = 1.00001
 joint that its top speed holds back are the first ones found, up to 0.01 % worse, and the closed
 form's foot of the reference walk 2 %, in two thirds of the time."""
 
-LATTICES = (
-    (29, (-2.4, -1.6, -0.8, 0.0, 0.8, 1.6, 2.4)),
-    (44, (-1.6, -0.8, 0.0, 0.8, 1.6)),
-)
-"""Few nodes with many angles and more with fewer, as they fail on different data; without both,
-errors are 11 % higher at worst. Angles are in units of a curve's rms error, around the ideal."""
-
 MOVES = (-0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
-"""Moves of a knot [samples]. Without them: 2 % at worst. Without half a sample: 0.3 % more
-of the fits worse by 0.1 %."""
+"""Moves of a knot [samples]; without half a sample 0.3 % more of the fits are worse by 0.1 %."""
 
 TURNS = 3
 """Times that all knots are moved, as long as it helps. One: 0.05 % more error in the mean, 6 % of
@@ -80,7 +69,7 @@ PROPOSED = 32
 mean, 27 % at worst, in half the time; 64: 0.1 % more in the same time."""
 
 NODES = 128
-"""Most nodes of a grid without angles: costs take this number squared. 64: 2.5 % of the fits at
+"""Most nodes of a grid: costs take this number squared. 64: 2.5 % of the fits at
 n = 88 worse by 0.1 %, by 2 % at worst; 256: no change there."""
 
 ANCHORS = 8
@@ -138,7 +127,8 @@ class KnotSearch:
         if best.knots.size > WINDOW or best.error <= 1e-22 * problem.samples:
             return best
         if best.error > CLOSE * self.ideal_error:
-            best = improved(problem, self.ideal, starts)
+            begun = [descend(problem, each, rounds=MANY, progress=1e-2) for each in starts[:3]]
+            best = improved(problem, sorted(begun, key=by_error)[:2])
         return descend(problem, best, rounds=MANY)
 
     def _begin(self, segments: int) -> list[Candidate]:
@@ -166,35 +156,12 @@ def by_error(curve: Candidate) -> float:
     return float(f"{curve.error:.8e}")
 
 
-def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidate:
-    """The best curve found from chains on lattices around the ideal, and by moves of single knots.
-
-    ``rough`` are curves of as many segments, the best first, of at most :data:`WINDOW` knots.
-    """
-    best, n = rough[0], problem.samples
-    segments, unit = problem.segments(best.knots), float(np.sqrt(best.error / n))
-    # A cycle's chains begin and end on the curve.
-    first = round(float(best.knots[0])) if problem.cyclic else 0
-    anchor = float(np.interp(first, best.knots, best.values, period=n))
-    starts = []
-    for nodes, offsets in LATTICES:
-        states = ideal[:, np.newaxis] + unit * np.array(offsets)
-        if problem.cyclic:
-            states[first % n] = anchor, *(np.inf,) * (len(offsets) - 1)
-        nodes = max(nodes, 4 * segments)
-        knots = cheapest_knots(problem, segments, nodes=nodes, first=first, states=states)
-        starts += [] if knots is None else [best_values(problem, knots)]
-    starts += rough[:2]
-    begun = [descend(problem, start, rounds=MANY, progress=1e-2) for start in starts]
-    return with_moved_knots(problem, sorted(begun, key=by_error)[:2])
-
-
-def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
+def improved(problem: Problem, curves: list[Candidate]) -> Candidate:
     """A curve reached by moving single knots, each move followed by a descent; never a worse one.
 
     From the first move on only the best of the ``curves`` is followed.
     """
-    best, bases = min(curves, key=by_error), curves
+    best, bases = curves[0], curves
     for _ in range(TURNS):
         starts = [each for curve in bases for each in (curve, *moved(problem, curve))]
         result = min((descend(problem, each, rounds=FEW) for each in starts), key=by_error)
@@ -208,16 +175,24 @@ def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
 
 
 def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
-    """The curves with one knot moved along the curve; their errors are not yet computed."""
-    n, movable = problem.samples, np.flatnonzero(~required_knots(problem, curve.knots)[0])
-    which = np.repeat(movable, len(MOVES))
-    row = np.arange(which.size)
-    knots, values = (np.tile(each, (which.size, 1)) for each in (curve.knots, curve.values))
-    knots[row, which] += np.tile(MOVES, movable.size)
+    """Curves with one knot elsewhere on the curve; their errors are not yet computed."""
+    n, own, ends = problem.samples, curve.knots, problem.ends(curve.knots)
     period = n if problem.cyclic else None
-    values[row, which] = np.interp(knots[row, which], curve.knots, curve.values, period=period)
-    ends = np.column_stack([knots, knots[:, 0] + n]) if problem.cyclic else knots
-    allowed = np.min(np.diff(ends, axis=1), axis=1) >= SHORTEST
+    index = np.arange(n) if period is None else own[0] + np.mod(np.arange(n) - own[0], n)
+    segment = np.clip(np.searchsorted(own, index, side="right") - 1, 0, ends.size - 2)
+    errors = np.bincount(segment, residuals(problem, own, curve.values) ** 2, ends.size - 1)
+    worst = np.argmax(np.where(np.diff(ends) >= 2.0 * SHORTEST, errors, -1.0))
+    movable = np.flatnonzero(~required_knots(problem, own)[0])
+    places = own[movable, np.newaxis] + np.append(MOVES, np.nan)
+    places[:, -1] = 0.5 * (ends[worst] + ends[worst + 1])
+    knots = np.tile(own, (places.size, 1))
+    knots[np.arange(places.size), np.repeat(movable, places.shape[1])] = places.ravel()
+    knots.sort(axis=1)
+    values = np.interp(knots, own, curve.values, period=period)
+    last = knots[:, :1] + n if problem.cyclic else np.empty((len(knots), 0))
+    allowed = np.min(np.diff(np.hstack([knots, last]), axis=1), axis=1) >= SHORTEST
+    if not problem.cyclic:
+        allowed &= (knots[:, 0] == own[0]) & (knots[:, -1] == own[-1])
     pairs = zip(knots[allowed], values[allowed], strict=True)
     return [Candidate(*pair, curve.error) for pair in pairs]
 
@@ -256,61 +231,39 @@ def exact_curve(problem: Problem) -> Candidate | None:
 
 
 def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]:
-    """Knots of the cheapest chains through the ideal, without duplicates."""
-    n, starts = problem.samples, [0]
+    """Knots of the cheapest chains, without duplicates."""
+    n, starts = problem.samples, np.zeros(1, dtype=np.intp)
     if problem.cyclic:
         fixed = np.unique(nearest_samples(problem.required) % n)
-        even = _nodes(problem, NODES, 0)[:-1]
-        even = even[np.unique(np.arange(ANCHORS) * even.size // ANCHORS)]
-        starts = (fixed[:ANCHORS] if fixed.size else even).tolist()
+        starts = fixed[:ANCHORS] if fixed.size else np.unique(np.arange(ANCHORS) * n // ANCHORS)
     proposals: dict[bytes, Array] = {}
-    for first in starts:
-        states = ideal[:, np.newaxis]
-        knots = cheapest_knots(problem, segments, nodes=NODES, first=first, states=states)
+    for first in starts.tolist():
+        knots = cheapest_knots(problem, ideal, segments, first)
         if knots is not None:
             order = np.sort(knots % n if problem.cyclic else knots)
             proposals.setdefault(order.tobytes(), knots)
     return list(proposals.values())
 
 
-def _nodes(problem: Problem, nodes: int, first: int) -> Indices:
-    """Even places of knots, and required ones, counted from a sample; a cycle's end included."""
-    n = problem.samples
-    last = n if problem.cyclic else n - 1
-    even = np.round(np.linspace(0, last, min(last, nodes) + 1)).astype(np.intp)
-    if not problem.required.size:
-        return even
-    fixed = nearest_samples(problem.required) - first
-    return np.union1d(even, fixed % n if problem.cyclic else fixed)
+def cheapest_knots(problem: Problem, ideal: Array, segments: int, first: int) -> Array | None:
+    """Knots of the cheapest chain through the ideal on a grid; None if none has so many segments.
 
-
-def cheapest_knots(
-    problem: Problem, segments: int, *, nodes: int, first: int, states: Array
-) -> Array | None:
-    """Knots of the cheapest chain on a grid; None if no chain is within the slopes.
-
-    Knots may lie at some ``nodes``, with one of the ``states``, (n, g) at every sample, infinite
-    where there are fewer: costs take the number of both, squared. The chain of a cycle begins and
-    ends at sample ``first``, and has no knot at its end.
+    The chain of a cycle begins and ends at sample ``first``, and has no knot at its end.
     """
     from planner.approximation import kernel
 
     n, cyclic = problem.samples, problem.cyclic
-    grid = _nodes(problem, nodes, first)
-    around = np.arange(first, first + n + cyclic) % n
+    last = n if cyclic else n - 1
     required = nearest_samples(problem.required) - first
     required = required % n if cyclic else required
-    desired, stays = problem.desired[around], np.zeros(grid.size, dtype=np.bool_)
-    stays[np.searchsorted(grid, required)] = True
-    own = states[around][grid]
-    for place, pin in zip(required, problem.pins, strict=True):
-        if np.isfinite(pin) and own.shape[1] > 1:
-            own[grid % n == place] = pin, *(np.inf,) * (own.shape[1] - 1)
-    costs = kernel.segment_costs(desired, problem.step, grid, own, stays)
-    way = kernel.cheapest_chain(costs, (own[0] - desired[0]) ** 2, segments)
+    even = np.round(np.linspace(0, last, min(last, NODES) + 1)).astype(np.intp)
+    grid, around = np.union1d(even, required), np.arange(first, first + last + 1) % n
+    ideal, stays = ideal[around][grid], np.isin(grid, required)
+    costs = kernel.segment_costs(problem.desired[around], problem.step, grid, ideal, stays)
+    way = kernel.cheapest_chain(costs, segments)
     if not way.size:
         return None
-    knots = grid[way // own.shape[1]].astype(np.float64) + first
+    knots = grid[way].astype(np.float64) + first
     return with_required(problem, knots[:-1] if cyclic else knots)
 
 

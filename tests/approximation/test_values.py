@@ -196,16 +196,13 @@ def instance(request):
 
 def test_a_chord_costs_its_squared_error_where_it_is_not_too_steep(instance):
     desired, fixed = instance
-    states = np.stack([desired[NODES] - 0.1, desired[NODES] + 0.2], axis=1)
-    costs = segment_costs(desired, STEP, NODES, states, fixed)
+    values = desired[NODES] + 0.1 * np.arange(len(NODES))
+    costs = segment_costs(desired, STEP, NODES, values, fixed)
     for i, j, possible in pairs(fixed):
-        for a, b in np.ndindex(2, 2):
-            start, end, expected = NODES[i], NODES[j], np.inf
-            if possible:
-                slope = (states[j, b] - states[i, a]) / (end - start)
-                if abs(slope) <= STEP:
-                    expected = squared_error(desired, start, end, states[i, a], slope)
-            assert costs[2 * j + b, 2 * i + a] == pytest.approx(expected, abs=1e-12)
+        start, end, expected = NODES[i], NODES[j], np.inf
+        if possible and abs(slope := (values[j] - values[i]) / (end - start)) <= STEP:
+            expected = squared_error(desired, start, end, values[i], slope)
+        assert costs[j, i] == pytest.approx(expected, abs=1e-12)
 
 
 SOLVED = 1e-6
