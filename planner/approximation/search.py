@@ -137,17 +137,17 @@ class KnotSearch:
         count = segments if problem.cyclic else segments + 1
         merged = with_required(problem, np.sort(self._ranked[:count]))
         chains = [] if segments > PROPOSED else proposed_knots(problem, self.ideal, segments)
-        proposals = [*chains, *([] if merged is None else [merged])]
-        proposals = proposals or [even_knots(problem, segments)]
+        proposals = [*chains, *([] if merged is None else [merged]), even_knots(problem, segments)]
         if proposals[0].size <= WINDOW:
             starts = [best_values(problem, knots) for knots in proposals]
             rough = [descend(problem, start, rounds=FEW, progress=1e-2) for start in starts]
             return sorted(rough, key=by_error)
-        starts = sorted(map(self.valued, proposals), key=by_error)[:2]
-        rough = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts]
-        best = min(rough, key=by_error)
-        if segments <= PROPOSED:
-            best = descend_by_windows(problem, best, rounds=MANY)
+        starts = sorted(map(self.valued, proposals), key=by_error)
+        if segments > PROPOSED:
+            best = descend_by_windows(problem, starts[0], rounds=FEW)
+        else:
+            rough = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts[:2]]
+            best = descend_by_windows(problem, min(rough, key=by_error), rounds=MANY)
         return [self.valued(best.knots)]
 
 
