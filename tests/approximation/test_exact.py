@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import json
-from functools import cache
 from itertools import combinations
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from planner import Infeasible, fit_pwl
@@ -31,9 +27,15 @@ TABLE = json.loads((Path(__file__).parent / "oracle.json").read_text())
 
 @pytest.mark.parametrize("seed", range(8))
 def test_the_proved_optimum_is_that_of_all_sets_of_knots(seed):
-    each = enumerated(seed)
-    fit = fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True)
-    assert fit.rms == pytest.approx(each.rms, rel=2.0 * PROVED, abs=1e-6)
+    """Of every kind of samples, cycles and paths, bounds tight and loose."""
+    rng = np.random.default_rng(seed)
+    cyclic = bool(seed % 2)
+    segments, n = (3, 22) if cyclic else (4, 20)
+    desired = samples_of(KINDS[seed % len(KINDS)], n, rng)
+    step = float(rng.choice([1.0, 2.0, 4.0, 50.0]) * np.ptp(desired) / n)
+    fit = fit_pwl(desired, v_max=step, tick=1.0, cyclic=cyclic, segments=segments, exact=True)
+    rms = np.sqrt(least_error(desired, segments, step, cyclic) / n)
+    assert fit.rms == pytest.approx(rms, rel=2.0 * PROVED, abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", [0, 7, 8, 9, 18, 27, 36, 45, 54])  # 7, 8: nudges fall short
@@ -52,21 +54,6 @@ def test_the_search_comes_within_one_percent_of_the_oracle_in_95_of_100_instance
         ratios.append((fit.rms + ZERO) / (stored["rms"] + ZERO))
     assert np.mean(np.array(ratios) <= CLOSE) >= 0.95
     assert np.max(ratios) <= 1.05
-
-
-@settings(max_examples=10)
-@given(st.integers(1000, 10**6))
-def test_on_random_instances_nothing_beats_the_proof(seed):
-    each = oracle_instance(seed, n=40)
-    asked = {**each.settings, "segments": each.segments}
-    proved = fit_pwl(each.desired, **asked, exact=True)
-    rng = np.random.default_rng(seed)
-    for _ in range(20):
-        last = 40 if proved.cyclic else 39
-        count = each.segments if proved.cyclic else each.segments - 1
-        knots = rng.choice(np.arange(0 if proved.cyclic else 1, last), count, replace=False)
-        other = fit_pwl(each.desired, **each.settings, knots=knots)
-        assert proved.rms <= other.rms * (1.0 + PROVED) + ZERO
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -153,24 +140,3 @@ def least_error(desired, segments, step, cyclic):
             break
         least = min(least, 2.0 * lsq_linear(bases[number], targets[number], bounds).cost)
     return least
-
-
-class Enumerated(NamedTuple):
-    """An instance, and the least rms error with its knots on samples."""
-
-    desired: np.ndarray
-    settings: dict
-    segments: int
-    rms: float
-
-
-@cache
-def enumerated(seed):
-    """The small instance of this number: every kind, cycles and paths, bounds tight and loose."""
-    rng = np.random.default_rng(seed)
-    cyclic, kind = bool(seed % 2), KINDS[seed % len(KINDS)]
-    segments, n = (3, 22) if cyclic else (4, 20)
-    desired = samples_of(kind, n, rng)
-    step = float(rng.choice([1.0, 2.0, 4.0, 50.0]) * np.ptp(desired) / n)
-    rms = float(np.sqrt(least_error(desired, segments, step, cyclic) / n))
-    return Enumerated(desired, {"v_max": step, "tick": 1.0, "cyclic": cyclic}, segments, rms)
