@@ -265,24 +265,12 @@ def changed(log, **changes):
 
 def so101(folder: Path, recording: str, joint: str) -> planner.Log:
     """One joint of the SO-101's recordings."""
-    table = np.genfromtxt(folder / "so101" / f"{recording}.csv", delimiter=",", names=True)
-    return planner.Log(
-        times=table["t_s"],
-        requests=table[f"req_{joint}"],
-        angles=table[f"act_{joint}"],
-        name=recording,
-        joint=joint,
-        unit="1" if joint == "Jaw" else "rad",
-    )
+    options = planner.LogOptions(joint=joint, unit="range" if joint == "Jaw" else "rad")
+    (log,) = planner.read_logs(folder / "so101" / f"{recording}.csv", options=options)
+    return log
 
 
 def pendulum(folder: Path, servo: str, recording: str) -> planner.Log:
     """A servo that swings a weight."""
-    table = np.genfromtxt(folder / servo / f"{recording}.csv", delimiter=",", names=True)
-    return planner.Log(
-        times=table["t_s"],
-        requests=table["req_rad"],
-        angles=table["act_rad"],
-        torque_on=table["torque_on"] > 0.0,
-        name=recording,
-    )
+    (log,) = planner.read_logs(folder / servo / f"{recording}.csv")
+    return log

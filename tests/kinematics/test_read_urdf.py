@@ -137,3 +137,4 @@ def test_a_position_beyond_the_range_of_a_locked_joint_has_its_unit(tmp_path, ki
     path.write_text(urdf_text([Joint((0, 0, 0), X, kind=kind), KNEE], TIP))
     with pytest.raises(InvalidInput, match=message):
         Leg.from_urdf(path, base="link_0", foot="tip", locked={"joint_1": 3.0})
+    Leg.from_urdf(path, base="link_0", foot="tip", locked={"joint_1": 2.5 + 1e-10})  # rounded

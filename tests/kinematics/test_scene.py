@@ -117,11 +117,14 @@ def test_meshes_are_found_below_the_package_and_scaled(tmp_path, name):
     assert np.all(shape.meshScale == 1.0)
 
 
-def test_what_cannot_be_drawn_is_left_out(tmp_path):
+def test_what_cannot_be_drawn_is_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr("kinematics.scene.MOST_BYTES", len(TETRAHEDRON) - 1)
+    (tmp_path / "large.stl").write_text(TETRAHEDRON)
     (tmp_path / "broken.stl").write_bytes(b"solid \xff no mesh")
     (tmp_path / "mesh.step").write_text(TETRAHEDRON)
     geometries = [
         '<mesh filename="missing.stl"/>',
+        '<mesh filename="large.stl"/>',
         '<mesh filename="broken.stl"/>',
         '<mesh filename="mesh.step"/>',
     ]

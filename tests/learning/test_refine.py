@@ -12,15 +12,11 @@ from benchmark.plants import MadeJoint, random_joint, random_path, random_servo
 import planner
 from planner.learning import refine as refining
 from planner.planning.result import Trial
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 KNOWN = planner.JointModel.ers210a()
 ENCODER_STEP = 2.0 * math.pi / 4096.0
 """Errors up to this count as none, (12b) of ``docs/math.md`` [rad]."""
-
-
-def rms(errors: Array) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 def learnt(

@@ -11,6 +11,7 @@ import pytest
 import planner
 from planner.learning import refine as refining
 from planner.planning.result import Trial
+from planner.trajectory import rms
 
 KNOWN = planner.JointModel.ers210a()
 OTHER = replace(KNOWN, theta_0=1.5 * KNOWN.theta_0)
@@ -26,10 +27,6 @@ def angles(model, k):
 def news():
     """The change of the angles that the other model predicts and the known one does not."""
     return (angles(OTHER, 1) - angles(OTHER, 0)) - (angles(KNOWN, 1) - angles(KNOWN, 0))
-
-
-def rms(errors):
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 @pytest.fixture

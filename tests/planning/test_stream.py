@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
+from planner.trajectory import rms
 from tests.instances import attainable, random_model, saturating
 
 pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
@@ -33,10 +34,6 @@ def streamed(models, path, preview=PREVIEW, **options):
     """The requests along a path (n, k)."""
     stream = planner.Stream(models, preview=preview, **options)
     return np.array([stream.step(rows) for rows in stretches(path, preview)])
-
-
-def rms(errors):
-    return float(np.sqrt(np.mean(np.square(errors))))
 
 
 def smooth_path(samples=200, joints=1):

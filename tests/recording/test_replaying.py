@@ -12,6 +12,7 @@ from planner import JointModel, Log, replay, simulate
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import is_gripper, recorded_path
 from planner.recording.replaying import replay_at
+from planner.trajectory import rms
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 """A servo that is asked 50 times a second."""
@@ -32,10 +33,6 @@ def recorded(joint="elbow", *, requests=None, times=None, **others):
     angles = simulate(SERVO, requests, cyclic=False)
     times = OWN * np.arange(len(requests)) if times is None else times
     return Log(times=times, requests=requests, angles=angles, joint=joint, **others)
-
-
-def rms(errors):
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 def test_at_its_own_speed_the_joint_repeats_what_it_did():
