@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics import Leg, Limits, UnsupportedLeg
+from kinematics import InvalidInput, Leg, Limits, UnsupportedLeg
 from kinematics.inverse import choose, jumps
 from kinematics.scene import Scene
 from planner.gait.stride import LEAST_DEXTERITY, dexterity, standing_pose
@@ -129,6 +129,8 @@ def test_joints_that_a_pose_does_not_name_are_at_the_end_of_their_range_nearest_
     path.write_text(urdf_text(joints, (0, 0, -0.1)))
     leg = Leg.from_urdf(path, base="link_0", foot="tip", near={"joint_1": 0.1})
     np.testing.assert_array_equal(leg.near, [0.1, 0.4, -0.2])
+    with pytest.raises(InvalidInput, match=r"^near: joint 'joint_1' at 2e\+06 rad, expected an an"):
+        Leg.from_urdf(path, base="link_0", foot="tip", near={"joint_1": 2e6})
 
 
 def test_a_smooth_path_does_not_jump_and_one_between_poses_does():

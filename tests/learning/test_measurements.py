@@ -67,6 +67,16 @@ def test_the_joint_whose_angles_were_not_measured_is_named(angles, message):
         check_angles(*given)
 
 
+@pytest.mark.parametrize(("apart", "refused"), [(0.9e-4, False), (0.9e-9, True)])
+def test_a_joint_that_is_expected_near_its_path_may_measure_that_but_not_to_the_last_digit(
+    apart, refused
+):
+    expected = DESIRED + 0.05 * (MODELLED - DESIRED)
+    given = (of_joint_2(DESIRED[:, 1] + apart), REQUESTS, DESIRED, MODELLED, expected)
+    with pytest.raises(InvalidTrajectory, match="desired ones") if refused else nullcontext():
+        check_angles(*given)
+
+
 @pytest.mark.parametrize(("counts", "refused"), [(14.0, False), (16.0, True)])
 def test_a_joint_that_should_move_by_fifteen_counts_of_its_sensor_may_rest(counts, refused):
     share = [1.0, counts * COUNT / np.ptp(MODELLED[:, 1])]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import JointModel, Log, replay, simulate
+from planner import InvalidInput, JointModel, Log, replay, simulate
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import is_gripper, recorded_path
 from planner.recording.replaying import replay_at
@@ -114,6 +114,8 @@ def test_joints_that_begin_later_keep_their_time():
         desired = {each.name: each.desired for each in made.joints}
         assert desired["a"][0] == pytest.approx(np.interp(0.2, first.times, first.angles))
         assert desired["b"][0] == pytest.approx(np.interp(0.2, late.times, late.angles))
+        with pytest.raises(InvalidInput, match=r"begin: got 0\.05 s, expected .*, 0\.1 to 2\.98 s"):
+            replay(logs, SERVO, begin=0.05)
 
 
 def test_a_gap_is_told_where_the_replay_bridges_it():
