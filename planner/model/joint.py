@@ -150,24 +150,20 @@ class JointModel:
                     )
                 object.__setattr__(self, name, ticks)
                 continue
-            value = as_number(given, infinite=name == "max_acceleration")
+            value, expected = as_number(given, infinite=name == "max_acceleration"), ""
             if math.isnan(value):
-                raise InvalidModel(
-                    f"{name}: got {shown(given)}, expected a finite number in SI units"
-                )
-            if MOST < abs(value) < math.inf:
-                raise InvalidModel(
-                    f"{name}: got {shown(given)}, expected at most {MOST:g} in SI units"
-                )
-            if name in POSITIVE and value <= 0.0:
-                raise InvalidModel(f"{name}: got {value:g}, expected more than 0")
-            if name in POSITIVE and value < LEAST:
-                raise InvalidModel(
-                    f"{name}: got {value:g} {unit}, expected at least {LEAST:g} {unit}; is it in "
-                    "SI units?"
-                )
-            if name not in SIGNED and value < 0.0:
-                raise InvalidModel(f"{name}: got {value:g} {unit}, expected 0 or more")
+                expected = "a finite number in SI units"
+            elif MOST < abs(value) < math.inf:
+                expected = f"at most {MOST:g} in SI units"
+            elif name in POSITIVE and value <= 0.0:
+                expected = "more than 0"
+            elif name in POSITIVE and value < LEAST:
+                expected = f"at least {LEAST:g} {unit}; is it in SI units?"
+            elif name not in SIGNED and value < 0.0:
+                expected = "0 or more"
+            if expected:
+                got = shown(given) if math.isnan(value) else f"{value:g} {unit}"
+                raise InvalidModel(f"{name}: got {got}, expected {expected}")
             object.__setattr__(self, name, value)
         if abs(self.v_offset) >= self.v_max:
             raise InvalidModel(

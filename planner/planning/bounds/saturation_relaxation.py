@@ -102,9 +102,8 @@ class Ranges(NamedTuple):
 
     def within(self, other: Ranges) -> Ranges:
         """Intersection of two sets of ranges."""
-        least, most = (np.maximum, np.minimum)
-        pairs = zip((least, most, least, most), self, other, strict=True)
-        return Ranges(*(narrower(own, others) for narrower, own, others in pairs))
+        ends = zip((np.maximum, np.minimum) * 2, self, other, strict=True)
+        return Ranges(*(narrower(own, others) for narrower, own, others in ends))
 
 
 def without_load(problem: BoundProblem) -> BoundProblem:
@@ -368,17 +367,10 @@ class RequestSet(NamedTuple):
         return within
 
 
-class Support(NamedTuple):
-    """The maximum of ``nu @ u - xi @ x`` over a request set, and where it is attained."""
+def support(nu: Array, xi: Array, requests: RequestSet) -> tuple[float, Array, Array]:
+    """The maximum of ``nu @ u - xi @ x`` over a set, and contributions u and angles x that have it.
 
-    value: float
-    contributions: Array
-    angles: Array
-
-
-def support(nu: Array, xi: Array, requests: RequestSet) -> Support:
-    """The support function of the set in the direction (nu, -xi): the right-hand side of (9a).
-
+    It is the support function of the set in the direction (nu, -xi): the right-hand side of (9a).
     For a given request every angle is on its own, and best at an end of its range or where the
     slope of its contribution changes. Between neighbouring breakpoints all these candidates are
     linear in the request, so that the best of them is convex in it, and the maximum is at a
@@ -394,7 +386,7 @@ def support(nu: Array, xi: Array, requests: RequestSet) -> Support:
     values = nu * contributions - xi * angles
     best = int(np.argmax(values.max(axis=0).sum(axis=1)))
     which = values[:, best].argmax(axis=0), best, np.arange(len(lower))
-    return Support(float(values[which].sum()), contributions[which], angles[which])
+    return float(values[which].sum()), contributions[which], angles[which]
 
 
 def separate(
@@ -422,11 +414,11 @@ def separate(
         if size < VIOLATION:
             break
         nu, xi = residual[:count] / size, -gain * residual[count:] / size
-        most = support(nu, xi, requests)
-        depth = float(nu @ contributions - xi @ angles) - most.value
+        most, its_contributions, its_angles = support(nu, xi, requests)
+        depth = float(nu @ contributions - xi @ angles) - most
         if depth > deepest:
-            best, deepest = (nu, xi, most.value + CUT_ROUNDING), depth
-        point = np.concatenate([most.contributions, gain * (most.angles - middle)])
+            best, deepest = (nu, xi, most + CUT_ROUNDING), depth
+        point = np.concatenate([its_contributions, gain * (its_angles - middle)])
         points = np.vstack([points[shares > CUT_ROUNDING], point])
     return best
 
