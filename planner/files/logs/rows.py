@@ -38,6 +38,12 @@ SLOW_TIME, SLOW_SHARE, SLOW_RANGE = 1.0, 0.4, 0.5
 then lags by its delay and friction only, to both sides. For a scale to be fitted they must span
 this share of the range of all."""
 
+SPARSE = 0.5
+"""Rows so far apart [s] hardly show how a joint moves: their times may be numbers of rows."""
+
+MOST_SHARE = 2.0
+"""Largest magnitude of a share of the range."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LogOptions:
@@ -374,7 +380,7 @@ def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
             k,
         )
     values: Array = scale.factor * numbers + scale.shift
-    largest = {"1": 2.0, "rad": LARGEST}.get(scale.unit, math.inf)
+    largest = {"1": MOST_SHARE, "rad": LARGEST}.get(scale.unit, math.inf)
     if (beyond := np.abs(values) > largest).any():
         k = int(np.argmax(beyond))
         expected = "a share of the range" if scale.unit == "1" else "an angle"
@@ -439,7 +445,7 @@ def _doubts(rows: Rows) -> tuple[str, ...]:
     """Signs of a wrong unit, in words."""
     doubts = []
     step = float(np.median(np.diff(rows.times)))
-    if not FASTEST <= step < 0.5:  # later rows hardly show a motion: they may be numbered
+    if not FASTEST <= step < SPARSE:
         doubt = "is the unit of time right" if step < FASTEST else "are the times in seconds"
         doubts.append(f"one row every {step:.3g} s: {doubt}?")
     for what, numbers, unit in (
