@@ -66,7 +66,7 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
                 if target.exists():
                     new.chmod(target.stat().st_mode & 0o777)
                 new.replace(target)
-            _to_disk(target.parent)
+            _names_to_disk(target.parent)
         finally:
             new.unlink(missing_ok=True)
 
@@ -95,7 +95,7 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                 for file in _files_below(new):
                     _to_disk(new / file)
                 for folder in (*filter(Path.is_dir, new.rglob("*")), new):
-                    _to_disk(folder)
+                    _names_to_disk(folder)
             except OSError as error:
                 name = error.filename  # none where a disk is full
                 own = name is None or Path(str(name)).is_relative_to(new)
@@ -119,7 +119,7 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                 raise InvalidFile(
                     path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
                 ) from error
-            _to_disk(target.parent)
+            _names_to_disk(target.parent)
             if locked:
                 _sweep(target, "old")
         finally:
@@ -271,7 +271,7 @@ def _sweep(target: Path, age: str) -> None:
 
 
 def _to_disk(path: Path) -> None:
-    """Flush a file, or the names in a folder, to the disk, where the file system can do that."""
+    """Flush a file or a folder to the disk, where the file system can do that."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -280,6 +280,12 @@ def _to_disk(path: Path) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+def _names_to_disk(folder: Path) -> None:
+    """Flush the names in a folder to the disk, if it may be read."""
+    with suppress(OSError):
+        _to_disk(folder)
 
 
 def _is_device(target: Path) -> bool:
