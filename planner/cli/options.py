@@ -411,7 +411,7 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     text = of_command or own or declared.help
     if several_times and not declared.by_joint and not (of_command or own):
         text = f"{text.removesuffix('.')}. Repeat the option for several."
-    if default_text and not own:
+    if default_text and not own and "[default: " not in text:
         text += f"  [default: {default_text}]"
     if kind is bool:
         attributes["default"] = None

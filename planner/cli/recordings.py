@@ -64,30 +64,29 @@ class ReplayTask:
         self, progress: Callable[[str], None] = lambda _: None
     ) -> tuple[Replay, Fastest | None]:
         """Read the recording and plan its replay, if asked for the fastest within the tolerance."""
-        chosen, plan = self.settings.replay, self.settings.plan
+        run, replay, speed = self.settings, self.settings.replay, self.settings.path.speed or 1.0
         logs, arm = self.recording.read(), self.arm()
         path = recorded_path(
             logs,
             self.models.by_joint,
-            track=chosen.track,
-            joints=chosen.joints,
-            begin=chosen.begin_s,
-            end=chosen.end_s,
-            rate=chosen.rate_hz or self.rate,
-            limits=_limits(self.settings.limits, logs),
+            track=replay.track,
+            joints=run.path.joints,
+            begin=replay.begin_s,
+            end=replay.end_s,
+            rate=run.path.rate_hz or self.rate,
+            limits=_limits(run.limits, logs),
         )
-        path = _with_load(plan, replace(path, name=self.recording.name), arm)
+        path = _with_load(run.plan, replace(path, name=self.recording.name), arm)
         units = {each.name: LOG_UNITS[each.unit][1] for each in path.planned}
-        options = search_options(plan, path.period, units=units)
-        options |= {"solver": plan.solver or "gauss-newton", "progress": progress}
-        if not chosen.fastest:
-            speed = chosen.speed
+        options = search_options(run.plan, path.period, units=units)
+        options |= {"solver": run.plan.solver or "gauss-newton", "progress": progress}
+        if not replay.fastest:
             return replay_at(path, path.moments(speed), speed=speed, **options), None
-        tolerance = self.settings.tolerance
-        joints = None if tolerance.deg is None else math.radians(tolerance.deg)
-        foot = None if tolerance.cm is None else 0.01 * tolerance.cm
+        degrees, centimetres = run.tolerance.deg, run.tolerance.cm
+        joints = None if degrees is None else math.radians(degrees)
+        foot = None if centimetres is None else 0.01 * centimetres
         measure = Measure.of(path, joints, foot, arm)
-        fastest = fastest_at(path, measure, retime=chosen.retime, **options)
+        fastest = fastest_at(path, measure, retime=replay.retime, **options)
         return fastest.replay, fastest
 
     def arm(self) -> Leg | None:
@@ -117,8 +116,8 @@ def tasks_of(
     if replay.retime != "constant" and not replay.fastest:
         key = marked("replay.retime", replay.retime)
         raise BadSetting(f"{key} has no effect without {fastest}")
-    if replay.fastest and "speed" in replay.keys_set:
-        raise BadSetting(f"‹replay.speed› is what {fastest} finds")
+    if replay.fastest and run.path.speed is not None:
+        raise BadSetting(f"‹path.speed› is what {fastest} finds")
     rate, folder = None, ""
     if recordings[0].dataset:
         rate = find_dataset(recordings[0].file).rate
@@ -129,10 +128,10 @@ def tasks_of(
     else:  # of several, recordings of unsuitable length are left out
         check_length(
             recordings[0].read(),
-            speed=replay.speed,
+            speed=run.path.speed or 1.0,
             begin=replay.begin_s,
             end=replay.end_s,
-            rate=replay.rate_hz or rate,
+            rate=run.path.rate_hz or rate,
         )
     models = _models_of(run, recordings, progress)
     return tuple(
@@ -145,7 +144,7 @@ def _models_of(
     run: settings.ReplayRun, recordings: Sequence[Recording], progress: Callable[[str], None]
 ) -> JointModels:
     """The models that the settings name, or models identified from the recordings."""
-    model, joints = run.model, run.replay.joints
+    model, joints = run.model, run.path.joints
     if model.file == settings.SHIPPED_MODEL:
         if "file" not in model.keys_set:
             raise BadSetting(
@@ -329,7 +328,7 @@ def replay_many(
             "track": run.replay.track,
             "why": WHY[run.replay.track],
             "models": first.models.words,
-            "speed": None if run.replay.fastest else run.replay.speed,
+            "speed": None if run.replay.fastest else run.path.speed or 1.0,
             "recordings": figures,
             "left_out": failed,
             "remarks": [*first.models.remarks, *resent_words(figures)],
@@ -360,7 +359,7 @@ def origin_of(run: settings.ReplayRun, recordings: Sequence[Recording]) -> dict[
 
 def _chosen(run: settings.ReplayRun) -> dict[str, Any]:
     """The settings of a replay, and the content of the URDF that they name."""
-    leg, names = find_leg(run.leg), ("replay", "limits", "plan", "tolerance", "leg")
+    leg, names = find_leg(run.leg), ("replay", "path", "limits", "plan", "tolerance", "leg")
     chosen = {name: getattr(run, name).values() for name in names}
     return {**chosen, "urdf": None if leg is None else digest_of(leg.urdf)}
 

@@ -27,7 +27,11 @@ NORM = "the plan's norm, or with --fastest the largest error"
 @click.argument("logs", nargs=-1, required=True, type=options.INPUT, metavar="RECORDING...")
 @options.settings(
     "model: file",
-    "replay: speed track joints begin_s end_s rate_hz",
+    "path: speed",
+    "replay: track",
+    "path: joints",
+    "replay: begin_s end_s",
+    "path: rate_hz",
     "limits: deg",
     f"plan: load norm solver {SMOOTHING}",
     "replay: fastest",
@@ -35,6 +39,10 @@ NORM = "the plan's norm, or with --fastest the largest error"
     "replay: retime",
     f"leg: {options.LEG}",
     "replay: urdf_joints write_as",
+    speed="How many times as fast as it was recorded.  [default: 1.0]",
+    joints="The joints to plan; the others get their recorded requests. Repeat the option for "
+    "several.  [default: all that have a model, but no grippers]",
+    rate_hz="Requests per second.  [default: that of the recording]",
     name="A leg or arm of your robot, with --base and --foot, whose joints are recorded; or a "
     "shipped leg.",
     file="Joint models as TOML, by the names of the recording's joints; 'from-log' identifies them "

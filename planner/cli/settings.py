@@ -398,28 +398,16 @@ class Export(Settings):
 
 
 class Replay(Settings):
-    """How a recording is replayed; the command `replay` alone has these settings."""
+    """How a recording is replayed, beside its speed, joints and rate in [path]."""
 
     track: Literal["state", "action"] = option(
         "What to follow: the recorded angles (state), or the recorded requests.", default="state"
-    )
-    speed: Positive = option(
-        "How many times faster than it was recorded.", default=1.0, metavar="F"
-    )
-    joints: JointNames = setting(
-        "The joints to plan; the others get their recorded requests.",
-        default=(),
-        otherwise="all that have a model, but no grippers",
-        option="--joint",
     )
     begin_s: NotNegative | None = option(
         "Where to begin [s since the first row].", otherwise="the first row"
     )
     end_s: NotNegative | None = option(
         "Where to end [s since the first row].", otherwise="the last row"
-    )
-    rate_hz: Positive | None = option(
-        "Requests per second.", otherwise="that of the recording", example=50.0
     )
     fastest: bool = option(
         "Find the largest speed at which the largest error keeps --tolerance-deg or -cm, whatever "
