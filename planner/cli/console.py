@@ -234,46 +234,34 @@ class Progress:
         """
         on_terminal = sys.stderr is not None and sys.stderr.isatty()
         self._visible = on_terminal and verbosity() != "quiet"
-        self._step = ""
         self._count, self._finished, self._parallel = count, 0, parallel
+        self._step = "the first" if parallel else ""  # of which none is finished yet
         self._time = clock
-        self._began = self._step_began = self._time()
+        self._began = self._step_began = clock()
         self._ended = threading.Event()
-        self._thread: threading.Thread | None = None
-        self._outer: Progress | None = None
+        self._thread = threading.Thread(target=self._keep_time, daemon=True)
 
     def __enter__(self) -> Progress:
-        if self._parallel:
-            self("the first")  # no step is finished yet
+        self._outer = Progress.current
+        if self._visible:
+            Progress.current = self
+            self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.done()
+        self._finish_step()
+        self._ended.set()
+        if self._visible:
+            self._thread.join()
+            Progress.current = self._outer
+            self.erase()
 
     def __call__(self, step: str) -> None:
         """Begin a step; the step before it is finished."""
         self._finish_step()
         self._step = step
-        if not self._visible or (self._parallel and self._thread is not None):
-            return  # in parallel the thread draws the line
-        if self._thread is None:
-            self._outer = Progress.current
-        Progress.current = self
-        self._draw()
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._keep_time, daemon=True)
-            self._thread.start()
-
-    def done(self) -> None:
-        """Clear the line."""
-        self._finish_step()
-        self._ended.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-        if Progress.current is self:
-            Progress.current = self._outer
-            self.erase()
+        if self._visible and not self._parallel:  # whose line the thread draws
+            self._draw()
 
     def erase(self) -> None:
         """Erase the line, for other output; it is drawn again later."""
@@ -284,11 +272,12 @@ class Progress:
         now = self._time()
         spent, finished = now - self._began, self._finished
         step = f"{finished} of {self._count}" if self._parallel else self._step
+        for_long = f"  {_duration(spent)}" if spent >= BRIEF else ""
         if not self._count:
-            return f"{step} …{_spent(spent)}"
+            return f"{step} …{for_long}"
         bar = ("█" * (BAR * finished // self._count)).ljust(BAR, "░")
         if spent < BRIEF or not finished:
-            return f"{step} …  {bar}{'' if self._parallel else _spent(spent)}"
+            return f"{step} …  {bar}{'' if self._parallel else for_long}"
         since = now if self._parallel else self._step_began
         left = (since - self._began) * (self._count / finished - 1.0) - (now - since)
         return f"{step} …  {bar}  {_duration(left)} left"
@@ -311,10 +300,6 @@ class Progress:
         while not self._ended.wait(REDRAWN):
             if self._step and Progress.current is self:
                 self._draw()
-
-
-def _spent(seconds: float) -> str:
-    return f"  {_duration(seconds)}" if seconds >= BRIEF else ""
 
 
 def _duration(seconds: float) -> str:
