@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import partial
 from inspect import get_annotations
 from itertools import pairwise, repeat
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
@@ -216,6 +217,9 @@ class Settings:
     keys_set: frozenset[str]
     """The keys that a file or the command line has set."""
 
+    folder = ""
+    """The folder from which files are named; "" for that of the process."""
+
     def __init_subclass__(cls) -> None:
         own = dict[str, Declared]()
         for name, annotation in get_annotations(cls).items():
@@ -236,7 +240,14 @@ class Settings:
 
     def having(self, **values: Any) -> Self:
         """The same with other values."""
-        return type(self)(**{name: getattr(self, name) for name in self.keys_set} | values)
+        same = copy(self)
+        vars(same).update(values)
+        same.keys_set |= values.keys()
+        return same
+
+    def place(self, name: str) -> str:
+        """The path of a file that the settings name."""
+        return str(Path(self.folder) / name) if self.folder else name
 
     def without_effect(self, choice: str) -> dict[str, tuple[str, ...]]:
         """The keys that are set without effect, and the choices with which they have an effect."""
@@ -330,7 +341,9 @@ AnySettings = TypeVar("AnySettings", bound=Settings)
 def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
     """Check a file against the declared tables."""
     with speaking_of(file):
-        return cls.of(file.content)
+        settings = cls.of(file.content)
+    settings.folder = str(Path(file.path).parent)
+    return settings
 
 
 def flat(settings: Settings) -> dict[str, Any]:

@@ -46,7 +46,6 @@ class Desired:
     names: tuple[str, ...]
     angles: Array  # desired [rad], shape (n, k)
     models: tuple[JointModel, ...]
-    folder: str = ""  # the folder from which the settings name files
 
     # smallest and largest request by joint [rad]
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -111,20 +110,20 @@ class Desired:
         )
 
 
-def desired_of(run: settings.Run, folder: str = "") -> Desired:
+def desired_of(run: settings.Run) -> Desired:
     """The desired motion of the settings, with limits, starts and load, for any method."""
-    path, leg, of_foot = _path_of(run, load_leg(find_leg(run.leg, folder)), folder)
+    path, leg, of_foot = _path_of(run)
     names = leg.joint_names if of_foot and leg is not None else path.names
-    models = models_of(run, names, leg, folder, units=path.units)
+    models = models_of(run, names, leg, units=path.units)
     path, closed, remarks = _in_step(path, run, models[0].period)
-    legs = {} if leg is not None else legs_of(run.model, folder, among=names)
+    legs = {} if leg is not None else legs_of(run, among=names)
     foreign = [name for name in names if leg is not None and name not in leg.joint_names]
     if leg is not None and foreign:
         raise BadSetting(
             f"joint '{foreign[0]}' of {path.path} is not on the leg; its joints: "
             f"{', '.join(leg.joint_names)}"
         )
-    limits = _limits_of(names, legs.values() if leg is None else (leg,), run.model, folder)
+    limits = _limits_of(run, names, legs.values() if leg is None else (leg,))
     limits |= _by_joint("limits", run.limits, names)
     starts = starts_of(run.start, names, cyclic=closed)
     if path.loads is not None and run.plan.load is None:
@@ -141,7 +140,6 @@ def desired_of(run: settings.Run, folder: str = "") -> Desired:
         names,
         angles,
         models,
-        folder=folder,
         limits={joint: limits[joint] for joint in names if joint in limits},
         starts=starts,
         leg=leg,
@@ -157,11 +155,9 @@ def desired_of(run: settings.Run, folder: str = "") -> Desired:
     return replace(desired, load=_load_of(run.plan, desired))
 
 
-def _path_of(
-    run: settings.Run, leg: Leg | None, folder: str
-) -> tuple[SampledPath, Leg | None, bool]:
+def _path_of(run: settings.Run) -> tuple[SampledPath, Leg | None, bool]:
     """The path of the settings, its leg, and whether it is a path of the leg's foot."""
-    path, walk = run.path, run.path.half_ellipse
+    leg, path, walk = leg_of(run), run.path, run.path.half_ellipse
     if walk is not None:
         from planner.gait.half_ellipse import half_ellipse  # with kinematics
         from planner.gait.stride import stride
@@ -184,7 +180,7 @@ def _path_of(
         return SampledPath("path.half_ellipse", AXES, ("m",) * 3, positions, None), leg, True
     if path.file is None:
         raise BadSetting("no path: expected ‹path.file› or [path.half_ellipse]")
-    file = beside(folder, path.file)
+    file = run.place(path.file)
     table, even = path_table(file), path.rate_hz is None and path.speed is None
     if not is_foot_path(table):
         return joint_path(table, joints=path.joints, even=even), leg, False
@@ -302,7 +298,7 @@ def _by_joint(
 
 
 def _limits_of(
-    names: Sequence[str], legs: Iterable[Leg], model: settings.Model, folder: str
+    run: settings.Run, names: Sequence[str], legs: Iterable[Leg]
 ) -> dict[str, tuple[float, float]]:
     """Ranges of joints [rad]: the intersection of the servos' ranges and the legs'."""
     limits = dict[str, tuple[float, float]]()
@@ -310,7 +306,7 @@ def _limits_of(
         limits |= zip(
             leg.joint_names, zip(*np.array(leg.limits).tolist(), strict=True), strict=True
         )
-    file = robot_file(model, folder)
+    file = robot_file(run)
     servos = {} if file is None else read_servos(file, optional=True)
     for name in [name for name in names if name in servos]:
         (low, high), (lower, upper) = servos[name].limits, limits.get(name, (-math.inf, math.inf))
@@ -361,8 +357,9 @@ def check_felt(key: str, models: Iterable[JointModel]) -> None:
 # The robot: its legs, and one model per joint.
 
 
-def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
+def find_leg(run: settings.Run) -> LegPlace | None:
     """The description of the leg; None if the settings name no leg."""
+    leg = run.leg
     near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
     if leg.name is not None:
@@ -385,7 +382,7 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
         )
     locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
     locked |= leg.lock_m or {}
-    return LegPlace(beside(folder, leg.urdf), leg.base, leg.foot, locked, near)
+    return LegPlace(run.place(leg.urdf), leg.base, leg.foot, locked, near)
 
 
 def _shipped(name: str) -> LegPlace:
@@ -397,10 +394,13 @@ def _shipped(name: str) -> LegPlace:
     return LegPlace(str(urdf_path("ers210a.urdf")), "body", f"{name.replace('-', '_')}_ball")
 
 
-def load_leg(place: LegPlace | None) -> Leg | None:
-    """The leg of a description."""
-    if place is None:
-        return None
+def leg_of(run: settings.Run) -> Leg | None:
+    """The leg; None if the settings name no leg."""
+    place = find_leg(run)
+    return None if place is None else _loaded(place)
+
+
+def _loaded(place: LegPlace) -> Leg:
     from kinematics import Leg
 
     return Leg.from_urdf(
@@ -408,21 +408,19 @@ def load_leg(place: LegPlace | None) -> Leg | None:
     )
 
 
-def legs_of(
-    model: settings.Model, folder: str = "", *, among: Sequence[str] | None = None
-) -> dict[str, Leg]:
+def legs_of(run: settings.Run, *, among: Sequence[str] | None = None) -> dict[str, Leg]:
     """The legs of the robot in the model file; the ERS-210A's legs for its own model.
 
     Of joints that they are ``among``, those whose joints are all there.
     """
-    file = robot_file(model, folder)
+    file = robot_file(run)
     places = {} if file is None else read_legs(file)
-    if model.file == settings.SHIPPED_MODEL:
+    if run.model.file == settings.SHIPPED_MODEL:
         _, *names = settings.LEG_NAMES
         own = tuple(f"{name.replace('-', '_')}_" for name in names)
         if among is None or any(joint.startswith(own) for joint in among):
             places = {name: _shipped(name) for name in names}
-    legs = {name: leg for name, place in places.items() if (leg := load_leg(place))}
+    legs = {name: _loaded(place) for name, place in places.items()}
     if among is None:
         return legs
     return {name: leg for name, leg in legs.items() if {*leg.joint_names} <= {*among}}
@@ -434,19 +432,14 @@ def leg_title(leg: settings.Leg) -> str:
 
 
 def models_of(
-    run: settings.Run,
-    joints: Sequence[str],
-    leg: Leg | None = None,
-    folder: str = "",
-    *,
-    units: Sequence[str] = (),
+    run: settings.Run, joints: Sequence[str], leg: Leg | None = None, *, units: Sequence[str] = ()
 ) -> tuple[JointModel, ...]:
     """One model per joint, all with the same time between requests, by default the models' own.
 
     Of joints whose ``units`` are shares of their range, a percent becomes a degree.
     """
     file, rate = run.model.file, run.path.rate_hz
-    models = _by_file(file, joints, leg, folder)
+    models = _by_file(run, joints, leg)
     if rate is not None:
         try:
             models = tuple(each.requested_every(1.0 / rate) for each in models)
@@ -456,7 +449,7 @@ def models_of(
     for name, each in zip(joints, models, strict=True):
         if abs(each.period - models[0].period) > 1e-9 * models[0].period:
             raise InvalidFile(
-                beside(folder, file),
+                run.place(file),
                 f"'{name}' takes a request every {each.period:g} s and '{joints[0]}' every "
                 f"{models[0].period:g} s, expected one rate; plan them one by one",
             )
@@ -471,13 +464,12 @@ def models_of(
     return tuple(_in_percent(each) if unit in SHARES else each for each, unit in pairs)
 
 
-def _by_file(
-    name: str, joints: Sequence[str], leg: Leg | None, folder: str
-) -> tuple[JointModel, ...]:
+def _by_file(run: settings.Run, joints: Sequence[str], leg: Leg | None) -> tuple[JointModel, ...]:
+    name = run.model.file
     if name == settings.SHIPPED_MODEL:
         return (JointModel.ers210a(),) * len(joints)
     if name != settings.FROM_URDF:
-        file = beside(folder, name)
+        file = run.place(name)
         if not Path(file).suffix and not Path(file).exists():
             raise BadSetting(
                 f"‹model.file›: got '{name}', expected '{settings.SHIPPED_MODEL}', "
@@ -521,13 +513,7 @@ def model_words(model: settings.Model) -> str:
     return f"model: {words.get(model.file, model.file)}"
 
 
-def robot_file(model: settings.Model, folder: str) -> str | None:
+def robot_file(run: settings.Run) -> str | None:
     """The model file, if it can be read again for legs and servos; else None."""
-    if model.file in (settings.SHIPPED_MODEL, settings.FROM_URDF, STANDARD_STREAM):
-        return None
-    return beside(folder, model.file)
-
-
-def beside(folder: str, name: str) -> str:
-    """The path of a file that the settings name relative to their own folder."""
-    return str(Path(folder) / name) if folder else name
+    no_files = (settings.SHIPPED_MODEL, settings.FROM_URDF, STANDARD_STREAM)
+    return None if run.model.file in no_files else run.place(run.model.file)

@@ -71,7 +71,7 @@ def gait(
     Example, the shortest cycle at which the foot stays within half a centimetre:
         request-planner gait --leg front-left --fastest --tolerance-cm 0.5 -o foot.csv
     """  # noqa: D301
-    from planner.cli.desired import find_leg, load_leg, models_of, refused_models
+    from planner.cli.desired import leg_of, models_of, refused_models
     from planner.files.paths import write_foot_path
     from planner.gait.half_ellipse import half_ellipse
     from planner.gait.stride import in_samples, shortest_cycle, stride
@@ -84,16 +84,15 @@ def gait(
         raise click.UsageError("--fastest and --tolerance-cm go together: give both, or neither.")
     walk = run.path.half_ellipse or HalfEllipse()
     samples = walk.samples
-    place = find_leg(run.leg)
+    leg = leg_of(run)
     if pattern is not None:
-        if place is not None or fastest:
+        if leg is not None or fastest:
             raise click.UsageError(
                 "--pattern moves the four legs of --model: leave out --leg and --fastest."
             )
         return _whole_robot(run, walk, pattern, period)
     if not fastest and "file" in run.model.keys_set:
         raise click.UsageError("--model has no effect without --fastest or --pattern.")
-    leg = load_leg(place)
     if fastest and leg is None:
         raise click.UsageError("--fastest needs a leg: name it with --leg.")
     document: dict[str, Any] = {"period_s": period}
@@ -134,7 +133,7 @@ def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -
     from planner.gait.stride import gait as gait_of
     from planner.report.gait_results import stride_results
 
-    legs = legs_of(run.model)
+    legs = legs_of(run)
     try:
         check_legs(legs)
     except InvalidInput as error:

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, FailedCheck, marked
-from planner.cli.desired import Desired, beside, desired_of, leg_title, model_words
+from planner.cli.desired import Desired, desired_of, leg_title, model_words
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
@@ -36,9 +36,9 @@ CORE_METHODS: Mapping[settings.Method, Method] = {
 """Names of the methods in the core, where a foot is optimised too."""
 
 
-def prepare(run: settings.Run, folder: str = "") -> Desired:
+def prepare(run: settings.Run) -> Desired:
     """Load the inputs that the settings name; refuse settings that the method cannot plan for."""
-    desired = desired_of(run, folder)
+    desired = desired_of(run)
     plan_settings, method = run.plan, marked("plan.method", run.plan.method)
     ignored = [f"plan.{name}" for name in plan_settings.without_effect(plan_settings.method)]
     if plan_settings.method in ("closed-form", "foot-optimal") and run.start.keys_set:
@@ -239,7 +239,7 @@ def inputs_of(desired: Desired) -> list[tuple[str, str]]:
     """The files that the settings name: role and path of each."""
     run = desired.settings
     named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
-    return files_of((role, beside(desired.folder, name)) for role, name in named if name)
+    return files_of((role, run.place(name)) for role, name in named if name)
 
 
 def files_of(named: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:

@@ -22,7 +22,7 @@ import numpy as np
 from planner.cli import options
 from planner.cli.console import BadSetting, marked, speaking_of
 from planner.cli.declared import understand
-from planner.cli.desired import Desired, beside, find_leg, load_leg, models_of, refused_models
+from planner.cli.desired import Desired, leg_of, models_of, refused_models
 from planner.cli.planning import plan_of, prepare
 from planner.cli.settings import SWEPT, Run, Sweep
 from planner.evaluation.sweep import Outcome, Point, Requirement, Swept, search
@@ -53,7 +53,6 @@ class Space:
 
     file: Toml
     settings: Sweep
-    folder: str
     values: Mapping[str, tuple[float, ...]]
     error_unit: str
     requirement: Requirement | None
@@ -97,7 +96,7 @@ class Space:
     def desired(self, point: Point) -> Desired:
         """The plan of a point, ready to be computed."""
         with speaking_of(self.file):
-            return prepare(Run.of(self.content(point)), self.folder)
+            return _prepared(self.content(point), self.settings.folder)
 
     def refused_models(self) -> tuple[str, ...]:
         """A remark on joints with rejected models; the models are the same for all points."""
@@ -123,7 +122,7 @@ class Space:
         """The inputs of all outcomes, beside the point."""
         run = self.settings
         files = [run.model.file, run.path.file, run.leg.urdf]
-        places = [Path(beside(self.folder, name)) for name in files if name]
+        places = [Path(run.place(name)) for name in files if name]
         return {
             "command": "sweep",
             "content": {key: each for key, each in self.file.content.items() if key != "sweep"},
@@ -134,13 +133,13 @@ class Space:
 def read_sweep(path: str) -> Space:
     """Read a sweep file and its inputs, as far as they are the same for all points."""
     file = read_toml(path, example="length = [0.03, 0.04]")
-    run, folder = understand(file, Sweep), str(Path(path).parent)
+    run = understand(file, Sweep)
     search, gait = run.sweep, run.path.file is None
     kind = "a gait" if gait else "a file"
     with speaking_of(file):
         values = _values(run, kind)
-        leg = load_leg(find_leg(run.leg, folder))
-        of_foot = gait or is_foot_path(path_table(beside(folder, str(run.path.file))))
+        leg = leg_of(run)
+        of_foot = gait or is_foot_path(path_table(run.place(str(run.path.file))))
         required = [name for name in REQUIRED if getattr(search, name) is not None]
         if len(required) > 1:
             first, second, *_ = required
@@ -155,7 +154,7 @@ def read_sweep(path: str) -> Space:
             raise BadSetting("‹sweep.parameters›: a gait needs a leg; set ‹leg.name›")
         period = math.nan
         if leg is not None and "period_s" in values:
-            period = models_of(run, leg.joint_names, leg, folder)[0].period
+            period = models_of(run, leg.joint_names, leg)[0].period
         for name, each in values.items():
             kind_of_value, unit = options.SETTINGS[SWEPT[name]].kind, 1.0
             expected = kind_of_value.expected
@@ -168,7 +167,7 @@ def read_sweep(path: str) -> Space:
                 except (ValueError, OverflowError) as error:
                     words = f"got {value:g}, expected {expected}"
                     raise BadSetting(f"‹sweep.parameters.{name}›: {words}") from error
-    return Space(file, run, folder, values, "cm" if of_foot else "deg", requirement, period)
+    return Space(file, run, values, "cm" if of_foot else "deg", requirement, period)
 
 
 def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
@@ -206,7 +205,7 @@ def planned_points(
 ) -> Swept:
     """Plan the points of a grid or of a search."""
     by_point: dict[Point, Outcome] = {}
-    folder = str(Path(space.folder).resolve())
+    folder = str(Path(space.settings.folder).resolve())
 
     def outcomes_at(points: Sequence[Point]) -> list[Outcome]:
         new = [point for point in dict.fromkeys(points) if point not in by_point]
@@ -238,6 +237,13 @@ def planned_points(
     )
 
 
+def _prepared(content: dict[str, Any], folder: str) -> Desired:
+    """The plan of a point's run file in a folder, ready to be computed."""
+    run = Run.of(content)
+    run.folder = folder
+    return prepare(run)
+
+
 def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     """Speed and errors of a point, or why it has none, as JSON: a task of :mod:`planner.parallel`.
 
@@ -245,7 +251,7 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     """
     content, folder = argument
     try:
-        desired = prepare(Run.of(content), folder)
+        desired = _prepared(content, folder)
         plan = plan_of(desired, bounded=False)
     except PlannerError as error:  # kept, too: it is found only by planning
         reason = reason_of(error)

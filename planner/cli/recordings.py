@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.cli.desired import check_felt, find_leg, load_leg, model_words
+from planner.cli.desired import check_felt, find_leg, leg_of, model_words
 from planner.cli.export import FOLDERS, check_rows, write_rows
 from planner.cli.planning import search_options
 from planner.cli.settings import ReplayFormat
@@ -91,7 +91,7 @@ class ReplayTask:
 
     def arm(self) -> Leg | None:
         """The leg or arm of the settings, with the recording's joint names."""
-        leg = load_leg(find_leg(self.settings.leg, self.recording.folder))
+        leg = leg_of(self.settings)
         if leg is None:
             return None
         recorded_names = {name: joint for joint, name in self.settings.replay.urdf_joints.items()}
@@ -109,7 +109,7 @@ def tasks_of(
     has_tolerance = tolerance.deg is not None or tolerance.cm is not None
     if tolerance.deg is not None and tolerance.cm is not None:
         raise BadSetting("‹tolerance.deg› and ‹tolerance.cm›: expected one of them; leave one out")
-    if tolerance.cm is not None and find_leg(run.leg) is None:
+    if tolerance.cm is not None and find_leg(run) is None:
         raise BadSetting("‹tolerance.cm› is for a foot: name its leg or arm with ‹leg.urdf›")
     if replay.fastest and not has_tolerance:
         raise BadSetting(f"{fastest} needs ‹tolerance.deg› or ‹tolerance.cm›")
@@ -124,7 +124,7 @@ def tasks_of(
     elif len(recordings) > 1 and (logs := first_logs(recordings)):
         rate = 1.0 / float(np.median([log.period for log in logs]))
     if len(recordings) > 1:
-        folder = str(Path.cwd())  # workers have another one
+        run.folder = folder = str(Path.cwd())  # workers have another one
     else:  # of several, recordings of unsuitable length are left out
         check_length(
             recordings[0].read(),
@@ -359,7 +359,7 @@ def origin_of(run: settings.ReplayRun, recordings: Sequence[Recording]) -> dict[
 
 def _chosen(run: settings.ReplayRun) -> dict[str, Any]:
     """The settings of a replay, and the content of the URDF that they name."""
-    leg, names = find_leg(run.leg), ("replay", "path", "limits", "plan", "tolerance", "leg")
+    leg, names = find_leg(run), ("replay", "path", "limits", "plan", "tolerance", "leg")
     chosen = {name: getattr(run, name).values() for name in names}
     return {**chosen, "urdf": None if leg is None else digest_of(leg.urdf)}
 

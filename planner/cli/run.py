@@ -93,7 +93,7 @@ def read_run(path: str) -> tuple[Toml, Desired]:
             with _in_export(number):
                 check_export(export)
         _check_names(run)
-        desired = prepare(run, str(Path(path).parent))
+        desired = prepare(run)
         if run.export:
             check_angles(desired.names, desired.units)
         schedule = Schedule(desired.names, desired.angles, desired.period)

@@ -42,7 +42,7 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
     from planner.model.response import simulate_joints
     from planner.report.scene import LOOKS, Motion, import_meshcat, scene_page
 
-    place = find_leg(run.leg)
+    place = find_leg(run)
     if place is None:
         raise click.UsageError("name the leg with --leg.")
     if requests is not None and method is not None:
