@@ -166,7 +166,7 @@ def test_a_killed_replay_is_resumed_to_the_same_bytes(run, dataset, model):
     times = {file: file.stat().st_mtime_ns for file in kept}
     other = run(*words, "killed", "--resume", "--speed", 2)
     assert other.exit_code == 2
-    assert "holds results for other settings (replay)" in other.stderr
+    assert "holds results for other settings (path)" in other.stderr
     other_model = model.with_name("other.toml")
     for old, new in (("v_max = 4.0", "v_max = 5.0"), ("= 0.004", "= 0.3")):
         other_model.write_text(model.read_text().replace(old, new, 1))
