@@ -221,9 +221,10 @@ def test_angles_too_good_to_be_true_are_below_the_bound():
 
 
 def test_bounds_out_of_order_are_noticed():
-    ordered, *plans = bound_checks("hip", {"slope": 0.2, "envelope": 0.1}, {"optimised": 0.15})
+    bounds = {"slope": 0.2, "envelope": 0.1, "exact": 0.3}
+    ordered, *plans = bound_checks("hip", bounds, {"optimised": 0.25})
     assert not ordered.passed
-    assert ordered.name == "bounds ordered, slope ≤ envelope"
+    assert ordered.name == "bounds ordered, slope ≤ envelope ≤ exact"
     assert [check.passed for check in plans] == [False]
     assert all(
         check.passed for check in bound_checks("hip", {"slope": 0.1, "envelope": 0.1}, {"o": 0.1})
