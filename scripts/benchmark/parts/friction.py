@@ -20,6 +20,7 @@ from benchmark.table import Table
 from kinematics import Leg
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
+from planner.trajectory import rms
 from planner.virtual.pendulum import Pendulum, Sts3215
 from planner.virtual.robot import VirtualRobot
 
@@ -220,11 +221,6 @@ def play(rig: Rig, name: str, models: Models) -> Answers:
         plan = planner.plan(model, desired, load=rig.leg.load_torques)
         executed.append(rig.execute(plan.requests[:, 0], CYCLES)[1])
     return Answers(desired, direct, shift, *executed, expected=float(plan.expected_rms[0]))
-
-
-def rms(errors: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 def draw(file: Path) -> None:

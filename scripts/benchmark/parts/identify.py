@@ -33,8 +33,6 @@ FINE_NOISE, FINE_QUANTUM, STICKY_ROWS = 0.1, 0.09, 800
 
 CYCLES, SAMPLES = 3, 88
 
-JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
-
 PENDULUMS = {
     "sts3250, three runs": ("sts3250", ("sin_sin", "sin_time_square", "up_and_down"), 32),
     "xl330, gain 100": ("xl330", ("sin_sin",), 100),
@@ -227,25 +225,10 @@ def recordings(folder: Path) -> Table:
 
 def recorded(folder: Path) -> dict[str, list[planner.Log]]:
     """The recordings by name."""
-    table = np.genfromtxt(folder / "so101" / "prbs_excitation.csv", delimiter=",", names=True)
-    logs = {
-        f"so101, {joint}": [
-            planner.Log(
-                times=table["t_s"], requests=table[f"req_{joint}"], angles=table[f"act_{joint}"]
-            )
-        ]
-        for joint in JOINTS
-    }
+    options = planner.LogOptions(joint="all", unit="rad")
+    arm = planner.read_logs(folder / "so101" / "prbs_excitation.csv", options=options)
+    logs = {f"so101, {log.joint}": [log] for log in arm}
     for name, (servo, motions, gain) in PENDULUMS.items():
         paths = [folder / servo / f"{servo}_kp{gain}_{motion}.csv" for motion in motions]
-        runs = [np.genfromtxt(path, delimiter=",", names=True) for path in paths]
-        logs[name] = [
-            planner.Log(
-                times=run["t_s"],
-                requests=run["req_rad"],
-                angles=run["act_rad"],
-                torque_on=run["torque_on"] > 0.0,
-            )
-            for run in runs
-        ]
+        logs[name] = list(planner.read_logs(paths))
     return logs

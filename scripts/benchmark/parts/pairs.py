@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -294,20 +295,11 @@ def _errors(grid: Grid, predicted: Array) -> tuple[float, float]:
 def so101(folder: Path) -> dict[str, list[planner.Log]]:
     """The recordings of the arm's joints in which they are moved."""
     logs: dict[str, list[planner.Log]] = {f"so101, {joint}": [] for joint in JOINTS}
+    options = planner.LogOptions(joint="all", unit="rad,Jaw=range")
     for path in sorted((folder / "so101").glob("*.csv")):
-        table = np.genfromtxt(path, delimiter=",", names=True)
-        for joint in JOINTS:
-            requests = table[f"req_{joint}"]
-            if np.ptp(requests) > 0.0:
-                logs[f"so101, {joint}"].append(
-                    planner.Log(
-                        times=table["t_s"],
-                        requests=requests,
-                        angles=table[f"act_{joint}"],
-                        name=path.stem,
-                        unit="1" if joint == "Jaw" else "rad",
-                    )
-                )
+        for log in planner.read_logs(path, options=options):
+            if np.ptp(log.requests) > 0.0:
+                logs[f"so101, {log.joint}"].append(replace(log, name=path.stem))
     return logs
 
 
@@ -316,16 +308,9 @@ def pendulums(folder: Path) -> dict[str, list[planner.Log]]:
     logs: dict[str, list[planner.Log]] = {}
     for servo in ("sts3250", "xl330"):
         for path in sorted((folder / servo).glob("*.csv")):
-            run = np.genfromtxt(path, delimiter=",", names=True)
-            logs.setdefault(", ".join(path.stem.split("_")[:2]), []).append(
-                planner.Log(
-                    times=run["t_s"],
-                    requests=run["req_rad"],
-                    angles=run["act_rad"],
-                    torque_on=run["torque_on"] > 0.0,
-                    name=path.stem,
-                )
-            )
+            name = ", ".join(path.stem.split("_")[:2])
+            (log,) = planner.read_logs(path)
+            logs.setdefault(name, []).append(replace(log, name=path.stem))
     return logs
 
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import planner
 from benchmark.parts import Options, friction
 from benchmark.table import Table
+from planner.trajectory import rms
 from planner.virtual.robot import VirtualRobot
 
 Array = npt.NDArray[np.float64]
@@ -70,11 +71,6 @@ def measure(options: Options) -> list[Table]:
 
 QUICK = 3
 """Random instances of a quick run."""
-
-
-def rms(errors: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 def earlier(path: Array, rows: int) -> Array:
