@@ -209,6 +209,9 @@ def test_all_legs_have_one_stroke_at_the_height_of_the_body_at_which_the_lowest_
     for one in strides:
         assert (one.length, one.height) == (strides[0].length, strides[0].height)
         assert one.centre[2] == pytest.approx(-min(hips))
-    assert min(strides[0].length, strides[0].height) > 0.0
+    alone = {"samples": SAMPLES, "ground_fraction": PATTERNS[pattern][0], "hip_height": min(hips)}
+    own = [stride(leg, **alone, **walk) for leg in legs.values()]
+    for name in ("length", "height"):
+        assert getattr(strides[0], name) == min(getattr(each, name) for each in own) > 0.0
     assert walk.items() <= vars(strides[0]).items()
     assert list(made) == list(legs)
