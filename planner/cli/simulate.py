@@ -46,7 +46,7 @@ def simulate(
     from planner.cli.desired import load_joints, model_words, refused_models, repeats, starts_of
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate as simulate_joint
-    from planner.report.simulation_results import simulation_answer
+    from planner.report.plan_results import simulation_answer
 
     inputs = load_joints(requests, run)
     path = None if desired is None else read_joint_path(desired, joints=inputs.names)

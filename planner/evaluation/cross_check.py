@@ -404,7 +404,7 @@ def compare_joint(
         for method, plan in plans.items()
         if method in CLOSED_FORMS and (clipped := kept_within(plan, limits)) is not None
     }
-    checks += no_worse_checks(name, "optimal", optimal.plan, optimal.error, rivals, NO_WORSE)
+    checks += no_worse_checks(name, optimal.plan, optimal.error, rivals, NO_WORSE)
     checks += bound_checks(name, bounds, errors)
     for level in bounds:
         if level != "exact" and not problem.model.exceeds_v_max:
@@ -429,19 +429,14 @@ def compare_joint(
 
 
 def no_worse_checks(
-    subject: str,
-    method: str,
-    plan: Plan,
-    error: float,
-    rivals: Mapping[str, float],
-    allowed: Tolerance,
+    subject: str, plan: Plan, error: float, rivals: Mapping[str, float], allowed: Tolerance
 ) -> list[Check]:
     """That a plan's error is no larger than those of its rivals, as a robot shows them."""
     shown, *others = errors_shown(plan, error, list(rivals.values()))
     return [
         Check(
             subject,
-            METHODS[method],
+            METHODS[plan.method],
             f"no worse than {rival}",
             shown - other,
             allowed._replace(value=allowed.value + SHARE * other),
@@ -583,7 +578,7 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
         usable = [plan for plan in clipped if plan is not None]
         if len(usable) == len(joints):
             rivals[METHODS[method]] = error_norm(_foot_plan(best, usable).distances, norm)
-    checks += no_worse_checks(FOOT, "foot_optimal", best, error, rivals, FOOT_NO_WORSE)
+    checks += no_worse_checks(FOOT, best, error, rivals, FOOT_NO_WORSE)
     return FootComparison({**plans, "foot_optimal": best}, tuple(checks))
 
 

@@ -167,7 +167,7 @@ def invert_foot(
         norm: "rms" to minimise the root mean square distance, "max" the largest one.
         weights: How much each axis of the base frame counts, shape (3,).
         unreachable: Points out of reach are followed as closely as the leg can ("nearest"; the
-            plan's ``reachable`` says which), or are an error that lists them ("raise").
+            ``task.reachable`` of the plan says which), or are an error that lists them ("raise").
         load: Torque on the joints in the direction of positive angles [N m], a number, shape (k,)
             for each joint's, or (n, k), at the samples; see :func:`planner.simulate`. Or
             a function of the angles (n, k) [rad]: see :func:`planner.plan`.

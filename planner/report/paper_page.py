@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from planner.evaluation.reproduction import PAIRS
 from planner.report.figure import Figure
 from planner.report.page import Page, file_link, parameters_of
 from planner.report.paper_figures import FEATURED
@@ -40,13 +41,7 @@ ERRORS = {
 }
 """Errors of an identified model: key in the results, and title."""
 
-PLANS = {
-    "direct": "Des,Dir",
-    "closed_form_plain": "Des,Plain",
-    "closed_form": "Des,MB",
-    "optimal": "Des,Opt",
-    "foot_optimal": "Des,Foot",
-}
+PLANS = {method: pair for pair, method in PAIRS.items() if pair.startswith("Des")}
 """The row of Table 2 with a method's errors in the joints."""
 
 

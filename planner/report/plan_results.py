@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.model.evidence import ENCODER_STEP, OPEN_TOP_SPEED, Expectation, untested_words
+from planner.model.evidence import (
+    ENCODER_STEP,
+    OPEN_TOP_SPEED,
+    Expectation,
+    expectation,
+    untested_words,
+)
 from planner.model.joint import JointModel
 from planner.planning.plan import DEGREE, Plan, RequestMotion
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
@@ -540,6 +546,43 @@ def verdict_results(model: JointModel) -> dict[str, str]:
 def errors_results(errors: Array, unit: str, factor: float = 1.0) -> dict[str, float]:
     """Root mean square and largest of some errors, times a factor, for machines."""
     return _named(size(errors, factor), unit)
+
+
+def simulation_answer(
+    names: Sequence[str],
+    models: Sequence[JointModel],
+    predicted: Array,
+    *,
+    units: Sequence[str],
+    desired: Array | None,
+    cyclic: bool,
+    loads: Array | None,
+) -> tuple[dict[str, Any], str]:
+    """Angles [rad], (n, k), beside the desired ones if there are any, for machines and people.
+
+    ``units`` are "deg" or "percent" of each joint; the text begins with a new line.
+    """
+    joints, expected, text = dict[str, dict[str, Any]](), list[Expectation](), ""
+    for j, (name, model, unit) in enumerate(zip(names, models, units, strict=True)):
+        angles, load, joints[name] = predicted[:, j], None if loads is None else loads[:, j], {}
+        if desired is not None:
+            goal, known, period = desired[:, j], model.evidence, model.period
+            each = expectation(known, goal, angles, period=period, cyclic=cyclic, load=load)
+            expected.append(each)
+            errors, robot = size(angles - goal), math.degrees(each.error)
+            joints[name] = {
+                **_named(errors, unit),
+                f"expected_rms_{unit}": robot,
+                "untested": list(each.untested),
+            }
+            text += f"\n{name}: {errors.rms:.3f} {unit} rms from the desired angles"
+            text += f", {errors.max:.3f} {unit} at most"
+            if math.isfinite(robot):
+                text += f"; on the robot expect about {robot:.3f} {unit} rms"
+        joints[name] |= verdict_results(model)
+        joints[name][f"angles_{unit}"] = np.degrees(angles).tolist()
+    words = untested_words(names, expected) if expected else ""
+    return joints, f"{text}\n{words}" if words else text
 
 
 def against_tolerances(
