@@ -261,7 +261,7 @@ def read_clock(
     if dates is not None:
         return dates, f"time from the dates in column '{column}', shifted to start at 0"
     unit = unit or clock_unit(table, column)
-    if unit is None:
+    if not unit:
         raise table.fault(f"column '{column}' has no unit; rename it {column}_s")
     seconds = SECONDS[unit]
     numbers = table.numbers([column], missing=missing)[:, 0]
@@ -294,10 +294,10 @@ def check_increasing(times: Array, fault: Callable[[str, int], InvalidFile]) -> 
 
 def clock_unit(table: Table, column: str) -> str | None:
     """The unit of a column of times; "" of dates, None where neither name nor cells say it."""
-    place = table.place(column)
-    if any(_date(row[place]) for row in table.rows):
+    unit, place = split_name(column, TIME_NAMES)[1], table.place(column)
+    if unit is None and any(_date(row[place]) for row in table.rows):
         return ""
-    return split_name(column, TIME_NAMES)[1] or TIME_NAMES.get(column.lower())
+    return unit or TIME_NAMES.get(column.lower())
 
 
 def _dates(table: Table, column: str, *, missing: bool) -> Array | None:

@@ -228,12 +228,12 @@ def read_model_file(path: Path | str) -> ModelFile:
     legs = _legs(file)
     common, tables = dict[str, Any](), dict[str, dict[str, Any]]()
     for key, value in file.content.items():
-        if isinstance(value, dict) and not (key == "leg" and legs):
+        if isinstance(value, dict) and value is not legs:
             own = {
                 name: each for name, each in value.items() if (name, type(each)) != ("servo", dict)
             }
             tables[key] = _checked(file, (key,), own, MODEL)
-        elif key not in ("leg", *BUS):
+        elif value is not legs and key not in BUS:
             common[key] = value
     of_joint = common.pop("joint", "")
     if not isinstance(of_joint, str):

@@ -170,6 +170,7 @@ BAD = {
     "no unit": "t_s,req,act\n0,0,0\n1,0,0\n2,0,0\n",
     "no unit of one column": "t_s,req_rad,act\n0,0,0\n1,0,0\n2,0,0\n",
     "no unit at all": "time,req,act\n0,0,0\n1,0,0\n2,0,0\n",
+    "a number before dates": "time,req_rad,act_rad\n0,0,0\n2026-11-23T10:04:00,0,0\n2,0,0\n",
     "no unit of time": "time,req_rad,act_rad\n0,0,0\n1,0,0\n2,0,0\n",
     "two units": (GOOD, {"unit": "deg"}),
     "ticks of no turn": "t_s,req_ticks,act_ticks\n0,0,0\n1,0,0\n2,0,0\n",
