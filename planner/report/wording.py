@@ -35,7 +35,7 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    words = {
+    templates.filters |= {
         "at_most": at_most,
         "breakable": breakable,
         "degrees": math.degrees,
@@ -49,7 +49,6 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
         "sentence": sentence,
         "two_digits": two_digits,
     }
-    templates.filters |= words
     templates.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
     if not plain:
         templates.globals |= vars(templates.get_template("macros.html").module)
