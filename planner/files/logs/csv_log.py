@@ -74,10 +74,9 @@ def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     for k, entry in enumerate(entries):
         if not isinstance(entry, dict):
             raise table.fault(f"got {type(entry).__name__}, expected an object with keys", k)
-        for key in BAM_KEYS[:-1]:
-            if key not in entry:
-                hint = nearest(key, list(entry))
-                raise table.fault(f"no '{key}'{hint}; keys: {', '.join(entry)}", k)
+        if missing := [key for key in BAM_KEYS[:-1] if key not in entry]:
+            hint = nearest(missing[0], list(entry))
+            raise table.fault(f"no '{missing[0]}'{hint}; keys: {', '.join(entry)}", k)
         values = (entry.get(key) for key in BAM_KEYS)
         cells = ["" if value is None else json.dumps(value) for value in values]
         if cells[1] in ("", "NaN") and SWITCH.get(cells[3]) is False:
@@ -88,12 +87,12 @@ def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     bam_options = replace(options, time=f"{BAM_KEYS[0]}:s", unit="rad")
     recorded = _recorded(table, bam_options, units="BAM defines them")
     moment = _moment(path, content)
+    note = f"load of a pendulum, {moment or 0.0:.3g} N m where it is level"
 
     def rows_of(joint: str) -> Rows:
         rows = recorded.rows(joint)
         if moment is None:
             return rows
-        note = f"load of a pendulum, {moment:.3g} N m where it is level"
         return replace(rows, load=-moment * np.sin(rows.angles), notes=(*rows.notes, note))
 
     yield Recorded(recorded.joints, rows_of)
