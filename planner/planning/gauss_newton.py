@@ -41,7 +41,6 @@ class Spec(NamedTuple):
     parts: int  # states of a drive, s: 2 with inertia, 3 with an integral term
     largest: bool  # whether the largest error counts, not the root mean square
     worst: bool  # whether the worst of the scenarios counts, not their root mean square
-    bounded: bool  # whether a request has a limit
     limited: bool  # whether a change of requests has a limit
     ridge: float  # curvature added to that of the goal, which may not depend on every angle
     # of each drive the numbers of its law, then ticks of its request period, unit of the radius of
@@ -399,7 +398,6 @@ def set_entries(
     point: Point,
     terms: Array,
     eased: Array,
-    held: Array,
     pattern_rows: Places,
     pattern_columns: Places,
     values: Array,
@@ -407,11 +405,12 @@ def set_entries(
     """Fill the entries of the KKT matrix, of one triangle and the diagonal; their number.
 
     Unknowns are the requests, the states and the multipliers of the dynamics. Which places have an
-    entry may depend only on what is in the key of :func:`pattern_of`, which keeps patterns.
+    entry may depend only on what is in the key of :func:`pattern_of`, which keeps patterns. The
+    first entries are the diagonal of the requests; the last ones, three for each request, are for
+    the penalties of changes at their limits.
 
-    ``terms`` are the Levenberg-Marquardt terms of the requests, Delta, with the penalties of those
-    that are held, (n, J), ``eased`` those of the angles, E, (n, A), ``held`` the penalties of the
-    changes at their limits, (n, J). Filled are row, column and value of each entry.
+    ``terms`` are the Levenberg-Marquardt terms of the requests, Delta, (n, J), ``eased`` those of
+    the angles, E, (n, A). Filled are row, column and value of each entry.
     """
     rows, columns = pattern_rows, pattern_columns
     samples, joints = spec.bounds.shape[1:]
@@ -468,11 +467,10 @@ def set_entries(
                     e += 1
     if spec.limited:
         for number in range(state):
-            penalty = held[number // joints, number % joints]
             following = (number + joints) % state
-            rows[e], columns[e], values[e] = number, number, penalty
-            rows[e + 1], columns[e + 1], values[e + 1] = following, following, penalty
-            rows[e + 2], columns[e + 2], values[e + 2] = following, number, -penalty
+            rows[e], columns[e], values[e] = number, number, 0.0
+            rows[e + 1], columns[e + 1], values[e + 1] = following, following, 0.0
+            rows[e + 2], columns[e + 2], values[e + 2] = following, number, 0.0
             e += 3
     return e
 
@@ -549,7 +547,7 @@ def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
     room = samples * most
     terms, eased = np.zeros((samples, joints)), np.zeros((samples, len(spec.drives)))
     values, rows, columns = np.zeros(room), np.zeros(room, np.uint32), np.zeros(room, np.uint32)
-    count = set_entries(spec, stage, point, terms, eased, terms, rows, columns, values)
+    count = set_entries(spec, stage, point, terms, eased, rows, columns, values)
     rows, columns = rows[:count].copy(), columns[:count].copy()
     return Pattern(rows, columns, factor_of(rows, columns, position))
 
@@ -586,9 +584,7 @@ def set_step(
     bounds, slopes, quadratic = spec.bounds, point.slopes, point.quadratic
     requests, away, defects = point.requests, point.away, point.defects
     multipliers = search.multipliers
-    terms, eased = np.zeros((samples, joints)), np.zeros((samples, drives))
-    for number in range(state):
-        terms[number // joints, number % joints] = search.damping[0]
+    terms, eased = np.full((samples, joints), search.damping[0]), np.zeros((samples, drives))
     for k in range(samples):
         for a in range(drives):
             for j in range(width):
@@ -617,26 +613,26 @@ def set_step(
 
     rows_of_entries, columns, places = pattern.rows, pattern.columns, pattern.factor.place
     values, matrix = np.empty(len(columns)), np.empty(len(pattern.factor.row))
-    stiffness = STIFF * (point.costs[4] + stage.weight)
-    diagonal, held, target = terms.copy(), np.zeros((samples, joints)), right.copy()
+    set_entries(spec, stage, point, terms, eased, rows_of_entries, columns, values)
+    stiffness, target = STIFF * (point.costs[4] + stage.weight), right.copy()
     for _ in range(ACTIVE_SETS):
+        matrix[:] = 0.0
+        target[:] = right
         for number in range(state):
-            k, j = number // joints, number % joints
-            bound = FIRST if k == 0 and not cyclic else LOWER if at_limit[k, j] < 0 else UPPER
-            diagonal[k, j], target[number] = terms[k, j], right[number]
-            if bound == FIRST or at_limit[k, j] != 0 or bounds[LOWER, k, j] == bounds[UPPER, k, j]:
-                diagonal[k, j] += stiffness
-                target[number] += stiffness * (bounds[bound, k, j] - requests[k, j])
-        for number in range(state if spec.limited else 0):
             k, j, following = number // joints, number % joints, (number + joints) % state
-            held[k, j] = stiffness if tight[k, j] != 0 else 0.0
-            if tight[k, j] != 0:
+            bound = FIRST if k == 0 and not cyclic else LOWER if at_limit[k, j] < 0 else UPPER
+            values[number] = terms[k, j]
+            if bound == FIRST or at_limit[k, j] != 0 or bounds[LOWER, k, j] == bounds[UPPER, k, j]:
+                values[number] += stiffness
+                target[number] += stiffness * (bounds[bound, k, j] - requests[k, j])
+            if spec.limited:
+                penalty, last = stiffness * abs(tight[k, j]), len(values) - 3 * (state - number)
+                values[last], values[last + 1], values[last + 2] = penalty, penalty, -penalty
+            if spec.limited and tight[k, j] != 0:
                 moved = requests[(k + 1) % samples, j] - requests[k, j]
                 force = stiffness * (tight[k, j] * bounds[LARGEST_CHANGE, k, j] - moved)
                 target[number] -= force
                 target[following] += force
-        set_entries(spec, stage, point, diagonal, eased, held, rows_of_entries, columns, values)
-        matrix[:] = 0.0
         for e in range(len(values)):
             matrix[places[e]] += values[e]
         if not solved(pattern.factor, matrix, target, step):
@@ -672,7 +668,7 @@ def active_changed(
     """
     samples, joints = spec.bounds.shape[1:]
     first, changed, bounds, requests = 0 if spec.cyclic else 1, False, spec.bounds, point.requests
-    for k in range(first, samples if spec.bounded else 0):
+    for k in range(first, samples):
         for j in range(joints):
             number, before = k * joints + j, at_limit[k, j]
             low, high = bounds[LOWER, k, j] - requests[k, j], bounds[UPPER, k, j] - requests[k, j]

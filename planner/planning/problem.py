@@ -163,7 +163,6 @@ class Problem:
             parts=parts,
             largest=self.norm == "max",
             worst=self.robust == "worst",
-            bounded=bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any()),
             limited=bool(np.isfinite(self.max_step).any()),
             ridge=0.0 if foot is None else RIDGE,
             drives=np.array(drives, dtype=np.float64),

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
 from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
-from planner.planning.task import limits_of_each, steps_of_each
+from planner.planning.task import joint_names, limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
 from planner.validation import Summarised, Summary, as_reals, as_whole, check_choice, shown
 
@@ -395,10 +395,8 @@ def _models_by_name(
 ) -> tuple[tuple[str, ...], tuple[JointModel, ...]]:
     """Names and models of the joints."""
     each: Any = [models] if isinstance(models, JointModel) else models
-    names: tuple[str, ...] = ()
     if isinstance(models, Mapping):
-        names = tuple(name for name in models if name)
-        each = [models[name] for name in names]
+        each = [model for name, model in models.items() if name]
     try:
         joints = tuple(map(checked_model, each))
     except TypeError:  # not several
@@ -413,7 +411,7 @@ def _models_by_name(
             f"models: their periods are from {min(periods):g} to {max(periods):g} s, expected one "
             "period: JointModel.requested_every gives a model another one"
         )
-    return names or tuple(f"joint_{j + 1}" for j in range(len(joints))), joints
+    return joint_names(None, models, len(joints)), joints
 
 
 def _rows(name: str, value: object, least: int, expected: str) -> int:

@@ -102,7 +102,7 @@ def whole_and_streamed(joint, path, cycles):
         angles = [planner.simulate(joint, each, cyclic=False) for each in sent.T]
         errors.append(rms(np.transpose(angles) - path))
     whole = [planner.invert_optimal(joint, each, cyclic=False).rms for each in path.T]
-    return rms(whole), *errors
+    return rms(np.array(whole)), *errors
 
 
 def walked(phase):
