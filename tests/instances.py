@@ -10,6 +10,11 @@ import numpy as np
 from planner import JointModel, reference_walk, simulate
 from planner.trajectory import Array
 
+ERS210A = JointModel.ers210a()
+
+SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
+"""A servo that is asked 50 times a second."""
+
 TICK = 0.008
 """Time step of the random models [s]."""
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import Infeasible, JointModel, fit_pwl, lower_bound
+from planner import Infeasible, fit_pwl, lower_bound
 from planner.approximation.fit import choices
 from planner.approximation.values import attainable_error
 from tests.approximation.samples import (
@@ -20,7 +20,7 @@ from tests.approximation.samples import (
     problems,
     samples_of,
 )
-from tests.instances import REFERENCE_JOINTS
+from tests.instances import ERS210A, REFERENCE_JOINTS
 
 SLOPE_ROUNDING = 1e-12
 """Relative excess over v_max that a slope may have."""
@@ -31,8 +31,6 @@ SAME = 1e-6
 WORSE = 5e-3
 """Relative excess of a fit over that of one segment fewer: at most 4.1e-3 in 840 pairs of all
 kinds at n = 60 and 88, and above 5e-4 for single impulses only."""
-
-ERS210A = JointModel.ers210a()
 
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)

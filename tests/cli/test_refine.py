@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import JointModel, half_ellipse, simulate
+from planner import half_ellipse, simulate
 from planner.files.paths import read_joint_path, write_foot_path, write_joint_path
+from tests.instances import ERS210A
 
-KNOWN = JointModel.ers210a()
-TRUE = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0, lag=1.2 * KNOWN.lag, offset=0.01)
+TRUE = replace(ERS210A, theta_0=1.2 * ERS210A.theta_0, lag=1.2 * ERS210A.lag, offset=0.01)
 LEG = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
 
 
@@ -64,7 +64,7 @@ def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, ex
 def test_a_sensor_delay_of_0_is_not_replaced_by_an_estimate(run, desired, options, removed):
     run("plan", desired, "-o", "requests.csv")
     path = read_joint_path("requests.csv")
-    late = [np.roll(simulate(KNOWN, column), 5) for column in path.values.T]
+    late = [np.roll(simulate(ERS210A, column), 5) for column in path.values.T]
     write_joint_path("late.csv", path.names, np.transpose(late), period=0.008)
     result = run("refine", "requests.csv", "late.csv", "--desired", desired, *options, "--json")
     learning = json.loads(result.stdout)["learning"]
@@ -159,7 +159,7 @@ def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
     write_foot_path(file, half_ellipse(samples=40, length=0.015, height=0.005), period=0.008)
     assert run("plan", file, *LEG, "-o", "requests.csv").exit_code == 0
     first = read_joint_path("requests.csv")
-    planned = np.column_stack([simulate(KNOWN, column) for column in first.values.T])
+    planned = np.column_stack([simulate(ERS210A, column) for column in first.values.T])
     line = ("refine", "requests.csv", "measured.csv", "--desired", file, *LEG, "--no-reidentify")
     line = (*line, "--history", "all.json", "--json", "-o", "requests.csv")
     line = (*line, "--report", "page.html")

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from kinematics import urdf_path
-from planner import JointModel, LogOptions, read_logs, simulate
+from planner import LogOptions, read_logs, simulate
 from planner.cli.recordings import tasks_of
 from planner.files.staging import list_files
 from planner.identification.grid import sound_rows
+from tests.instances import SERVO
 
-SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 RATE = 30
 ELBOW = SERVO.requested_every(1.0 / RATE)
 NAMES = ("shoulder_pan.pos", "elbow_flex.pos", "gripper.pos")

@@ -29,11 +29,10 @@ from planner.model.joint import JointModel
 from planner.planning.bounds.reachable_set import LEVELS
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_foot, invert_optimal
-from tests.instances import attainable, random_model, saturating
+from tests.instances import ERS210A, attainable, random_model, saturating
 from tests.plans import claiming, inversion
 from tests.strategies import models, trajectories
 
-JOINT = JointModel.ers210a()
 PHASE = 2.0 * np.pi * np.arange(88) / 88
 DESIRED = 0.6 * np.sin(PHASE) + 0.25 * np.cos(2.0 * PHASE)
 BRIEF = DESIRED[::4] / 4.0
@@ -49,7 +48,7 @@ def walk():
 
 @pytest.fixture(scope="module")
 def of_walk(walk):
-    return cross_check(JOINT, walk.desired, leg=walk.leg, segments=6)
+    return cross_check(ERS210A, walk.desired, leg=walk.leg, segments=6)
 
 
 def _plans(*, cyclic=True):
@@ -60,11 +59,14 @@ def _plans(*, cyclic=True):
 def _planned(cyclic):
     closed = {
         f"closed_form_{rule}": invert_closed_form(
-            JOINT, DESIRED, cyclic=cyclic, segments=6, rule=rule
+            ERS210A, DESIRED, cyclic=cyclic, segments=6, rule=rule
         )
         for rule in ("paper", "exact")
     }
-    return {**closed, "optimal": invert_optimal(JOINT, DESIRED, cyclic=cyclic, limits=(-1.0, 1.0))}
+    return {
+        **closed,
+        "optimal": invert_optimal(ERS210A, DESIRED, cyclic=cyclic, limits=(-1.0, 1.0)),
+    }
 
 
 def _broken(comparison):
@@ -97,8 +99,8 @@ def test_random_joints_pass(seed):
 
 
 def test_limits_hold_for_all_joints_or_one_by_one():
-    desired = np.where(np.arange(20) < 10, 0.0, 20 * JOINT.v_max_per_tick / 3)
-    check = cross_check(JOINT, np.column_stack([desired] * 2), limits=([0.0, -1.0], [0.3, 1.0]))
+    desired = np.where(np.arange(20) < 10, 0.0, 20 * ERS210A.v_max_per_tick / 3)
+    check = cross_check(ERS210A, np.column_stack([desired] * 2), limits=([0.0, -1.0], [0.3, 1.0]))
     assert [joint.limits for joint in check.joints] == [(0.0, 0.3), (-1.0, 1.0)]
     assert check.passed
     closed_form, optimal = (
@@ -121,7 +123,7 @@ def test_sound_plans_are_judged_sound_from_rest_too():
 
 @pytest.mark.parametrize("changes", [{"dead_band": 0.02}, {"time_constant": 0.02}])
 def test_bounds_are_shown_under_the_level_that_was_proved(changes):
-    plan = invert_optimal(replace(JOINT, **changes), BRIEF, smoothness=0.0)
+    plan = invert_optimal(replace(ERS210A, **changes), BRIEF, smoothness=0.0)
     comparison = compare_joint("hip", {"optimal": plan}, levels=LEVELS)
     assert (
         list(comparison.bounds) == list(comparison.to_dict()["bounds_deg"]) == ["slope", "envelope"]
@@ -211,7 +213,7 @@ def test_requests_beyond_the_limits_are_noticed():
 
 
 def test_angles_too_good_to_be_true_are_below_the_bound():
-    model = replace(JOINT, v_max=0.3 * JOINT.v_max)
+    model = replace(ERS210A, v_max=0.3 * ERS210A.v_max)
     plans = {
         "closed_form_exact": invert_closed_form(model, DESIRED, rule="exact"),
         "optimal": invert_optimal(model, DESIRED),
@@ -232,7 +234,7 @@ def test_bounds_out_of_order_are_noticed():
 
 
 def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):
-    plan = invert_foot(JOINT, walk.leg, walk.desired_foot)
+    plan = invert_foot(ERS210A, walk.leg, walk.desired_foot)
     assert not _broken(judge_foot(of_walk.joints, plan))
     late = replace(plan, requests=np.roll(plan.requests, 8, axis=0))
     late.plan.__dict__["lower_bounds"] = (
@@ -250,8 +252,8 @@ def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):
 
 def test_requests_that_leave_the_angle_open_are_said_to_and_pass():
     # A triangle steeper than the joint is fast: the paper's rule saturates it all the time.
-    desired = 2.0 * JOINT.v_max_per_tick * np.abs(np.arange(40.0) - 20.0)
-    joint = cross_check(JOINT, desired).joints[0]
+    desired = 2.0 * ERS210A.v_max_per_tick * np.abs(np.arange(40.0) - 20.0)
+    joint = cross_check(ERS210A, desired).joints[0]
     assert joint.answers["closed_form_paper"].elsewhere > math.radians(1.0)
     assert not {check.name for check in joint.checks if not check.passed} & {AGREES, CLOSES}
     assert joint.answers["optimal"].elsewhere == 0.0

@@ -17,6 +17,7 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate, simulate_joints
 from planner.trajectory import Distance, angle_distance, foot_distance
 from tests.independent import equation_3
+from tests.instances import ERS210A
 
 PRINTED = 0.005
 """Figures known from an independent computation to two decimals [deg, cm]."""
@@ -110,7 +111,6 @@ def reproduction(reproduced):
     return reproduced.answer
 
 
-JOINT = JointModel.ers210a()
 PHASE = 2.0 * np.pi * np.arange(88) / 88
 DESIRED = np.column_stack([0.5 * np.sin(PHASE), 0.3 * np.cos(2.0 * PHASE)])
 
@@ -134,7 +134,7 @@ def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
         angles.append(done[-88:])
     distances = [_distance(np.roll(np.column_stack(angles), -lead, axis=0)) for lead in range(88)]
     best = min(range(88), key=lambda lead: distances[lead].rms)
-    unshifted = simulate_joints([JOINT, JOINT], DESIRED, cyclic=True)
+    unshifted = simulate_joints([ERS210A, ERS210A], DESIRED, cyclic=True)
     assert best_lead(unshifted, _distance) == best
     least = _distance(np.roll(unshifted, -best, axis=0)).rms
     assert least == pytest.approx(distances[best].rms, abs=1e-10)

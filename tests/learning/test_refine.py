@@ -13,8 +13,8 @@ import planner
 from planner.learning import refine as refining
 from planner.planning.result import Trial
 from planner.trajectory import Array, rms
+from tests.instances import ERS210A
 
-KNOWN = planner.JointModel.ers210a()
 ENCODER_STEP = 2.0 * math.pi / 4096.0
 """Errors up to this count as none, (12b) of ``docs/math.md`` [rad]."""
 
@@ -23,7 +23,7 @@ def learnt(
     joint: MadeJoint, desired: Array, trials: int, *, reidentify: bool = True
 ) -> tuple[list[float], planner.Inversion]:
     """True errors of the trials [rad], and the plan after them."""
-    plan = planner.invert_optimal(KNOWN, desired, cyclic=joint.cyclic)
+    plan = planner.invert_optimal(ERS210A, desired, cyclic=joint.cyclic)
     errors = []
     for _ in range(trials):
         true, sensed = joint.play(plan.requests)
@@ -74,8 +74,8 @@ def test_a_servo_from_physics_is_learnt_on_the_wrong_model() -> None:
 def test_noise_alone_is_not_learnt() -> None:
     """On the model itself with noise, the requests hardly change, and learning stops."""
     desired = random_path(1, 88, span=1.0, fastest=0.03)
-    plan = planner.invert_optimal(KNOWN, desired)
-    joint = MadeJoint(KNOWN, noise=math.radians(0.3), seed=4)
+    plan = planner.invert_optimal(ERS210A, desired)
+    joint = MadeJoint(ERS210A, noise=math.radians(0.3), seed=4)
     _, sensed = joint.play(plan.requests, 5)
     after = planner.refine(plan, sensed)
     assert rms(after.disturbance) < 0.25 * math.radians(0.3) / math.sqrt(5.0)
@@ -87,7 +87,7 @@ def test_the_noise_of_one_measured_motion_is_known_from_its_high_frequencies(cyc
     """Whatever the model misses below: the median of 200 powers is good to a tenth."""
     rng = np.random.default_rng(2)
     phase = np.linspace(0.0, 4.0 * np.pi, 400, endpoint=False)
-    plan = planner.invert_optimal(KNOWN, 0.3 - 0.3 * np.cos(phase), cyclic=cyclic)
+    plan = planner.invert_optimal(ERS210A, 0.3 - 0.3 * np.cos(phase), cyclic=cyclic)
     spread = math.radians(0.3)
     below = np.outer(np.arange(1, 60), phase / 2.0)
     missed = 0.003 * (np.cos(below + rng.uniform(0.0, 6.3, (59, 1)))).sum(axis=0)
@@ -100,8 +100,8 @@ def test_the_noise_of_one_measured_motion_is_known_from_its_high_frequencies(cyc
 def test_it_stops_at_the_speed_limit_and_says_so() -> None:
     """The model itself, on a path that is too fast: all of the error is the bound."""
     desired = random_path(2, 88, span=2.0, fastest=0.08)
-    plan = planner.invert_optimal(KNOWN, desired)
-    after = planner.refine(plan, planner.simulate(KNOWN, plan.requests))
+    plan = planner.invert_optimal(ERS210A, desired)
+    after = planner.refine(plan, planner.simulate(ERS210A, plan.requests))
     assert np.array_equal(after.requests, plan.requests)
     assert "from speed limits" in after.stopped
     assert not plan.stopped
@@ -111,19 +111,19 @@ def test_it_stops_at_the_speed_limit_and_says_so() -> None:
 def test_a_late_sensor_is_not_learnt_as_motion() -> None:
     """Where it is known, or long and the whole of the difference; a short one is mentioned."""
     desired = random_path(5, 88, span=1.0, fastest=0.03)
-    plan = planner.invert_optimal(KNOWN, desired)
-    for late, given in ((6, None), (2, 2 * KNOWN.period)):
-        joint = MadeJoint(KNOWN, noise=math.radians(0.05), late=late)
+    plan = planner.invert_optimal(ERS210A, desired)
+    for late, given in ((6, None), (2, 2 * ERS210A.period)):
+        joint = MadeJoint(ERS210A, noise=math.radians(0.05), late=late)
         after = planner.refine(plan, joint.play(plan.requests, 3)[1], sensor_delay=given)
         assert rms(joint.angles(after.requests) - desired) < math.radians(0.05)
         removed = after.learning.delays[0].removed
-        assert removed == pytest.approx(late * KNOWN.period, rel=0.05)
+        assert removed == pytest.approx(late * ERS210A.period, rel=0.05)
         said = f"angles are taken to be {1e3 * removed:.3g} ms late, by their sensor or log"
         assert any(said in remark for remark in after.learning.remarks)
-    after = planner.refine(plan, MadeJoint(KNOWN, late=2).play(plan.requests)[1])
-    assert after.learning.delays[0].seconds == pytest.approx(2 * KNOWN.period, rel=0.05)
+    after = planner.refine(plan, MadeJoint(ERS210A, late=2).play(plan.requests)[1])
+    assert after.learning.delays[0].seconds == pytest.approx(2 * ERS210A.period, rel=0.05)
     assert any("late by it: sensor_delay=0.016" in remark for remark in after.learning.remarks)
-    noisy = MadeJoint(KNOWN, noise=math.radians(1.5), late=2).play(plan.requests, 40)[1]
+    noisy = MadeJoint(ERS210A, noise=math.radians(1.5), late=2).play(plan.requests, 40)[1]
     after = planner.refine(plan, noisy)
     assert after.learning.delays[0].share > 0.9
     assert after.learning.remarks == ()  # as a cycle's noise is half of what the delay makes
@@ -131,13 +131,13 @@ def test_a_late_sensor_is_not_learnt_as_motion() -> None:
 
 def test_a_sensors_delay_stays_what_it_was_and_the_same_requests_are_one_trial() -> None:
     desired = random_path(5, 88, span=1.0, fastest=0.03)
-    plan = planner.invert_optimal(KNOWN, desired)
-    joint = MadeJoint(replace(KNOWN, theta_0=1.1 * KNOWN.theta_0), late=2)
-    after = planner.refine(plan, joint.play(plan.requests)[1], sensor_delay=2 * KNOWN.period)
+    plan = planner.invert_optimal(ERS210A, desired)
+    joint = MadeJoint(replace(ERS210A, theta_0=1.1 * ERS210A.theta_0), late=2)
+    after = planner.refine(plan, joint.play(plan.requests)[1], sensor_delay=2 * ERS210A.period)
     after = planner.refine(after, joint.play(after.requests)[1])
-    assert after.learning.delays[0].removed == 2 * KNOWN.period
-    plan = planner.invert_optimal(KNOWN, desired)
-    noisy = MadeJoint(KNOWN, noise=math.radians(0.5)).play(plan.requests, 3)[1]
+    assert after.learning.delays[0].removed == 2 * ERS210A.period
+    plan = planner.invert_optimal(ERS210A, desired)
+    noisy = MadeJoint(ERS210A, noise=math.radians(0.5)).play(plan.requests, 3)[1]
     once = planner.refine(plan, noisy[:2])
     twice = planner.refine(replace(plan, learning=(once.learning,)), noisy[2])
     assert [trial.cycles for trial in twice.learning.trials] == [3]
@@ -149,7 +149,7 @@ def test_the_error_that_comes_next_is_near_the_one_predicted(seed: int) -> None:
     """From the third trial on: the second one shows what the model misses of changed requests."""
     joint = random_joint(seed)
     desired = random_path(seed, 88, span=1.2, fastest=0.03)
-    plan = planner.invert_optimal(KNOWN, desired)
+    plan = planner.invert_optimal(ERS210A, desired)
     for trial in range(4):
         sensed = joint.play(plan.requests)[1]
         if trial >= 2:
@@ -183,7 +183,7 @@ def test_what_the_last_change_of_the_requests_did_not_do_is_expected_of_the_next
 ) -> None:
     """In shares of the change of the angles by the model, without what noise explains of it."""
     requests = [attained.requests, attained.requests + 0.02 * np.sin(3.0 * PHASE)]
-    first, second = (planner.simulate(KNOWN, each) for each in requests)
+    first, second = (planner.simulate(ERS210A, each) for each in requests)
     third = second - missed * (second - first)
     trials = [
         Trial(requests=sent[:, None], measured=np.stack([angles[:, None]] * cycles), error=0.1)
@@ -208,7 +208,7 @@ def test_requests_change_as_far_as_what_joints_do_not_follow_pays(
         return planner.refine(attained, measured, reidentify=False)
 
     whole, after = next_of(0.0), next_of(unforeseen)
-    answers = [planner.simulate(KNOWN, each.requests) for each in (attained, whole)]
+    answers = [planner.simulate(ERS210A, each.requests) for each in (attained, whole)]
     saving = error - rms(answers[1] + measured - answers[0] - attained.desired)
     missed = unforeseen * rms(answers[1] - answers[0])
     shares = np.linspace(0.0, 1.0, 10_001)
@@ -239,9 +239,9 @@ def test_an_error_within_the_noise_and_an_encoders_step_ends_learning(
 
 def test_a_worse_cycle_makes_the_next_one_start_from_the_best() -> None:
     desired = random_path(6, 88, span=1.0, fastest=0.03)
-    plan = planner.invert_optimal(KNOWN, desired)
-    first = planner.refine(plan, planner.simulate(KNOWN, plan.requests) + 0.02)
-    worse = planner.refine(first, planner.simulate(KNOWN, first.requests) + 0.2, reidentify=False)
+    plan = planner.invert_optimal(ERS210A, desired)
+    first = planner.refine(plan, planner.simulate(ERS210A, plan.requests) + 0.02)
+    worse = planner.refine(first, planner.simulate(ERS210A, first.requests) + 0.2, reidentify=False)
     assert worse.learning.best == 0
     assert worse.learning.gain < first.learning.gain
     assert rms(worse.requests - plan.requests) < rms(first.requests - plan.requests)
@@ -250,9 +250,9 @@ def test_a_worse_cycle_makes_the_next_one_start_from_the_best() -> None:
 @pytest.fixture(scope="module")
 def two_trials() -> tuple[MadeJoint, planner.Inversion, planner.Inversion]:
     """A slower joint, and the plans after a trial of three cycles and after a second one."""
-    true = replace(KNOWN, v_max=0.75 * KNOWN.v_max, theta_0=1.2 * KNOWN.theta_0)
+    true = replace(ERS210A, v_max=0.75 * ERS210A.v_max, theta_0=1.2 * ERS210A.theta_0)
     joint = MadeJoint(true, noise=math.radians(0.05))
-    plan = planner.invert_optimal(KNOWN, random_path(3, 88, span=1.2, fastest=0.05))
+    plan = planner.invert_optimal(ERS210A, random_path(3, 88, span=1.2, fastest=0.05))
     first = planner.refine(plan, joint.play(plan.requests, 3)[1])
     return joint, first, planner.refine(first, joint.play(first.requests, 3)[1])
 
@@ -264,10 +264,10 @@ def test_a_second_trial_identifies_the_model_anew_where_that_predicts_it_better(
     assert any(remark.startswith(said) for remark in second.learning.remarks)
     assert second.learning.reidentified == (1,)
     measured = joint.play(first.requests, 3)[1]
-    assert planner.refine(first, measured, reidentify=False).model == KNOWN
+    assert planner.refine(first, measured, reidentify=False).model == ERS210A
     for anew in (True, False):
         joints = planner.refine(first.plan, measured[:, :, np.newaxis], reidentify=anew)
-        assert (joints.models[0] == KNOWN) != anew
+        assert (joints.models[0] == ERS210A) != anew
 
 
 def test_cycles_of_the_same_requests_identify_no_model(two_trials) -> None:
@@ -281,22 +281,22 @@ def test_cycles_of_the_same_requests_identify_no_model(two_trials) -> None:
         first,
         *(planner.refine(each, joint.play(each.requests, 5)[1]) for each in (again, back)),
     ):
-        assert plan.model == KNOWN
+        assert plan.model == ERS210A
         assert plan.learning.reidentified == (0,)
 
 
 def test_a_motion_from_rest_is_learnt_and_starts_where_it_did() -> None:
-    true = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0, lag=1.2 * KNOWN.lag)
+    true = replace(ERS210A, theta_0=1.2 * ERS210A.theta_0, lag=1.2 * ERS210A.lag)
     desired = np.radians(30.0) * (1.0 - np.cos(np.linspace(0.0, np.pi, 100)))
     errors, plan = learnt(MadeJoint(true, cyclic=False), desired, 5)
     assert errors[-1] < 0.1 * errors[0]
-    assert plan.requests[0] == planner.invert_optimal(KNOWN, desired, cyclic=False).requests[0]
+    assert plan.requests[0] == planner.invert_optimal(ERS210A, desired, cyclic=False).requests[0]
 
 
 def test_the_next_requests_keep_the_limits_and_the_largest_step_of_the_plan() -> None:
     desired = random_path(4, 88, span=1.2, fastest=0.05)
-    plan = planner.invert_optimal(KNOWN, desired, limits=(-0.8, 0.8), max_step=0.08)
-    true = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0, lag=1.2 * KNOWN.lag)
+    plan = planner.invert_optimal(ERS210A, desired, limits=(-0.8, 0.8), max_step=0.08)
+    true = replace(ERS210A, theta_0=1.2 * ERS210A.theta_0, lag=1.2 * ERS210A.lag)
     for _ in range(2):
         angles = planner.simulate(true, plan.requests)
         plan = planner.refine(plan, angles, reidentify=False)
@@ -308,8 +308,8 @@ def test_the_next_requests_keep_the_limits_and_the_largest_step_of_the_plan() ->
 def test_joints_of_a_plan_learn_each_by_themselves_and_keep_their_names() -> None:
     phase = 2.0 * np.pi * np.arange(88) / 88
     desired = np.column_stack([0.3 * np.sin(phase), 0.2 * np.cos(phase)])
-    plan = planner.plan(KNOWN, desired, names=["hip", "knee"], limits=(-0.6, 0.6))
-    true = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0)
+    plan = planner.plan(ERS210A, desired, names=["hip", "knee"], limits=(-0.6, 0.6))
+    true = replace(ERS210A, theta_0=1.2 * ERS210A.theta_0)
     angles = np.column_stack([planner.simulate(true, column) for column in plan.requests.T])
     after = planner.refine(plan, angles, reidentify=False)
     angles = np.column_stack([planner.simulate(true, column) for column in after.requests.T])
@@ -327,8 +327,8 @@ def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("planner.planning.plan.Plan.foot_bound", None)  # not while learning goes on
     monkeypatch.setattr(refining, "reidentified", None)  # not where it shall not be
     walk = planner.reference_walk()
-    true = replace(KNOWN, v_max=0.95 * KNOWN.v_max, lag=1.2 * KNOWN.lag, v_offset=0.1)
-    plan = planner.invert_foot(KNOWN, walk.leg, walk.desired_foot)
+    true = replace(ERS210A, v_max=0.95 * ERS210A.v_max, lag=1.2 * ERS210A.lag, v_offset=0.1)
+    plan = planner.invert_foot(ERS210A, walk.leg, walk.desired_foot)
     errors = []
     for _ in range(3):
         angles = np.column_stack([planner.simulate(true, column) for column in plan.requests.T])
@@ -355,7 +355,7 @@ PHASE = 2.0 * np.pi * np.arange(88) / 88
 @pytest.fixture(scope="module")
 def attained() -> planner.Inversion:
     """A plan that the joint follows, with a range of 0.6 rad."""
-    return planner.invert_optimal(KNOWN, 0.3 * np.sin(PHASE), smoothness=0.0)
+    return planner.invert_optimal(ERS210A, 0.3 * np.sin(PHASE), smoothness=0.0)
 
 
 @pytest.mark.parametrize(
@@ -385,7 +385,7 @@ def test_learning_ends_where_less_than_three_thousandths_of_the_error_can_be_sav
     share, ended
 ) -> None:
     """An offset of a share of an error that remains adds half the square of that share to it."""
-    plan = planner.invert_optimal(KNOWN, 1.4 * np.sin(PHASE), smoothness=0.0)
+    plan = planner.invert_optimal(ERS210A, 1.4 * np.sin(PHASE), smoothness=0.0)
     assert abs(np.mean(plan.errors)) < 0.01 * plan.rms
     measured = plan.predicted + share * plan.rms
     after = planner.refine(plan, measured, reidentify=False, sensor_delay=0.0)
@@ -438,7 +438,7 @@ def test_what_is_learnt_with_a_gain_is_that_share_of_what_is_new(attained) -> No
 @pytest.fixture(scope="module")
 def a_foot() -> planner.FootInversion:
     walk = planner.reference_walk()
-    return planner.invert_foot(KNOWN, walk.leg, walk.desired_foot, weights=(1.0, 4.0, 0.0))
+    return planner.invert_foot(ERS210A, walk.leg, walk.desired_foot, weights=(1.0, 4.0, 0.0))
 
 
 @pytest.mark.parametrize("j", [0, 1, 2])

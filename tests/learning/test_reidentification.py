@@ -12,9 +12,9 @@ import planner
 from planner.learning import refine as refining
 from planner.planning.result import Trial
 from planner.trajectory import rms
+from tests.instances import ERS210A
 
-KNOWN = planner.JointModel.ers210a()
-OTHER = replace(KNOWN, theta_0=1.5 * KNOWN.theta_0)
+OTHER = replace(ERS210A, theta_0=1.5 * ERS210A.theta_0)
 PHASE = 2.0 * np.pi * np.arange(88) / 88
 REQUESTS = 0.3 * np.sin(PHASE), 0.25 * np.sin(PHASE + 0.2)
 
@@ -26,13 +26,13 @@ def angles(model, k):
 @functools.cache
 def news():
     """The change of the angles that the other model predicts and the known one does not."""
-    return (angles(OTHER, 1) - angles(OTHER, 0)) - (angles(KNOWN, 1) - angles(KNOWN, 0))
+    return (angles(OTHER, 1) - angles(OTHER, 0)) - (angles(ERS210A, 1) - angles(ERS210A, 0))
 
 
 @pytest.fixture
 def chosen(monkeypatch):
     """Which model follows from two trials of joint 2, with the last one as far off as given."""
-    plan = planner.plan(KNOWN, np.column_stack([REQUESTS[0], REQUESTS[0]]))
+    plan = planner.plan(ERS210A, np.column_stack([REQUESTS[0], REQUESTS[0]]))
     asked = []
 
     def identified(model, logs):
@@ -48,11 +48,11 @@ def chosen(monkeypatch):
                 measured=np.stack([np.column_stack([np.zeros(88), each])] * cycles),
                 error=1.0,
             )
-            for k, each in enumerate((angles(KNOWN, 0), angles(KNOWN, 1) + off))
+            for k, each in enumerate((angles(ERS210A, 0), angles(ERS210A, 1) + off))
         ]
         asked.clear()
         made = [*[made[0]] * before, made[1]][: trials + before - 1]
-        found = refining.better_model(KNOWN, plan, made, 1, noise)
+        found = refining.better_model(ERS210A, plan, made, 1, noise)
         return found, asked
 
     return run
@@ -71,8 +71,8 @@ def test_another_model_must_save_three_tenths_of_the_error_of_a_trial_it_has_not
     chosen(news())
     (log,) = asked[0][1]
     np.testing.assert_array_equal(log.requests, np.tile(REQUESTS[0], 2))
-    np.testing.assert_array_equal(log.angles, np.tile(angles(KNOWN, 0), 2))
-    np.testing.assert_allclose(np.diff(log.times), KNOWN.period)
+    np.testing.assert_array_equal(log.angles, np.tile(angles(ERS210A, 0), 2))
+    np.testing.assert_allclose(np.diff(log.times), ERS210A.period)
 
 
 @pytest.mark.parametrize(("factor", "asks"), [(0.95, False), (1.05, True)])
@@ -82,29 +82,29 @@ def test_errors_within_two_deviations_of_the_mean_or_a_five_hundredth_of_the_mot
     size = rms(news())
     _, asked = chosen(news(), noise=size / factor, cycles=4)  # of whose mean it is a half
     assert bool(asked) == asks
-    little = factor * 0.002 * np.ptp(angles(KNOWN, 1))
+    little = factor * 0.002 * np.ptp(angles(ERS210A, 1))
     _, asked = chosen(little / size * news())
     assert bool(asked) == asks
     assert chosen(news(), trials=1) == (None, [])
 
 
 def test_a_motion_from_rest_is_identified_after_more_rest_than_any_lag():
-    log = refining._log(KNOWN, 0.1 + PHASE, PHASE, cyclic=False, load=2.0 * PHASE)
+    log = refining._log(ERS210A, 0.1 + PHASE, PHASE, cyclic=False, load=2.0 * PHASE)
     assert len(log.times) == 88 + 20
     np.testing.assert_array_equal(log.requests[:21], 0.1)
     np.testing.assert_array_equal(log.angles[20:], PHASE)
     np.testing.assert_array_equal(log.load[20:], 2.0 * PHASE)
 
 
-@pytest.mark.parametrize(("size", "v_max"), [(0.02, KNOWN.v_max), (0.3, 3.0)])
+@pytest.mark.parametrize(("size", "v_max"), [(0.02, ERS210A.v_max), (0.3, 3.0)])
 def test_a_top_speed_that_the_trials_do_not_show_stays_as_it_was(size, v_max):
     """And with it the ratio of top speed and threshold that they do show."""
-    true = replace(KNOWN, v_max=3.0, theta_0=0.15)
+    true = replace(ERS210A, v_max=3.0, theta_0=0.15)
     steps = size * np.sign(np.sin(2.0 * np.pi * np.arange(240) / 80 + 0.1))
     steps += 0.3 * size * np.sin(2.0 * np.pi * np.arange(240) / 21)
     answers = planner.simulate(true, steps)
-    log = refining._log(KNOWN, steps, answers, cyclic=True, load=None)
-    found = refining._identified(KNOWN, [log])
+    log = refining._log(ERS210A, steps, answers, cyclic=True, load=None)
+    found = refining._identified(ERS210A, [log])
     assert found.v_max == pytest.approx(v_max, rel=0.02)
     assert found.v_max / found.theta_0 == pytest.approx(20.0, rel=0.05)
-    assert (found.tick, found.hold) == (KNOWN.tick, KNOWN.hold)
+    assert (found.tick, found.hold) == (ERS210A.tick, ERS210A.hold)

@@ -14,7 +14,7 @@ from planner.model.joint import JointModel, request_ages
 from planner.model.response import load_by_period, motion_under, rest_requests, simulate
 from planner.model.symbolic import period_function
 from tests.independent import equation_2, from_rest, next_cycle
-from tests.instances import random_model
+from tests.instances import ERS210A, random_model
 from tests.model.rounded_periods import rounded_periods
 from tests.strategies import INTEGRALS, models, trajectories
 
@@ -23,8 +23,6 @@ SAME = 1e-12
 
 CLOSED = 2e-12
 """How far a cycle may be from closed, at angles of a few radians [rad]."""
-
-ERS210A = JointModel.ers210a()
 
 DRY = replace(
     JointModel.ers210a(), dead_band=0.05, v_offset=1.5, compliance=0.1, speed_per_torque=0.8

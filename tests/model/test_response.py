@@ -10,13 +10,11 @@ from hypothesis import strategies as st
 from planner import JointModel, NoSteadyCycle, simulate
 from planner.model.response import path_speeds
 from tests.independent import next_cycle, of_whole_ticks
+from tests.instances import ERS210A
 from tests.strategies import models, trajectories
 
 SAME = 1e-12
 """Two ways to run the same recursion over a few hundred ticks agree to this [rad]."""
-
-
-ERS210A = JointModel.ers210a()
 
 
 @given(models(whole=True, holds=(1, 1), offsets=False), trajectories(), st.floats(-1.0, 1.0))

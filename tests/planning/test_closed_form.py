@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from planner.approximation.curve import CurveStack, PiecewiseLinear
-from planner.model.joint import JointModel
 from planner.planning import pattern_search
 from planner.planning.closed_form import (
     approximations,
@@ -21,9 +20,7 @@ from planner.planning.line_inverse import RULES, line_offset
 from planner.planning.problem import problem_of
 from planner.planning.task import Task
 from tests.independent import from_rest, next_cycle
-from tests.instances import REFERENCE_JOINTS, random_model, saturating
-
-ERS210A = JointModel.ers210a()
+from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 
 NEAR_THE_BOUND = 1.01
 """Rms error over the bound on that of any requests."""

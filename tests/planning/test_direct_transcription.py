@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import planner
-from planner import JointModel, SolverFailed
+from planner import SolverFailed
 from planner.planning import direct_transcription
-from tests.instances import REFERENCE_JOINTS, random_model, saturating
-
-ERS210A = JointModel.ers210a()
+from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 

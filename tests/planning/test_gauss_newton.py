@@ -16,7 +16,7 @@ from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Sta
 from planner.planning.problem import Problem, constants_of, problem_of
 from planner.planning.task import Task
 from tests.from_python import from_python
-from tests.instances import TICK, random_model, saturating
+from tests.instances import ERS210A, TICK, random_model, saturating
 from tests.plans import track
 
 evaluate = from_python(gauss_newton.evaluate)
@@ -360,8 +360,6 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
                 terms[number % samples] += bend
     assert_solves_the_dense_problem(step[: len(terms)], problem, stage, point, terms)
 
-
-ERS210A = JointModel.ers210a()
 
 SAME = 1e-9
 """Agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]."""

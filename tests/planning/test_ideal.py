@@ -8,10 +8,9 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from planner import JointModel, simulate
+from planner import simulate
 from planner.planning.ideal import nearest_within_speeds, within_attainable_range
-
-ERS210A = JointModel.ers210a()
+from tests.instances import ERS210A
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

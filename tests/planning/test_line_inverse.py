@@ -14,13 +14,11 @@ from hypothesis import strategies as st
 from planner import InvalidInput, JointModel, OutsideEquation13, line_offset
 from planner.planning.line_inverse import advanced_load, interpolated_offset
 from tests.independent import windowed
-from tests.instances import TICK, random_model_outside_equation_13
+from tests.instances import ERS210A, TICK, random_model_outside_equation_13
 from tests.strategies import models
 
 STEADY = 1e-9
 """Steady error that the exact rule may leave [rad]."""
-
-ERS210A = JointModel.ers210a()
 
 FRICTIONAL = replace(
     ERS210A, dead_band=0.03, v_offset=0.4, compliance=0.05, speed_per_torque=1.1, offset=0.01

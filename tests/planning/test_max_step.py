@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import JointModel, invert_foot, invert_optimal, reference_walk
+from planner import invert_foot, invert_optimal, reference_walk
 from planner.planning import gauss_newton
 from tests.from_python import from_python
-from tests.instances import REFERENCE_JOINTS, random_model, saturating
+from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 
 keep_step = from_python(gauss_newton.keep_step)
-
-ERS210A = JointModel.ers210a()
 
 EXACT = 1e-12
 """By how much a step may exceed the limit: the rounding of one subtraction [relative]."""

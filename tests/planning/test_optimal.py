@@ -13,6 +13,7 @@ from planner import JointModel, invert_closed_form, invert_optimal, simulate
 from planner.model.evidence import ENCODER_STEP
 from planner.planning.line_inverse import RULES
 from tests.instances import (
+    ERS210A,
     REFERENCE_JOINTS,
     TICK,
     attainable,
@@ -20,8 +21,6 @@ from tests.instances import (
     random_model_outside_equation_13,
     saturating,
 )
-
-ERS210A = JointModel.ers210a()
 
 GAP = 0.005
 """Most by which a plan may exceed that of a general solver."""

@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 
 import planner
-from planner import InvalidInput, JointModel, Plan, invert_optimal, lower_bound
+from planner import InvalidInput, Plan, invert_optimal, lower_bound
 from planner.model.evidence import Evidence
 from planner.planning.plan import request_motion
 from planner.planning.task import Task
-from tests.instances import saturating
+from tests.instances import ERS210A, saturating
 from tests.plans import inversion
 
-AIBO = planner.JointModel.ers210a()
 SLOW = planner.JointModel(v_max=2.0, theta_0=0.1, lag=0.03, acceleration_time=0.05)
 PHASE = 2.0 * np.pi * np.arange(60) / 60
 DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE)])
@@ -27,44 +26,45 @@ DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE)])
 
 @pytest.fixture(scope="module")
 def plan():
-    return planner.plan({"hip": AIBO, "knee": SLOW}, DESIRED, limits=(-0.5, 0.5))
+    return planner.plan({"hip": ERS210A, "knee": SLOW}, DESIRED, limits=(-0.5, 0.5))
 
 
 def test_each_joint_is_planned_as_by_itself(plan):
-    for j, model in enumerate((AIBO, SLOW)):
+    for j, model in enumerate((ERS210A, SLOW)):
         alone = planner.invert_optimal(model, DESIRED[:, j], limits=(-0.5, 0.5))
         np.testing.assert_array_equal(plan.requests[:, j], alone.requests)
         np.testing.assert_array_equal(plan.predicted[:, j], alone.predicted)
         assert plan.rms[j] == alone.rms
         assert plan.inversions[j].lower_bound == alone.lower_bound
     np.testing.assert_array_equal(plan.desired, DESIRED)
-    assert (plan.names, plan.models) == (("hip", "knee"), (AIBO, SLOW))
+    assert (plan.names, plan.models) == (("hip", "knee"), (ERS210A, SLOW))
 
 
 def test_a_caller_who_makes_underflow_an_error_gets_the_plan_all_the_same():
     fast = 1.2 * np.sin(2.0 * np.pi * np.arange(88) / 88)
-    expected = planner.plan(AIBO, fast, norm="max").requests
+    expected = planner.plan(ERS210A, fast, norm="max").requests
     with np.errstate(all="raise"):
-        np.testing.assert_array_equal(planner.plan(AIBO, fast, norm="max").requests, expected)
+        np.testing.assert_array_equal(planner.plan(ERS210A, fast, norm="max").requests, expected)
 
 
 @pytest.mark.parametrize(
-    "models", [(AIBO, SLOW), {"knee": SLOW, "": AIBO, "elbow": SLOW}, {"knee": SLOW, "hip": AIBO}]
+    "models",
+    [(ERS210A, SLOW), {"knee": SLOW, "": ERS210A, "elbow": SLOW}, {"knee": SLOW, "hip": ERS210A}],
 )
 def test_models_are_one_for_each_joint_or_a_dict_by_joint(models):
     made = planner.plan(models, DESIRED, names=["hip", "knee"], method="closed_form")
-    assert made.models == (AIBO, SLOW)
+    assert made.models == (ERS210A, SLOW)
     assert made.inversions[0].method == "closed_form"
 
 
 def test_one_model_is_that_of_every_joint_and_one_column_is_one_joint():
-    assert planner.plan(AIBO, DESIRED, method="closed_form").models == (AIBO, AIBO)
-    made = planner.plan({"": AIBO}, DESIRED[:, 0], method="closed_form", segments=4)
+    assert planner.plan(ERS210A, DESIRED, method="closed_form").models == (ERS210A, ERS210A)
+    made = planner.plan({"": ERS210A}, DESIRED[:, 0], method="closed_form", segments=4)
     assert (made.names, made.requests.shape) == (("joint_1",), (60, 1))
     assert made.inversions[0].approximation.segments == 4
 
 
-LOADED = dataclasses.replace(AIBO, compliance=0.05, dead_band=0.01)
+LOADED = dataclasses.replace(ERS210A, compliance=0.05, dead_band=0.01)
 TORQUES = np.column_stack([0.3 * np.cos(PHASE), 0.1 + 0.0 * PHASE])
 
 
@@ -91,10 +91,10 @@ def test_an_option_without_effect_is_refused(method):
     for option in WITHOUT_EFFECT[method].split():
         told = f"^{option}: without effect with method '{method}'; leave it out"
         with pytest.raises(InvalidInput, match=told):
-            planner.plan(AIBO, DESIRED, method=method, **{option: 0.1})
+            planner.plan(ERS210A, DESIRED, method=method, **{option: 0.1})
 
 
-def planted(desired, requests, models=AIBO, **options):
+def planted(desired, requests, models=ERS210A, **options):
     """A plan with these requests: nothing is searched."""
     return Plan(task=Task.of(models, desired, smoothness=0.0, **options), requests=requests)
 
@@ -139,7 +139,7 @@ def test_of_joints_under_the_load_of_a_pose_those_that_feel_none_keep_their_boun
 def test_the_foot_on_the_robot_is_expected_off_by_the_plans_errors_and_those_of_the_models():
     walk = planner.reference_walk()
     error = 0.02
-    model = AIBO.with_evidence(Evidence(error))
+    model = ERS210A.with_evidence(Evidence(error))
     task = Task.of(model, walk.desired_foot, leg=walk.leg, smoothness=0.0)
     made = Plan(task=task, requests=np.roll(task.desired, -5, axis=0), method="foot_optimal")
     jacobians = walk.leg.jacobians(made.predicted)
@@ -173,12 +173,16 @@ def test_the_bound_of_each_joint_holds_under_its_load():
 
 def test_what_a_joint_is_expected_to_miss_follows_its_own_motion_and_load():
     by_motion = Evidence(0.01, load=0.25, by_acceleration=((0.0, 0.004), (20.0, 0.02)))
-    models = [LOADED.with_evidence(by_motion), AIBO.with_evidence(Evidence(0.02, speed=0.1)), AIBO]
+    models = [
+        LOADED.with_evidence(by_motion),
+        ERS210A.with_evidence(Evidence(0.02, speed=0.1)),
+        ERS210A,
+    ]
     ramp = np.column_stack([np.linspace(0.0, 0.5, 60), 0.0 * PHASE, 0.2 * np.sin(PHASE)])
     load = 0.3 * np.ones((60, 3))
     made = planted(ramp, ramp, models, cyclic=False, load=load)
     for j, model in enumerate(models[:2]):
-        known = model.evidence.error_of(made.predicted[:, j], period=AIBO.period, cyclic=False)
+        known = model.evidence.error_of(made.predicted[:, j], period=ERS210A.period, cyclic=False)
         assert made.expected_rms[j] == pytest.approx(np.hypot(made.rms[j], known))
     assert [each.untested for each in made.expected] == [("load",), (), ()]
     assert np.isnan(made.expected_rms[2])
@@ -210,13 +214,13 @@ def test_reversals_are_counted_by_second_where_requests_turn_by_more_than_roundi
 
 
 def test_the_errors_of_all_models_are_in_their_order_the_nominal_one_first():
-    others = [dataclasses.replace(AIBO, offset=sag) for sag in (0.1, -0.3)]
-    made = planted(np.zeros((5, 2)), np.full((5, 2), 0.05), [[AIBO, *others], [SLOW]])
+    others = [dataclasses.replace(ERS210A, offset=sag) for sag in (0.1, -0.3)]
+    made = planted(np.zeros((5, 2)), np.full((5, 2), 0.05), [[ERS210A, *others], [SLOW]])
     np.testing.assert_allclose(made.errors_of_models[0], [0.05, 0.15, 0.25], atol=1e-12)
     np.testing.assert_allclose(made.errors_of_models[1], [0.05], atol=1e-12)
     told = made.over_models[0]
     assert told == pytest.approx((0.05, np.sqrt(0.0875 / 3.0), 0.25))
-    wrong = planted(np.zeros((5, 1)), np.full((5, 1), 0.3), [[AIBO, others[1]]])
+    wrong = planted(np.zeros((5, 1)), np.full((5, 1), 0.3), [[ERS210A, others[1]]])
     assert wrong.over_models[0].worst == pytest.approx(0.3)  # the nominal one's
 
 
@@ -344,9 +348,6 @@ def test_every_option_of_a_foot_is_asked_of_the_search_too(unsearched):
     np.testing.assert_array_equal(made.disturbance, added)
     np.testing.assert_array_equal(task.foot, foot)
     assert len(task.scenarios) == 2
-
-
-ERS210A = JointModel.ers210a()
 
 
 def plan_of(desired, requests, **options):

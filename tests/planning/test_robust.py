@@ -10,8 +10,7 @@ import pytest
 from planner import InvalidInput, JointModel, Log, identify, invert_optimal, plan, simulate
 from planner.model.evidence import Evidence
 from planner.planning.candidate_models import drawn_models
-
-ERS210A = JointModel.ers210a()
+from tests.instances import ERS210A
 
 SINE = 0.3 * np.sin(2.0 * np.pi * np.arange(60) / 60)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import JointModel, invert_foot, invert_optimal, reference_walk
+from planner import invert_foot, invert_optimal, reference_walk
 from planner.model.evidence import ENCODER_STEP, Evidence
 from planner.planning import search
 from planner.planning.problem import problem_of
@@ -24,10 +24,8 @@ from planner.planning.search import (
     solve,
 )
 from planner.planning.task import Task
-from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
+from tests.instances import ERS210A, REFERENCE_JOINTS, attainable, random_model, saturating
 from tests.plans import track
-
-ERS210A = JointModel.ers210a()
 
 ROUNDING = 1e-12
 """Errors of two simulations of the same requests [rad]."""

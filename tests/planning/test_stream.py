@@ -16,11 +16,10 @@ from hypothesis import strategies as st
 
 import planner
 from planner.trajectory import rms
-from tests.instances import attainable, random_model, saturating
+from tests.instances import ERS210A, attainable, random_model, saturating
 
 pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
 
-AIBO = planner.JointModel.ers210a()
 
 PREVIEW = 25
 
@@ -56,7 +55,7 @@ def random_joint(seed):
 
 @pytest.mark.parametrize("rows", [2, 10])
 def test_a_preview_no_longer_than_lag_and_acceleration_time_is_warned_of(rows):
-    models = {"hip": replace(AIBO, lag=0.0), "knee": AIBO, "toe": replace(AIBO, lag=0.008)}
+    models = {"hip": replace(ERS210A, lag=0.0), "knee": ERS210A, "toe": replace(ERS210A, lag=0.008)}
     told = rf"preview: got {rows} rows, .* of knee take 10 rows of 8 ms: .* 200 ms are 25$"
     with pytest.warns(UserWarning, match=told):
         planner.Stream(models, preview=rows)
@@ -68,14 +67,14 @@ def test_requests_depend_on_the_preview_and_the_past_only(cycle):
     path = smooth_path(120)
     other = path.copy()
     other[70:] += 0.5
-    one, two = (streamed(AIBO, each, cycle=cycle) for each in (path, other))
+    one, two = (streamed(ERS210A, each, cycle=cycle) for each in (path, other))
     first = 70 - PREVIEW + 1  # the first tick that knows of row 70
     assert np.array_equal(one[:first], two[:first])
     assert not np.array_equal(one[first:], two[first:])
 
 
 def test_rows_beyond_the_preview_have_no_effect_and_the_last_of_too_few_is_held():
-    one, two = (planner.Stream(AIBO, preview=20) for _ in range(2))
+    one, two = (planner.Stream(ERS210A, preview=20) for _ in range(2))
     path = smooth_path(80)
     for k in range(30):
         assert np.array_equal(one.step(path[k : k + 20]), two.step(path[k : k + 45]))
@@ -115,7 +114,7 @@ def walked(phase):
 
 def test_a_walk_at_top_speed_is_followed_as_the_whole_plan_where_its_cycle_is_known():
     path = walked(np.arange(4 * 88) / 88.0)
-    whole, without, exact, guessed = whole_and_streamed(AIBO, path, (None, 88, 80))
+    whole, without, exact, guessed = whole_and_streamed(ERS210A, path, (None, 88, 80))
     assert without >= 1.12 * whole
     assert exact <= 1.1 * whole
     assert guessed <= 1.1 * whole
@@ -148,7 +147,7 @@ def test_limits_and_steps_are_kept_to_the_last_bit(seed, cycle):
 
 
 def test_the_largest_step_is_planned_for_and_not_only_cut():
-    model, path = AIBO, smooth_path(200)
+    model, path = ERS210A, smooth_path(200)
     path[100:] = path[100]  # a corner
     free, bound = (streamed(model, path, max_step=each)[:, 0] for each in (None, np.radians(3.0)))
     assert np.max(np.abs(np.diff(free))) > np.radians(4.0)
@@ -178,7 +177,7 @@ NO_ROWS = ("another shape", "one row", "no row", "ragged", "nothing", "text")
 @pytest.mark.parametrize("bad", BAD)
 def test_what_cannot_be_used_is_held_and_said(bad):
     desired, status = BAD[bad]
-    models = [AIBO] * 2
+    models = [ERS210A] * 2
     stream = planner.Stream(models, preview=10, limits=(-1.0, 1.0))
     strict = planner.Stream(models, preview=10, limits=(-1.0, 1.0), on_bad="raise")
     path = smooth_path(60, 2)
@@ -202,16 +201,16 @@ def test_what_cannot_be_used_is_held_and_said(bad):
 
 
 def test_nothing_is_sent_before_anything_is_known():
-    stream = planner.Stream(AIBO, preview=10)
+    stream = planner.Stream(ERS210A, preview=10)
     for bad in (np.nan, np.inf, 1e200):
         assert np.isnan(stream.step(np.full((10, 1), bad))).all()
         assert stream.status == ("held",)
     assert np.array_equal(stream.step(np.full((10, 1), np.nan), [0.2]), [0.2])
-    assert np.array_equal(planner.Stream(AIBO, preview=10).step([0.3]), [0.3])
+    assert np.array_equal(planner.Stream(ERS210A, preview=10).step([0.3]), [0.3])
 
 
 def test_the_first_request_holds_the_joints_where_they_are():
-    model = replace(AIBO, offset=0.05)
+    model = replace(ERS210A, offset=0.05)
     stream = planner.Stream(model, preview=10)
     assert stream.step(np.ones((10, 1)), [0.2])[0] == pytest.approx(0.15, abs=1e-15)
     assert stream.angles[0] == 0.2
@@ -219,7 +218,7 @@ def test_the_first_request_holds_the_joints_where_they_are():
 
 @pytest.mark.parametrize("cycle", [None, 20])
 def test_missed_ticks_are_simulated_with_the_last_request_held(cycle):
-    model, path = AIBO, smooth_path(120)
+    model, path = ERS210A, smooth_path(120)
     stream, sent, k = planner.Stream(model, preview=PREVIEW, cycle=cycle), [], 0
     for missed in [0] * 30 + [3] + [0] * 20 + [7] + [0] * 20:
         k += missed
@@ -272,7 +271,7 @@ def test_a_dead_band_is_not_crossed_for_noise():
 
 
 def test_a_load_at_every_step_is_planned_for():
-    model = replace(AIBO, compliance=0.1, speed_per_torque=0.8, dead_band=0.01)
+    model = replace(ERS210A, compliance=0.1, speed_per_torque=0.8, dead_band=0.01)
     path = smooth_path(200)
     torques = 0.8 * np.sin(path)
     stream = planner.Stream(model, preview=PREVIEW)
@@ -291,7 +290,7 @@ def test_a_load_at_every_step_is_planned_for():
         assert np.array_equal(sent, three.step(rows, load=np.full((PREVIEW, 2), 0.3)))
     assert np.array_equal(one.step(rows), two.step(rows, load=0.0))  # a load ends with its step
     assert one.status == two.status == ("planned", "planned")
-    both = planner.Stream([AIBO, model], preview=PREVIEW)
+    both = planner.Stream([ERS210A, model], preview=PREVIEW)
     alone = planner.Stream(model, preview=PREVIEW)
     for k in range(20):  # a joint beside it that feels no load
         rows = np.repeat(path[k : k + PREVIEW], 2, axis=1)
@@ -305,7 +304,7 @@ def test_a_load_at_every_step_is_planned_for():
 
 
 def test_an_angle_that_friction_holds_is_within_reach_of_the_limits():
-    model = replace(AIBO, dead_band=0.05)
+    model = replace(ERS210A, dead_band=0.05)
     stream = planner.Stream(model, preview=PREVIEW, limits=(-1.0, 1.0))
     for angle, status in ((1.04, "planned"), (-1.04, "planned"), (1.06, "unreachable")):
         stream.step([angle])
@@ -349,7 +348,7 @@ def test_on_a_servo_that_is_not_the_model_a_shift_is_beaten_and_measuring_helps(
 
 @pytest.mark.parametrize("hold", [1, 4])
 def test_a_measured_angle_far_off_moves_the_predicted_one_by_what_the_joint_turns_in_a_period(hold):
-    model = replace(AIBO, hold=hold)
+    model = replace(ERS210A, hold=hold)
     stream = planner.Stream(model, preview=10)
     for measured in (0.4, 0.4, 2.4):
         stream.step([[0.4]], [measured])
@@ -360,7 +359,7 @@ def test_a_measured_angle_far_off_moves_the_predicted_one_by_what_the_joint_turn
 
 def measuring(path, readings):
     """Requests along a path, and problems, where the encoder reads ``readings(tick, angle)``."""
-    joint = AIBO
+    joint = ERS210A
     slower = replace(joint, v_max=0.95 * joint.v_max)  # the joint is not quite its model
     stream = planner.Stream(joint, preview=PREVIEW)
     sent, problems = [], []
@@ -399,7 +398,7 @@ def test_a_measured_angle_that_no_joint_could_have_reached_is_missing_and_said(j
     "options", [{"on_bad": "raise"}, {"cycle": 50, "max_step": 0.1, "limits": (-1.0, 1.0)}]
 )
 def test_a_copy_of_a_stream_goes_on_alike_and_on_its_own(copied, options):
-    joint, path = AIBO, smooth_path(140)
+    joint, path = ERS210A, smooth_path(140)
     stream = planner.Stream({"knee": joint}, preview=PREVIEW, **options)
     rows = stretches(path)
     for each in rows[:80]:

@@ -21,9 +21,7 @@ from planner.planning.time_shift import (
     shifted,
 )
 from planner.trajectory import rms
-from tests.instances import random_model, saturating
-
-ERS210A = JointModel.ers210a()
+from tests.instances import ERS210A, random_model, saturating
 
 NEARBY = 1e-3
 """Share of the error that a lead within the tolerance of the best one may cost."""

@@ -8,14 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import InvalidInput, JointModel, Log, replay, simulate
+from planner import InvalidInput, Log, replay, simulate
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import is_gripper, recorded_path
 from planner.recording.replaying import replay_at
 from planner.trajectory import rms
-
-SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
-"""A servo that is asked 50 times a second."""
+from tests.instances import SERVO
 
 OWN = SERVO.period
 COUNT = 150

@@ -15,8 +15,8 @@ from planner.model.evidence import Evidence
 from planner.recording.recorded_path import recorded_path
 from planner.recording.replaying import replay_at
 from planner.recording.retiming import Measure
+from tests.instances import SERVO
 
-SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 PERIOD = SERVO.period
 TOLERANCE = 0.02
 

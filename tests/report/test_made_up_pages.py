@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
-from planner import JointModel, Log, plan, replay, simulate
+from planner import Log, plan, replay, simulate
 from planner.model.evidence import Evidence
 from planner.report.calibration import calibration_page, calibration_text
 from planner.report.plan_page import plan_page
@@ -18,11 +18,10 @@ from planner.report.replay_page import replay_page
 from planner.robot.candidates import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
+from tests.instances import SERVO
 from tests.report.made_up import made_up, made_up_log
 
 ORIGINS = [("recording", "walks_2.csv"), ("<model>", "arm.toml")]
-
-SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 
 
 EXPECTED = (math.nan, math.nan, 0.2, 0.15, 0.14)

@@ -27,10 +27,8 @@ from planner.planning.bounds.reachable_set import (
     speed_conditions,
 )
 from planner.planning.task import NORMS
-from tests.instances import REFERENCE_JOINTS, random_model, saturating
+from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 from tests.strategies import INTEGRALS, models, trajectories
-
-ERS210A = JointModel.ers210a()
 
 ROUNDING = 1e-9
 """Rounding of a bound on angles of a few radians, and the 1e-12 of the steady cycle [rad]."""

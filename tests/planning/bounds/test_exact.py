@@ -24,11 +24,9 @@ from planner.planning.bounds.saturation_relaxation import (
     support,
     without_load,
 )
-from tests.instances import REFERENCE_JOINTS, random_model, saturating
+from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
 from tests.strategies import models, trajectories
-
-ERS210A = JointModel.ers210a()
 
 ROUNDING = 1e-7
 """Rounding of angles, contributions and cuts [v_max a tick]; the cycle closes to 1e-12 rad."""

@@ -23,10 +23,9 @@ from planner.planning.bounds.foot_minima import Distance, minima
 from planner.planning.bounds.multipliers import ConicSolution
 from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
 from planner.planning.task import Task
-from tests.instances import random_model
+from tests.instances import ERS210A, random_model
 from tests.kinematics.made_up_robots import ers210a_leg
 
-ERS210A = JointModel.ers210a()
 WALK = reference_walk()
 
 ROUNDING = 1e-9

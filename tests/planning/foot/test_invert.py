@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from planner.gait.half_ellipse import reference_walk
-from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning import search
 from planner.planning.closed_form import invert_closed_form
@@ -18,10 +17,9 @@ from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import RULES
 from planner.planning.result import FootInversion
 from tests.independent import from_rest, next_cycle
-from tests.instances import random_model
+from tests.instances import ERS210A, random_model
 from tests.kinematics.made_up_robots import SHAPES, ers210a_leg, made_up_leg
 
-ERS210A = JointModel.ers210a()
 WALK = reference_walk()
 
 SAME = 1e-11

@@ -8,12 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from planner import JointModel, invert_foot, invert_optimal, reference_walk, simulate
+from planner import invert_foot, invert_optimal, reference_walk, simulate
 from planner.model.evidence import Evidence
 from planner.planning.candidate_models import drawn_models, models_of_joints
+from tests.instances import ERS210A
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
-
-ERS210A = JointModel.ers210a()
 
 LEG = reference_walk().leg
 
