@@ -124,7 +124,8 @@ def desired_of(run: settings.Run) -> Desired:
             f"{', '.join(leg.joint_names)}"
         )
     limits = _limits_of(run, names, legs.values() if leg is None else (leg,))
-    limits |= _by_joint("limits", run.limits, names)
+    for name, span in values_by_joint("limits", run.limits, names).items():
+        limits[name] = math.radians(span[0]), math.radians(span[1])
     starts = starts_of(run.start, names, cyclic=closed)
     if path.loads is not None and run.plan.load is None:
         words = "the load in the path's columns is not used: ask for it with "
@@ -281,20 +282,16 @@ def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
 # Limits, starts and load.
 
 
-def _by_joint(
+def values_by_joint(
     table: str, values: settings.Limits | settings.Start, joints: Sequence[str]
 ) -> dict[str, Any]:
-    """Values of a table with ``deg`` for all joints and ``joints`` for single ones, in [rad]."""
+    """Values of a table with ``deg`` for all joints and ``joints`` for single ones, as they are."""
     for joint in values.joints:
         if joint not in joints:
             words = f"no such joint in the path{nearest(joint, joints)}"
             key = marked((table, "joints", joint))
             raise BadSetting(f"{key}: {words}; joints: {', '.join(joints)}")
-    common = {} if values.deg is None else dict.fromkeys(joints, values.deg)
-    return {
-        name: tuple(np.radians(each).tolist()) if isinstance(each, tuple) else math.radians(each)
-        for name, each in {**common, **values.joints}.items()
-    }
+    return {**({} if values.deg is None else dict.fromkeys(joints, values.deg)), **values.joints}
 
 
 def _limits_of(
@@ -318,7 +315,8 @@ def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> 
     """Rest angles of joints before a path that does not repeat, by joint [rad]."""
     if cyclic and (start.deg is not None or start.joints):
         raise BadSetting("‹start.deg›: a cycle has no start; add ‹plan.cyclic = false›")
-    return _by_joint("start", start, joints)
+    angles = values_by_joint("start", start, joints)
+    return {name: math.radians(angle) for name, angle in angles.items()}
 
 
 def _load_of(plan: settings.Plan, desired: Desired) -> Load | None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.cli.desired import check_felt, find_leg, leg_of, model_words
+from planner.cli.desired import check_felt, find_leg, leg_of, model_words, values_by_joint
 from planner.cli.export import FOLDERS, check_rows, write_rows
 from planner.cli.planning import search_options
 from planner.cli.settings import ReplayFormat
@@ -25,7 +25,6 @@ from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, find_dataset
 from planner.files.results import Results, Task, digest_of, made_from
 from planner.files.text import to_json
-from planner.identification.log import Log
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
 from planner.parallel import carry_out
@@ -65,7 +64,10 @@ class ReplayTask:
     ) -> tuple[Replay, Fastest | None]:
         """Read the recording and plan its replay, if asked for the fastest within the tolerance."""
         run, replay, speed = self.settings, self.settings.replay, self.settings.path.speed or 1.0
-        logs, arm = self.recording.read(), self.arm()
+        logs, arm, limits = self.recording.read(), self.arm(), {}
+        factors = {log.joint or "joint": LOG_UNITS[log.unit][1] for log in logs}
+        for name, (low, high) in values_by_joint("limits", run.limits, [*factors]).items():
+            limits[name] = low / factors[name], high / factors[name]
         path = recorded_path(
             logs,
             self.models.by_joint,
@@ -74,7 +76,7 @@ class ReplayTask:
             begin=replay.begin_s,
             end=replay.end_s,
             rate=run.path.rate_hz or self.rate,
-            limits=_limits(run.limits, logs),
+            limits=limits or None,
         )
         path = _with_load(run.plan, replace(path, name=self.recording.name), arm)
         units = {each.name: LOG_UNITS[each.unit][1] for each in path.planned}
@@ -231,20 +233,6 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
         if ratio > rounding:
             messages.append(off_by("the foot", ratio * tolerance.cm, "cm", norm, tolerance.cm))
     return messages
-
-
-def _limits(limits: settings.Limits, logs: Sequence[Log]) -> dict[str, tuple[float, float]] | None:
-    """Limits by joint in the units of the logs: degrees, or percent of a range."""
-    by_joint = {}
-    for log in logs:
-        span = limits.joints.get(log.joint, limits.deg)
-        if span is not None:
-            _, factor = LOG_UNITS[log.unit]
-            by_joint[log.joint or "joint"] = (span[0] / factor, span[1] / factor)
-    for name in limits.joints:
-        if name not in {log.joint for log in logs}:
-            by_joint[name] = (0.0, 0.0)  # refused with the joints that there are
-    return by_joint or None
 
 
 # Many recordings, and what is written.
