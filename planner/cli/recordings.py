@@ -47,7 +47,7 @@ from planner.trajectory import Array, error_norm
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.planning.inversion import LoadOfPose
+    from planner.planning.task import LoadOfPose
 
 
 @dataclass(frozen=True, kw_only=True)

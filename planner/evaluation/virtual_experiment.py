@@ -146,7 +146,9 @@ def play_experiment(
         clock.start("step_tests", f"the step tests of the {name}")
         logs = [record_step_test(robot, walk, j, amplitude) for amplitude in AMPLITUDES]
         clock.start("identification", f"the model of the {name}")
-        identifications.append(_identified(logs, tick=robot.constants.request_period))
+        tick = robot.constants.request_period
+        result = identify(logs, tick=tick)  # its tick has the rounding of the log's clock
+        identifications.append(replace(result, model=replace(result.model, tick=tick)))
     clock.stop()
     planned = plan_walk([each.model for each in identifications], segments=segments, clock=clock)
     runs = {}
@@ -193,12 +195,6 @@ def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, ampli
         name=f"step test of {amplitude:g} degrees",
         joint=walk.joint_names[joint],
     )
-
-
-def _identified(logs: list[Log], *, tick: float) -> Identification:
-    """The identification, its tick free of the rounding of the log's clock."""
-    result = identify(logs, tick=tick)
-    return replace(result, model=replace(result.model, tick=tick))
 
 
 def learn(

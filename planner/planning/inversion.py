@@ -20,6 +20,7 @@ from planner.planning.result import FootInversion, Inversion
 from planner.planning.task import (
     SOLVERS,
     JointLimits,
+    LoadOfPose,
     Norm,
     Solver,
     Task,
@@ -212,7 +213,7 @@ def invert_foot(
         max_step=max_step,
         smoothness=smoothness,
         robust=robust,
-        load=None if callable(load) else load,
+        load=load,
         disturbance=disturbance,
     )
     return FootInversion(planned(task, load=load))
@@ -313,25 +314,14 @@ def plan(
         raise InvalidInput(
             f"{', '.join(strange)}: without effect with method '{method}'; leave it out"
         )
-    task = Task.of(
-        models,
-        desired,
-        names=names,
-        cyclic=cyclic,
-        norm=norm or "rms",
-        limits=limits,
-        max_step=max_step,
-        start=start,
-        smoothness=smoothness,
-        robust=robust,
-        tolerance=tolerance,
-        load=None if callable(load) else load,
-    )
+    given = {name: each for name, each in (goal | search).items() if each is not None}
+    solver = given.pop("solver", "gauss-newton")
+    task = Task.of(models, desired, names=names, cyclic=cyclic, load=load, **given)
     return planned(
         task,
         load=load,
         method=method,
-        solver=solver or "gauss-newton",
+        solver=solver,
         lines={name: value for name, value in lines.items() if value is not None},
         progress=progress,
     )
@@ -387,10 +377,6 @@ def planned(
         solver=None if of_foot else solver,
         nominal_requests=nominal,
     )
-
-
-LoadOfPose = Callable[[Array], npt.ArrayLike]
-"""Torques on the joints [N m], shape (n, k), by their angles [rad], shape (n, k)."""
 
 
 MOVED, MOVED_SHARE = 1e-4, 0.01

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from operator import itemgetter
@@ -65,6 +65,9 @@ Solver = Literal["gauss-newton", "ipopt"]
 
 SOLVERS: tuple[Solver, ...] = ("gauss-newton", "ipopt")
 """Solvers of the optimised inversion: the package's own, and IPOPT through CasADi."""
+
+LoadOfPose = Callable[[Array], npt.ArrayLike]
+"""Torques on the joints [N m], shape (n, k), by their angles [rad], shape (n, k)."""
 
 JointLimits = tuple[npt.ArrayLike, npt.ArrayLike] | Mapping[str, tuple[float, float]]
 """Smallest and largest request, as numbers or one of each joint, or pairs by joint."""
@@ -150,14 +153,14 @@ class Task(ReadOnly):
         smoothness: float | None = None,
         robust: Robust | None = None,
         tolerance: float | None = None,
-        load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None = None,
+        load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | LoadOfPose | None = None,
         disturbance: npt.ArrayLike | None = None,
     ) -> Task:
         """The task of arguments as :func:`planner.plan`, or with a leg :func:`planner.invert_foot`.
 
         A number counts for all joints, of an array each entry for one; a dict has some of them by
         name. Without a leg ``desired`` are angles (n, k) [rad], with one positions (n, 3) [m]. A
-        load of the pose is the caller's: see :func:`planner.planning.inversion.settled`.
+        load of the pose is not part of it: see :func:`planner.planning.inversion.settled`.
 
         Raises:
             InvalidInput: An argument is invalid, or the arguments do not fit together.
@@ -230,7 +233,7 @@ class Task(ReadOnly):
             disturbance=added,
             **of_foot,
         )
-        return task.under(load)
+        return task.under(None if callable(load) else load)
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""

@@ -14,8 +14,7 @@ from planner.exceptions import InvalidInput, InvalidModel, nearest
 from planner.identification.grid import sound_rows, timing_of
 from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
 from planner.model.joint import JointModel
-from planner.planning.inversion import LoadOfPose
-from planner.planning.task import JointLimits, limits_of_each
+from planner.planning.task import JointLimits, LoadOfPose, limits_of_each
 from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_positive, check_choice, freeze, shown
 

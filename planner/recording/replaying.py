@@ -11,10 +11,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from planner.identification.grid import measured_speed
-from planner.planning.inversion import LoadOfPose, plan
+from planner.planning.inversion import plan
 from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import Inversion
-from planner.planning.task import JointLimits
+from planner.planning.task import JointLimits, LoadOfPose
 from planner.planning.time_shift import shifted
 from planner.recording.recorded_path import (
     Models,
