@@ -275,7 +275,5 @@ def load_by_period(load: Array | None, *, cyclic: bool) -> Array | None:
     """
     if load is None:
         return None
-    before = np.roll(load, 1)
-    if not cyclic:
-        before[0] = load[0]
+    before = np.append(load[-1 if cyclic else 0], load[:-1])
     return np.asarray((before + load) / 2.0)

@@ -130,7 +130,7 @@ class Problem:
         """The ages of the requests that act on any of the joints between two samples."""
         return request_ages(*self.models)
 
-    @property
+    @cached_property
     def torques(self) -> Array:
         """Torque on each model's joint in the period that ends in each sample [N m], (A, n)."""
         return np.array([load_by_period(load, cyclic=self.cyclic) for load in self.loads])
