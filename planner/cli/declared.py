@@ -95,7 +95,7 @@ class Kind:
     """
 
     def __init__(self, annotation: Any) -> None:
-        self.notes, self.optional = tuple[Any, ...](), False
+        self.notes, self.optional = tuple[Expected, ...](), False
         while (origin := get_origin(annotation)) in (Annotated, Union, UnionType):
             if origin is Annotated:
                 annotation, *more = get_args(annotation)
@@ -104,8 +104,8 @@ class Kind:
                 (annotation,) = (each for each in get_args(annotation) if each is not NoneType)
                 self.optional = True
         self.type, self.origin, self.inner = annotation, origin, get_args(annotation)
-        expected = [note for note in self.notes if isinstance(note, Expected)]
-        words, self.form = [note.words for note in expected], expected[-1].form if expected else ""
+        words = [note.words for note in self.notes]
+        self.form = self.notes[-1].form if self.notes else ""
         if origin is Literal:
             words = words or [f"one of {', '.join(self.inner)}"]
         else:
@@ -138,7 +138,7 @@ class Kind:
         if not fits:
             raise ValueError
         for note in self.notes:
-            if isinstance(note, Expected) and note.check is not None:
+            if note.check is not None:
                 value = note.check(value)
         return value
 
