@@ -355,23 +355,25 @@ def _model(
 ) -> JointModel:
     """The model of these keys, with the evidence in its own keys."""
     place = f"table [{table}]: " if table else ""
+
+    def wrong(problem: object, key: str = "") -> InvalidFile:
+        where = ((table, key) if table else (key,)) if key else ()
+        return file.fault(f"{place}{problem}", where)
+
     if missing := [key for key in REQUIRED if key not in keys]:
-        raise InvalidFile(
-            file.path,
-            f"{place}no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s",
-        )
+        expected = f"expected {', '.join(REQUIRED)} in rad/s, rad, s, s"
+        raise wrong(f"no {', '.join(missing)}; {expected}")
     times = [keys[key] for key in ("lag", "acceleration_time")]
     slowest = 10.0  # no servo takes so long to answer a request [s]: the unit is another
     if all(isinstance(time, int | float) for time in times) and sum(times) > slowest:
-        raise InvalidFile(
-            file.path,
-            f"{place}lag + acceleration_time: got {sum(times):g} s, "
-            f"expected at most {slowest:g} s; 32 ms are 0.032 (v_max is in rad/s, theta_0 in rad)",
+        raise wrong(
+            f"lag + acceleration_time: got {sum(times):g} s, expected at most {slowest:g} s; 32 ms "
+            "are 0.032 (v_max is in rad/s, theta_0 in rad)"
         )
     try:
         model = JointModel(**{key: keys[key] for key in PARAMETER_UNITS if key in keys})
     except InvalidModel as error:
-        raise InvalidFile(file.path, f"{place}{error}") from error
+        raise wrong(error) from error
     doubtful = [
         f"{name} = {value:g} {unit}: is it in degrees? expected at most {most:.4g} {unit}; "
         f"{value:g} {unit.replace('rad', 'deg')} are {name} = {math.radians(value):.4g}"
@@ -383,14 +385,11 @@ def _model(
     ]
     declared = {key: INTERVALS[key] for key in own if key in INTERVALS}
     if doubtful and not declared:  # identify writes them, and radians
-        raise InvalidFile(file.path, place + "; ".join(doubtful))
+        raise wrong("; ".join(doubtful))
     both = [f"{name}_interval" for name in (GAIN, "theta_0")]
     if declared.keys() >= {*both}:
-        raise InvalidFile(
-            file.path,
-            f"{place}got {' and '.join(both)}, expected one of them: by v_max one follows from the "
-            "other",
-        )
+        expected = "expected one of them: by v_max one follows from the other"
+        raise wrong(f"got {' and '.join(both)}, {expected}")
     intervals = {}
     for key, (name, unit) in declared.items():
         value = model.v_max / model.theta_0 if name == GAIN else getattr(model, name)
@@ -398,24 +397,21 @@ def _model(
         least, most = (as_number(end, infinite=True) for end in ends)
         rounding = 1e-9 * abs(value)
         if not least - rounding <= value <= most + rounding:
-            raise file.fault(
-                f"{place}{key}: got {shown(own[key])}, expected least and largest value [{unit}], "
-                f"with {value:g}, that of the model, between them; inf or -inf where there is none",
-                (table, key) if table else (key,),
+            raise wrong(
+                f"{key}: got {shown(own[key])}, expected least and largest value [{unit}], with "
+                f"{value:g}, that of the model, between them; inf or -inf where there is none",
+                key,
             )
         intervals[name] = (least, most)
-    evidence = {
-        field: own[key]
-        for key, field in zip(TESTED, Evidence._fields, strict=False)
-        if key in own and "expected_error" in own
-    }
-    keys_of = {"correlations": "correlations", "verdict": "verdict", "reason": "verdict_reason"}
-    evidence |= {field: own[key] for field, key in keys_of.items() if key in own}
+    tested = zip(TESTED, Evidence._fields, strict=False) if "expected_error" in own else ()
+    names = {"correlations": "correlations", "verdict": "verdict", "verdict_reason": "reason"}
+    names |= dict(tested)
+    evidence = {field: own[key] for key, field in names.items() if key in own}
     evidence |= {"intervals": intervals} if intervals else {}
     try:
         return model.with_evidence(Evidence(**evidence)) if evidence else model
     except InvalidInput as error:
-        raise InvalidFile(file.path, f"{place}{error}") from error
+        raise wrong(error) from error
 
 
 def _legs(file: Toml) -> dict[str, dict[str, Any]]:
