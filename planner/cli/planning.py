@@ -169,7 +169,7 @@ def task_of(desired: Desired, *, by_joint: bool = False, in_limits: bool = True)
     chosen, limits, leg = desired.settings.plan, desired.limits, desired.leg
     options = search_options(chosen, desired.period)
     options["cyclic"] = desired.cyclic
-    options["load"] = desired.load
+    options["load"] = None if callable(desired.load) else desired.load
     if chosen.method == "foot-optimal" and desired.foot is not None and not by_joint:
         options["weights"] = chosen.weights or (1.0, 1.0, 1.0)
         options["limits"] = tuple(zip(*(limits[name] for name in desired.names), strict=True))

@@ -213,7 +213,7 @@ def invert_foot(
         max_step=max_step,
         smoothness=smoothness,
         robust=robust,
-        load=load,
+        load=None if callable(load) else load,
         disturbance=disturbance,
     )
     return FootInversion(planned(task, load=load))
@@ -316,7 +316,8 @@ def plan(
         )
     given = {name: each for name, each in (goal | search).items() if each is not None}
     solver = given.pop("solver", "gauss-newton")
-    task = Task.of(models, desired, names=names, cyclic=cyclic, load=load, **given)
+    given["load"] = None if callable(load) else load
+    task = Task.of(models, desired, names=names, cyclic=cyclic, **given)
     return planned(
         task,
         load=load,

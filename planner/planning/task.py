@@ -153,7 +153,7 @@ class Task(ReadOnly):
         smoothness: float | None = None,
         robust: Robust | None = None,
         tolerance: float | None = None,
-        load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | LoadOfPose | None = None,
+        load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None = None,
         disturbance: npt.ArrayLike | None = None,
     ) -> Task:
         """The task of arguments as :func:`planner.plan`, or with a leg :func:`planner.invert_foot`.
@@ -233,7 +233,7 @@ class Task(ReadOnly):
             disturbance=added,
             **of_foot,
         )
-        return task.under(None if callable(load) else load)
+        return task.under(load)
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
