@@ -57,18 +57,6 @@ def test_a_sag_by_the_angle_is_sought_where_no_torque_is_known_and_angles_are_an
         assert not names & {"sag_sin", "sag_cos"}
 
 
-def test_motion_in_one_direction_tells_friction_from_sag_by_nothing():
-    truth = replace(AIBO, dead_band=math.radians(1.0))
-    requests = np.concatenate([np.zeros(100), np.linspace(0.0, 2.0, 300), np.full(100, 2.0)])
-    angles = planner.simulate(truth, requests, cyclic=False, start=-truth.dead_band)
-    angles = measured(angles, np.random.default_rng(0), noise=NOISE, quantum=QUANTUM)
-    found = planner.identify((AIBO.tick * np.arange(500), requests, angles), hold_out=False)
-    assert not term(found, "dead_band").kept
-    assert term(found, "dead_band").interval == (0.0, math.inf)
-    assert found.intervals["offset"] == (-math.inf, math.inf)
-    assert found.covariance is None
-
-
 def test_a_motors_time_constant_is_found_beside_friction_and_not_where_there_is_none():
     truth = replace(AIBO, time_constant=0.04, acceleration_time=0.016, dead_band=math.radians(1.0))
     found = planner.identify(noisy_log(truth, rows=1500), hold_out=False)
