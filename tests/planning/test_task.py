@@ -76,7 +76,9 @@ def test_a_view_with_other_requests_or_options_is_that_of_another_plan():
     np.testing.assert_array_equal(late.desired, PATH[:, 1])
     foot = invert_foot(AIBO, walk.leg, walk.desired_foot[::4], smoothness=0.0)
     up = replace(foot, weights=np.array([0.0, 0.0, 1.0]), norm="max")
-    assert up.error == pytest.approx(np.max(np.abs((foot.foot - foot.desired_foot)[:, 2])))
+    assert up.error == pytest.approx(
+        np.max(np.abs((foot.foot - foot.plan.task.desired_foot)[:, 2]))
+    )
 
 
 def test_the_load_of_the_first_sample_decides_where_a_joint_may_rest_before():
