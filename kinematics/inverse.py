@@ -265,11 +265,25 @@ def choose(
         length = np.round(_moved(poses[1:] - poses[:-1, branch, None], limits), SAME)
         following.append(np.where(allowed[1:], length, np.inf).argmin(axis=-1).tolist())
     start = limits.middle if near is None else near
-    first = _from(0, poses, following, limits, start)
+
+    def path_from(branch: int) -> Array:
+        """The path that starts on a branch and takes the nearest pose at each point, (n, k)."""
+        branches = np.zeros(len(poses), dtype=np.intp)
+        branches[:1] = branch
+        for point in range(1, len(poses)):
+            branch = branches[point] = following[branch][point - 1]
+        chosen = np.asarray(poses[np.arange(len(poses)), branches])
+        if len(poses):
+            for joint in np.flatnonzero(limits.turning):
+                ends = float(limits.lower[joint]), float(limits.upper[joint])
+                chosen[:, joint] = _unwrapped(chosen[:, joint], float(start[joint]), *ends)
+        return limits.clip(chosen)  # by rounding at most
+
+    first = path_from(0)
     if chain is None or not (fewest := len(jumps(chain, first))):
         return first
     for branch in range(1, int(np.sum(allowed[0]))):
-        other = _from(branch, poses, following, limits, start)
+        other = path_from(branch)
         if (count := len(jumps(chain, other))) < fewest:
             first, fewest = other, count
     return first
@@ -294,22 +308,6 @@ def _moved(moves: Array, limits: Limits) -> Array:
     """Length of moves of shape (..., k) [rad], (...,); whole turns count for nothing."""
     turned = np.where(limits.turning, half_turned(moves), moves)
     return np.asarray(np.sqrt((turned**2).sum(axis=-1)))
-
-
-def _from(
-    branch: int, poses: Array, following: list[list[int]], limits: Limits, start: Array
-) -> Array:
-    """The path that starts on a branch and takes the nearest pose at each point, (n, k)."""
-    branches = np.zeros(len(poses), dtype=np.intp)
-    branches[:1] = branch
-    for point in range(1, len(poses)):
-        branch = branches[point] = following[branch][point - 1]
-    chosen = np.asarray(poses[np.arange(len(poses)), branches])
-    if len(poses):
-        for joint in np.flatnonzero(limits.turning):
-            ends = float(limits.lower[joint]), float(limits.upper[joint])
-            chosen[:, joint] = _unwrapped(chosen[:, joint], float(start[joint]), *ends)
-    return limits.clip(chosen)  # by rounding at most
 
 
 def _unwrapped(angles: Array, start: float, lower: float, upper: float) -> Array:

@@ -237,10 +237,6 @@ class Distance(NamedTuple):
     rms: float
     max: float
 
-    def in_units_of(self, unit: float) -> Distance:
-        """The same distance where ``unit`` counts as 1: ``math.radians(1)`` for degrees."""
-        return Distance(self.rms / unit, self.max / unit)
-
 
 def angle_distance(angles: Array, desired: Array) -> Distance:
     """Distance between two angle trajectories of one joint [rad], both (n,) (paper, Section 5)."""

@@ -300,24 +300,22 @@ def check_error_at_pins(problem: Problem, bound: float) -> None:
 
 
 class CanonicalForm(NamedTuple):
-    """How input samples become canonical: rolled to their first, reversed, mirrored.
+    """How input samples become canonical: rolled to their first, and perhaps reversed.
 
-    It is the same for all shifts, mirror images, reversals and scales of the same samples: a search
-    in this form finds the same curve for all of them. Canonical sample k is the input sample
-    ``first + way * k``, times ``sign``.
+    It is the same for all shifts and reversals of the same samples: a search in this form finds the
+    same curve for all of them. Canonical sample k is the input sample ``first + way * k``.
     """
 
     samples: int  # n
     cyclic: bool
     first: int  # input sample that comes first
     way: int  # -1 where time runs backwards, else 1
-    sign: float  # -1 where the samples are mirrored, else 1
 
     @classmethod
     def of(cls, desired: Array, ideal: Array, *, cyclic: bool) -> CanonicalForm:
-        """The sharpest corner of a cycle first, the larger half last, the first extreme above."""
+        """The sharpest corner of a cycle first, the larger half last."""
         n = desired.size
-        form = cls(n, cyclic, _sharpest_corner(desired, ideal) if cyclic else 0, 1, 1.0)
+        form = cls(n, cyclic, _sharpest_corner(desired, ideal) if cyclic else 0, 1)
         rolled, k = form.apply(desired), np.arange(n)
         # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise. A sine instead
         # gives zero for samples whose second half is the first one mirrored.
@@ -325,14 +323,12 @@ class CanonicalForm(NamedTuple):
         power = (rolled - np.mean(rolled)) ** 2
         if side @ power > EQUAL * (np.abs(side) @ power):
             form = form._replace(first=form.first if cyclic else n - 1, way=-1)
-        samples = form.apply(desired)
-        extreme = samples[np.argmax(np.abs(samples) > (1.0 - EQUAL) * np.max(np.abs(samples)))]
-        return form._replace(sign=-1.0 if extreme < 0.0 else 1.0)
+        return form
 
     def apply(self, samples: Array) -> Array:
         """Samples, shape (n,), in this form."""
         order = self.first + self.way * np.arange(self.samples)
-        return np.asarray(self.sign * samples[order % self.samples])
+        return np.asarray(samples[order % self.samples])
 
     def of_problem(self, problem: Problem) -> Problem:
         """A problem in this form."""
@@ -349,7 +345,7 @@ class CanonicalForm(NamedTuple):
     def _in_order(self, places: Array, values: Array) -> tuple[Array, Array]:
         places = np.mod(places, self.samples) if self.cyclic else places
         order = np.argsort(places)
-        return places[order], self.sign * values[order]
+        return places[order], values[order]
 
 
 def _sharpest_corner(desired: Array, ideal: Array) -> int:
