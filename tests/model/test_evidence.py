@@ -291,3 +291,4 @@ def test_with_ticks_of_another_length_the_intervals_hold_the_parameters_of_the_s
     assert (low / other.theta_0, high / other.theta_0) == pytest.approx((0.98, 1.02))
     low, high = other.evidence.intervals["max_acceleration"]
     assert (low - other.max_acceleration, high) == (pytest.approx(-20.0), np.inf)
+    assert replace(joint, lag=0.001).requested_every(0.02).lag == 0.0
