@@ -342,11 +342,21 @@ class FailedCheck(SettingsError):
     """A plan that fails a check."""
 
 
-ARGUMENTS = {
-    "unreachable='nearest'": 'leg.unreachable = "nearest"',
-    "cyclic=False": "plan.cyclic = false",
+ADVICE = {
+    "unreachable='nearest'": '‹leg.unreachable = "nearest"›',
+    "cyclic=False": "‹plan.cyclic = false›",
+    "forward, sideways and hip_height": "‹path.half_ellipse.forward›, "
+    "‹path.half_ellipse.sideways› and ‹path.half_ellipse.hip_height›",
 }
-"""Arguments that messages of the library advise, as keys of a run file."""
+"""Arguments that messages of the library advise, as settings."""
+
+
+def advised(error: PlannerError, spelt: Callable[[str], str] = in_keys) -> str:
+    """The message of the library's error, with settings in place of arguments that it advises."""
+    message = str(error)
+    for argument, setting in ADVICE.items():
+        message = message.replace(argument, spelt(setting))
+    return message
 
 
 @contextmanager
@@ -362,8 +372,5 @@ def speaking_of(file: Toml) -> Iterator[None]:
     except FailedCheck as error:
         raise PlannerError(str(error)) from error
     except PlannerError as error:
-        message = str(error)
-        for argument, key in ARGUMENTS.items():
-            message = message.replace(argument, key)
-        error.args = (message,)
+        error.args = (advised(error),)
         raise

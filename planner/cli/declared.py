@@ -398,21 +398,19 @@ class Table:
     place: tuple[str, ...]
     about: str  # its purpose
     keys: Mapping[str, Declared]  # its keys
-    repeated: bool = False  # whether it may stand there several times
-
-    # the expected values of keys with any name, in words; "" if there are no such keys
-    free: str = ""
-    example: Any = None  # a value to show for a key with any name
     active: bool = True  # whether a template has it, or only shows it in comments
+    free: Declared | None = None  # declares keys of any name, if there are such keys
 
     @property
     def header(self) -> str:
         """Its header in a file."""
-        name = ".".join(self.place[:-1] if self.repeated else self.place)
-        return f"[[{name}]]" if self.repeated else f"[{name}]"
+        *above, last = self.place
+        return f"[[{'.'.join(above)}]]" if last == NUMBER else f"[{'.'.join(self.place)}]"
 
 
-def tables(cls: type[Settings], place: tuple[str, ...] = (), **more: Any) -> Iterator[Table]:
+def tables(
+    cls: type[Settings], place: tuple[str, ...] = (), *, active: bool = True
+) -> Iterator[Table]:
     """The table that a class describes and its inner tables, in the order of the fields."""
     keys, inner = {}, list[Table]()
     for name, key in cls.keys.items():
@@ -421,13 +419,12 @@ def tables(cls: type[Settings], place: tuple[str, ...] = (), **more: Any) -> Ite
             active = key.default is not None or key.set_to is not None
             inner += tables(kind.type, at, active=active)
         elif kind.is_repeated:
-            inner += tables(kind.inner[0].type, (*at, NUMBER), repeated=True)
+            inner += tables(kind.inner[0].type, (*at, NUMBER))
         elif kind.is_free:
-            free = kind.inner[1].expected
-            inner.append(Table(at, key.help, {}, free=free, example=key.example, active=False))
+            inner.append(Table(at, key.help, {}, active=False, free=key))
         else:
             keys[name] = key
-    yield Table(place, " ".join((cls.__doc__ or "").split()), keys, **more)
+    yield Table(place, " ".join((cls.__doc__ or "").split()), keys, active)
     yield from inner
 
 
@@ -452,7 +449,7 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
             off = "" if table.active and value is not None else "# "
             lines.append(f"{off}{name} = {toml_value(key.example if value is None else value)}")
         if table.free:
-            lines.append(f"# knee = {toml_value(table.example)}")
+            lines.append(f"# knee = {toml_value(table.free.example)}")
     return "\n".join(lines) + "\n"
 
 

@@ -22,6 +22,7 @@ from planner.cli.console import (
     BadSetting,
     FailedCheck,
     add_verbosity,
+    advised,
     coloured,
     complain,
     detail,
@@ -70,15 +71,6 @@ MODULES = {"check": "calibrate", "completion": "program", "record": "play", "vir
 FAILED, BAD_INPUT = 1, 2
 """Exit statuses: of an answer that failed its own check, or missed a tolerance; and of input that
 cannot be used, of which one line on standard error tells the remedy."""
-
-ADVICE = {
-    "unreachable='nearest'": "--unreachable nearest",
-    "cyclic=False": "--no-cyclic",
-    "max_error": "--max-error",
-    "max_rms": "--max-rms",
-    "forward, sideways and hip_height": "--forward, --sideways and --hip-height",
-}
-"""Arguments that messages of the library advise, as options."""
 
 ARGUMENTS = {
     "amplitudes": "--amplitude-deg",
@@ -273,18 +265,18 @@ def main() -> NoReturn:
 add_verbosity(cli)
 
 
-def _in_options(error: Exception) -> str:
+def _in_options(error: PlannerError) -> str:
     """The message of an error, with options in place of the library's arguments."""
-    message = str(error)
+    from planner.cli.options import by_argument, in_options
+
+    message = advised(error, in_options)
     head, colon, rest = message.partition(": ")
     if colon and not isinstance(error, InvalidFile):
-        from planner.cli.options import by_argument
-
         options = {**by_argument(), **ARGUMENTS}
         parts = re.split(r"(, | and )", head)
         message = "".join(options.get(part, part) for part in parts) + colon + rest
-    for name, option in ADVICE.items():
-        message = re.sub(rf"(?<![-\w]){re.escape(name)}(?!\w)", option, message)
+    for name in ("max_error", "max_rms"):
+        message = re.sub(rf"(?<![-\w]){name}(?!\w)", ARGUMENTS[name], message)
     return message
 
 

@@ -183,7 +183,7 @@ def markdown(cls) -> str:
             default = "must be there" if key.required else cell(given) or "–"
             lines.append(f"| `{name}` | {cell(key.kind.expected)} | {default} | {cell(key.help)} |")
         if table.free:
-            lines += ["", f"Any joint of the path, set to {table.free}."]
+            lines += ["", f"Any joint of the path, set to {table.free.kind.inner[1].expected}."]
         sections.append("\n".join(lines))
     return "\n\n".join(sections) + "\n"
 
