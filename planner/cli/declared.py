@@ -89,9 +89,8 @@ class Kind:
         inner: The choices of a Literal, the kinds in a tuple or dict.
         expected: The expected value, in words.
         form: What stands for it in the help of an option; "" for what its type does.
-        is_table: Whether it is a table of settings.
-        is_repeated: Whether it is a table that may stand there several times.
-        is_free: Whether it is a table of values by any name, such as ``limits.joints``.
+        is_table, is_repeated, is_free: Whether it is a table of settings, one that may stand there
+            several times, or one of values by any name, such as ``limits.joints``.
     """
 
     def __init__(self, annotation: Any) -> None:
@@ -279,11 +278,8 @@ class Settings:
     ) -> Self:
         """Settings from values by key and table, or BadSetting.
 
-        Args:
-            content: The values.
-            place: The place of the table in messages.
-            whole: The settings of the whole file, if this is a table of it.
-            standard_input: Whether ``-`` may name a file to read.
+        A table at a ``place`` is one of the settings of the ``whole`` file. ``-`` may name a file
+        to read where there is ``standard_input``.
         """
         whole, of = whole or cls, f" of [{key_name(place)}]" if place else ""
         if not isinstance(content, Mapping):
