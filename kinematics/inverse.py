@@ -129,16 +129,13 @@ def _distances(chain: Chain, poses: Array, foot: Array) -> Array:
 
 
 def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
-    """Local minima of the distance between foot and point, within the limits.
+    """Local minima of the distance between foot and point, within the limits [rad]: (n, 3 ** k, k).
 
     The range of the joints is cut into regions; from the best of a few poses in each a projected
-    Newton method with exact second derivatives goes down. On 18,000 points in and out of reach of
-    450 random legs the best of these minima was the global one but once. A point takes about 1 ms.
-    A joint that can turn by a full turn has no limits on the way: only its direction counts.
-
-    For points in the base frame [m], (n, 3), there is one pose from each region, not necessarily in
-    it [rad], shape (n, 3 ** k, k); angles of joints that can turn by a full turn are within half a
-    turn of the middle of their limits.
+    Newton method with exact second derivatives goes down, for points in the base frame [m], (n, 3).
+    On 18,000 points in and out of reach of 450 random legs the best of these minima was the global
+    one but once. A point takes about 1 ms. A joint that can turn by a full turn has no limits on
+    the way: only its direction counts.
     """
     beyond = np.where(limits.turning, np.inf, 0.0)
     endless = Limits(limits.lower - beyond, limits.upper + beyond)
@@ -236,21 +233,18 @@ def choose(
 ) -> Array:
     """One pose at each point: the first deep inside the limits, each later one close to the last.
 
-    At the first point the pose whose least distance to any limit is largest, or the pose with the
-    least move from ``near``; among equal poses the one with the larger angle of the last joint,
-    then of the joint before it. At every later point the pose with the least move from the one
-    before (root of the sum of squares), with the same order among equal poses. If that path jumps
-    and there is a ``chain``, the search starts again from the next pose at the first point, and so
-    on: the first path with the fewest jumps is chosen.
+    Of the poses within the limits [rad], (n, m, k), that are ``allowed``, (n, m), at least one at
+    each point, the first is the one whose least distance to any limit is largest, or with the least
+    move from the pose ``near``, (k,); each later one is that with the least move from the one
+    before (root of the sum of squares). Among equal poses the one with the larger angle of the last
+    joint counts, then of the joint before it. If that path jumps and there is a ``chain``, the
+    search starts again from the next pose at the first point, and so on: the first path with the
+    fewest jumps is chosen.
 
     A joint that can turn by a full turn or more starts within half a turn of the middle of its
     limits, or of ``near``, and goes on from sample to sample by half a turn at most. Where that
     leads out of its limits, it starts as few turns away as keep the path inside them; where none
     do, it turns back by a full turn at the limit.
-
-    Poses are angles within the limits [rad], (n, m, k), of which those that may be chosen, (n, m),
-    are at least one at each point; a pose ``near`` which to start is of shape (k,). Returns angles
-    [rad], shape (n, k).
     """
     margin = limits.margin(poses) if near is None else -_moved(poses - near, limits)
     margin = np.where(allowed, margin, -np.inf)
@@ -290,12 +284,11 @@ def choose(
 
 
 def jumps(chain: Chain, angles: Array) -> Indices:
-    """Samples after which a path of the joints changes to a pose of another kind.
+    """Samples after which a path of the joints [rad], (n, k), changes to a pose of another kind.
 
     Half way between two poses of a smooth path the foot is half way between its two places, up to
-    the square of the step. Between two poses of different kinds it is elsewhere: at a jump it is
-    further from the half-way point than the two places are from each other. Angles are in rad, of
-    shape (n, k); samples are the indices before the jumps.
+    the square of the step. At a jump it is further from there than the two places are from each
+    other.
     """
     half_way = 0.5 * (angles[1:] + angles[:-1])
     feet, middle = chain.feet(angles), chain.feet(half_way)

@@ -167,15 +167,12 @@ class LegOfGait(NamedTuple):
 
 
 def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, LegOfGait]:
-    """The walk of four legs in a pattern of footfalls, over one cycle.
+    """The walk of four legs, named as in :data:`LEGS`, in a pattern of footfalls, over one cycle.
 
     All legs have the same stroke and swing: those of :func:`planner.gait.stride.stride` that every
     leg can trace with these arguments, at the hip height of the lowest leg if all have the same
-    base. The legs' names are those of :data:`LEGS`.
-
-    Raises:
-        InvalidInput: An unknown pattern, or other legs.
-        Infeasible: A leg cannot trace the walk.
+    base. Raises InvalidInput for an unknown pattern, or other legs; Infeasible where a leg cannot
+    trace the walk.
     """
     check_choice("pattern", pattern, get_args(Pattern))
     check_legs(legs)

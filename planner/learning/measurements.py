@@ -144,10 +144,9 @@ def check_trial(
 ) -> None:
     """Refuse another motion, and a cycle that was already measured under other requests.
 
-    A motion is another one where it is farther from the modelled angles than that of a joint that
-    does not move. Learning from it could not converge: a correction by the model would be off by
-    more than the whole of it. ``modelled`` and ``before`` are the angles of the models in this and
-    in earlier trials [rad], (n, k).
+    A motion farther from the modelled angles than a joint at rest is another one: learning from it
+    could not converge. ``modelled`` and ``before`` are the angles of the models in this and in
+    earlier trials [rad], (n, k).
     """
     away = np.std(cycles.mean(axis=0) - modelled, axis=0)
     resting = np.std(modelled, axis=0)

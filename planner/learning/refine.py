@@ -311,10 +311,10 @@ def _disturbances(joints: Plan, trials: Sequence[Trial]) -> list[Array]:
 def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
     """The plan with a shorter change from a trial's requests, where that lowers the expected error.
 
-    Limits are convex: requests on the straight line between two that keep them do so too. From
-    requests that break them the change is whole. By the models the whole change lowers the error by
-    ``saving``, in the plan's norm, and a shorter one in proportion; the joint is not expected to
-    follow ``missed`` of it, likewise.
+    Limits are convex: requests between two that keep them do so too; from requests that break them
+    the change is whole. By the models the whole change lowers the error by ``saving``, in the
+    plan's norm, and a shorter one in proportion, of which the joint is not expected to follow
+    ``missed``.
     """
     breaks = not plan.task.keeps(base.requests, rounding=SAME_REQUESTS)
     if breaks or saving <= 0.0 or missed == 0.0:
@@ -465,13 +465,11 @@ def better_model(
 ) -> JointModel | None:
     """A model of joint j identified from the trials, if it predicts the last one better; else None.
 
-    The last trial is held out. With the model as it is, its angles are predicted with the
-    disturbance of the trial before; so they are with a model that is identified from those before.
-    With that disturbance every model explains a repeated motion: the models are compared by how
-    the angles change with the requests. So there is no other model after a single trial,
-    however many cycles it has, nor where the requests have hardly changed.
-
-    ``noise`` is the standard deviation of one cycle's [rad].
+    The last trial is held out. Its angles are predicted with the disturbance of the trial before,
+    by the model as it is and by one that is identified from the trials before. With that
+    disturbance every model explains a repeated motion: the models are compared by how the angles
+    change with the requests. So there is no other model after a single trial, nor where the
+    requests have hardly changed. ``noise`` is the standard deviation of one cycle's [rad].
     """
     if len(trials) < 2:
         return None

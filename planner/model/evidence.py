@@ -55,42 +55,29 @@ servos from their physics it was -0.70 to 0.64."""
 class Evidence(NamedTuple):
     """Test error of a model, the range of the tests, and the intervals of its parameters.
 
-    Attributes:
-        error: Root mean square error on rows that were not fitted [rad]; NaN where it was not
-            tested.
-        speed: Fastest tested motion [rad/s]; infinite where that is not known.
-        load: Largest tested torque [N m]; 0 where none is known.
-        angles: Least and largest tested angle [rad]; infinite where they are not known.
-        by_acceleration: Pairs of a root mean square acceleration [rad/s^2], increasing, and the
-            root mean square error of such motion [rad]; empty where that is not known. The last
-            acceleration is the largest of a part of the logs.
-        delay_error: Where the logs hold steps only, half the width of the 95 % interval of the time
-            by which the joint trails requests that move [s]; 0 where such requests were tested.
-        spread: Least and largest error of a motion in 90 % of cases, as shares of the one that is
-            expected; from 0 to infinity where that is not known.
-        over_delay: Error on rows that were not fitted over the error of the best pure delay [-];
-            NaN where that is not known.
-        intervals: Least and largest value of parameters with 95 % confidence, SI units, by their
-            names in a JointModel; infinite where it is not known. "gain", v_max / theta_0 [1/s],
-            replaces theta_0.
-        correlations: Of the parameters in the order of ``intervals``, shape (p, p); empty where
-            they are independent.
-        verdict: Whether the model may be planned with; None where that is not known.
-        reason: Why, in words.
+    What is not known is NaN, empty, or a range without ends, unless it says otherwise.
     """
 
-    error: float = math.nan
-    speed: float = math.inf
-    load: float = 0.0
-    angles: tuple[float, float] = (-math.inf, math.inf)
+    error: float = math.nan  # root mean square error on rows that were not fitted [rad]
+    speed: float = math.inf  # fastest tested motion [rad/s]; infinite where it is not known
+    load: float = 0.0  # largest tested torque [N m]; 0 where none is known
+    angles: tuple[float, float] = (-math.inf, math.inf)  # least and largest tested angle [rad]
+    # pairs of a root mean square acceleration [rad/s^2], increasing, and the root mean square error
+    # of such motion [rad]; the last acceleration is the largest of a part of the logs
     by_acceleration: tuple[tuple[float, float], ...] = ()
+    # where the logs hold steps only, half the width of the 95 % interval of the time by which the
+    # joint trails requests that move [s]; 0 where such requests were tested
     delay_error: float = 0.0
+    # least and largest error of a motion in 90 % of cases, as shares of the expected one
     spread: tuple[float, float] = (0.0, math.inf)
-    over_delay: float = math.nan
+    over_delay: float = math.nan  # the error over that of the best pure delay [-]
+    # least and largest value of parameters with 95 % confidence, SI units, by their names in a
+    # JointModel; "gain", v_max / theta_0 [1/s], replaces theta_0
     intervals: Mapping[str, tuple[float, float]] = {}
+    # of the parameters in the order of the intervals, (p, p); empty where they are independent
     correlations: tuple[tuple[float, ...], ...] = ()
-    verdict: Verdict | None = None
-    reason: str = ""
+    verdict: Verdict | None = None  # whether the model may be planned with
+    reason: str = ""  # why, in words
 
     @property
     def refused(self) -> bool:
@@ -289,20 +276,14 @@ def check_correlations(evidence: Evidence) -> None:
 
 
 class Expectation(NamedTuple):
-    """What to expect of a plan on the robot; NaN where that is not known.
+    """What to expect of a plan on the robot; NaN where that is not known."""
 
-    Attributes:
-        error: Root mean square error to expect [rad].
-        untested: Quantities by which the motion is outside the model's tested range, see
-            :meth:`Evidence.exceeded`; the error may then be larger.
-        low: Error that 5 % of such motions stay below [rad].
-        high: Error that 5 % of such motions exceed [rad].
-    """
-
-    error: float
+    error: float  # root mean square error to expect [rad]
+    # quantities by which the motion is outside the model's tested range, see
+    # :meth:`Evidence.exceeded`; the error may then be larger
     untested: tuple[str, ...]
-    low: float = math.nan
-    high: float = math.nan
+    low: float = math.nan  # error that 5 % of such motions stay below [rad]
+    high: float = math.nan  # error that 5 % of such motions exceed [rad]
 
 
 def expectation(

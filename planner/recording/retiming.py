@@ -46,10 +46,7 @@ ROUNDS = 14
 
 
 class SpeedErrors(NamedTuple):
-    """Largest errors at a speed, of the joint that is farthest from its tolerance.
-
-    Each is a multiple of the tolerance.
-    """
+    """Largest errors at a speed, of the joint farthest from its tolerance, in multiples of it."""
 
     speed: float  # the factor
     direct: float  # with the path as it is as requests

@@ -214,9 +214,9 @@ class Arm:
 
     def check_heard(self, heard: Array, now: float) -> None:
         """Raise BusError where a joint was last heard of long before now [s]."""
-        for name, last in zip(self.names, heard.tolist(), strict=True):
-            if now - last > 0.5:  # [s]
-                raise BusError(f"{name}: the servo has stopped answering; check cable and supply")
+        if np.any(late := now - heard > 0.5):  # [s]
+            name = self.names[int(np.argmax(late))]
+            raise BusError(f"{name}: the servo has stopped answering; check cable and supply")
 
 
 def check_ranges(servos: Mapping[str, Servo], requests: Array) -> None:
