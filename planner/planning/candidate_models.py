@@ -70,11 +70,11 @@ def models_of_joints(
             entries = []
         if len(names) == 1 and len(entries) > 1:
             entries = [entries]
-        fit = all(
+        fit = names == ("",) or all(
             isinstance(each, (JointModel, Sequence, identification)) and not isinstance(each, str)
             for each in entries
         )
-        if len(entries) != len(names) or (not fit and names != ("",)):
+        if len(entries) != len(names) or not fit:
             raise InvalidInput(
                 f"models: got {len(entries)} of them for {len(names)} joints ({', '.join(names)}), "
                 "expected one JointModel, or one for each"
@@ -86,17 +86,18 @@ def models_of_joints(
         sources.append((model, getattr(model, "evidence", None)))
         if isinstance(model, Sequence) and not isinstance(model, str):
             several.append(tuple(map(checked_model, model)))
+            own = [each.period for each in several[-1]]
+            if not own or len(set(own)) > 1:
+                raise InvalidInput(
+                    f"model: got {len(own)} models with periods of "
+                    f"{', '.join(f'{period:g}' for period in own) or 'nothing'} s, expected at "
+                    "least one, all of one joint with one request period"
+                )
         elif robust is None and not identified:
             several.append((checked_model(model),))
         else:
             seed = sources.index(sources[-1]) if independent else 0
             several.append(drawn_models(checked_model(model), seed=seed))
-        if len({each.period for each in several[-1]}) != 1:
-            raise InvalidInput(
-                f"model: got {len(several[-1])} models with periods of "
-                f"{', '.join(f'{each.period:g}' for each in several[-1]) or 'nothing'} s, expected "
-                "at least one, all of one joint with one request period"
-            )
     if robust is not None and all(len(each) == 1 for each in several):
         raise InvalidInput(
             f"robust: got {robust!r} for a sequence of one model, which the joint has in any case; "
