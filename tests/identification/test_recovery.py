@@ -32,8 +32,6 @@ SAME_FIT = 2e-3
 OF_ANGLES, OF_TIMES = ("v_max", "theta_0", "offset"), ("lag", "acceleration_time", "tick")
 """Parameters that scale with the angles of a log, and with its times."""
 
-QUARTER = 0.25
-"""Share of a tick within which lag and acceleration time are to be found."""
 
 SERVO = planner.JointModel(
     v_max=6.0, theta_0=0.3, lag=0.0123, acceleration_time=0.0417, tick=0.005, hold=4, offset=0.02
@@ -136,18 +134,6 @@ def test_a_request_acts_at_its_own_time_where_the_reading_failed():
     found = planner.identify(replace(log, angles=angles, measured=~failed), hold_out=False)
     assert not found.fits[0].used[failed].any()
     assert_close(found.model, AIBO, EXACT)
-
-
-def test_dropped_rows_are_bridged():
-    rng = np.random.default_rng(2)
-    thinned = []
-    for log in step_logs():
-        kept = rng.uniform(size=len(log.times)) > 0.05
-        columns = {name: getattr(log, name)[kept] for name in ("times", "requests", "angles")}
-        thinned.append(planner.Log(**columns))
-    found = planner.identify(thinned, hold_out=False)
-    assert abs(found.model.v_max / AIBO.v_max - 1.0) <= 0.01
-    assert abs(found.model.lag - AIBO.lag) <= 2 * QUARTER * AIBO.tick
 
 
 @pytest.mark.parametrize("form", ["triple", "array", "mapping", "list", "generator"])

@@ -34,17 +34,6 @@ def around(leg, count, *, seed):
     return foot + rng.normal(size=(count, 3)) * np.ptp(foot, axis=0) * rng.uniform(0, 1, (count, 1))
 
 
-def test_no_pose_of_a_fine_grid_is_nearer_than_the_nearest(leg):
-    points = around(leg, 150, seed=1)
-    solution = leg.inverse(points, unreachable="nearest")
-    steps = [np.linspace(*ends, 41) for ends in zip(*leg.limits.finite, strict=True)]
-    grid = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 3)
-    feet = leg.foot_positions(grid)
-    for point, distance in zip(points, solution.distance, strict=True):
-        assert distance <= np.linalg.norm(feet - point, axis=1).min() + EXACT
-    assert (~solution.reachable).sum() > 20
-
-
 def test_random_legs_hide_no_nearer_pose_either():
     rng = np.random.default_rng(8)
     for _ in range(15):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmark.plants import MadeJoint, random_joint, random_path, random_servo
+from benchmark.plants import MadeJoint, random_joint, random_path
 
 import planner
 from planner.learning import refine as refining
@@ -53,22 +53,6 @@ def test_no_random_joint_diverges_without_another_model() -> None:
         noise = math.hypot(joint.noise, joint.count / math.sqrt(12.0))
         assert errors[-1] < errors[0]
         assert max(errors) < 1.05 * errors[0] + noise
-
-
-def test_a_servo_from_physics_is_learnt_on_the_wrong_model() -> None:
-    servo = random_servo(3)
-    desired = random_path(3, 100, span=1.2, fastest=0.06)
-    model = planner.JointModel(
-        v_max=5.0, theta_0=0.25, lag=0.01, acceleration_time=0.06, tick=0.005, hold=4
-    )
-    plan = planner.invert_optimal(model, desired, limits=(-2.0, 2.0))
-    errors = []
-    for _ in range(6):
-        true, sensed = servo.play(plan.requests)
-        errors.append(rms(true.mean(axis=0) - desired))
-        plan = planner.refine(plan, sensed, reidentify=False)
-    assert errors[-1] < 0.1 * errors[0]
-    assert np.all(np.abs(plan.requests) <= 2.0)
 
 
 def test_noise_alone_is_not_learnt() -> None:
