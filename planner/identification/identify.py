@@ -39,6 +39,7 @@ from planner.identification.intervals import (
     correlations_of,
     covariance_of,
     intervals_of,
+    moved_intervals,
     noise_of,
     over_top_speeds,
     speed_bounded,
@@ -159,12 +160,12 @@ def identify(
     if touched:
         joints = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
     search, stopped = _without_stops(_searched(free, timing, joints))
-    search = _weighed(search)
-    fine, others = _with_best_speed(_with_shorter_ticks(search) if choose_tick else search)
+    search, others = _with_best_speed(_weighed(search))
     pairs = zip(search.logs, logs, strict=True)
     every = [replace(log, torque_on=whole.torque_on) for log, whole in pairs]
-    found = _bounded(every, fine, others)
+    found = _bounded(every, search, others)
     held = _held_out(search, found.fit, faster=found.refuted) if hold_out else None
+    fine = _with_shorter_ticks(search, found) if choose_tick else None
     notes = [*notes_on(every, timing, jumps), *stuck_rows, *touched, *stopped, *found.notes]
     if even is not None:
         words = "the times of the rows jitter: rows every "
@@ -222,6 +223,22 @@ class _Bounded(NamedTuple):
     bounds: dict[str, Interval]
     refuted: bool
     notes: list[Finding]
+
+
+class _Fine(NamedTuple):
+    """The joint with short ticks.
+
+    Attributes:
+        timing: The ticks.
+        fit: The joint.
+        bounds: Its intervals.
+        ticks: Fits to the rows alone with these ticks, and with those of the search.
+    """
+
+    timing: Timing
+    fit: Fit
+    bounds: dict[str, Interval]
+    ticks: tuple[Fit, Fit]
 
 
 def _without(
@@ -323,20 +340,32 @@ def _weighed(search: _Search) -> _Search:
     return again if better(anew.joint.fit, again.joint.fit) else anew
 
 
-def _with_shorter_ticks(search: _Search) -> _Search:
-    """The joint with ticks of about 1 ms; the same one where it moves by ticks of a row.
+def _with_shorter_ticks(search: _Search, found: _Bounded) -> _Fine | None:
+    """The joint with ticks of about 1 ms; None where it moves by ticks of a row.
 
     A joint without inertia whose rows are as far apart as the ticks of the paper's robot moves by
     these unless the log tells otherwise; of any other the log has to tell.
     """
-    logs, timing, (fit, terms) = search.logs, search.timing, search.joint
-    tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
-    fine = refitted(logs, fit, tick=tick)
+    fit, before = search.joint.fit, found.fit.parameters
+    hold = fine_hold(search.timing.period, fit.parameters.acceleration_time)
+    fine = refitted(search.logs, fit, tick=search.timing.period / hold)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
-    if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
-        return search
-    return search._replace(timing=timing.ticking(fine.grid.tick), joint=_Fitted(fine, terms))
+    if search.timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
+        return None
+    kept = {}  # what calm rows or a speed beside the fit have told
+    if before.dead_band != fit.parameters.dead_band:
+        kept["dead_band"] = before.dead_band
+    if before.v_max > fit.parameters.v_max:
+        kept["v_max"] = before.v_max
+    final = fine
+    if kept:
+        at, free = fine.parameters._replace(**kept), fine.free & ~only(*kept)
+        final = least_squares(fine.grid, at, free=free, starts=fine.starts, scale=fine.scale)
+        final = replace(final, free=fine.free)
+    final = final if "v_max" in kept else with_observed_speed(final)
+    timing = search.timing.ticking(fine.grid.tick)
+    return _Fine(timing, final, moved_intervals(found.bounds, found.fit, final), (fine, fit))
 
 
 def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:
@@ -459,7 +488,7 @@ def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
 
 def _answer(
     search: _Search,
-    fine: _Search,
+    fine: _Fine | None,
     every: Sequence[Log],
     found: _Bounded,
     held: HeldOut | None,
@@ -471,8 +500,11 @@ def _answer(
 
     The terms were sought on the ticks of ``search``, the model has those of ``fine``.
     """
-    fit, uncertainty, bounds = found.fit, found.uncertainty, found.bounds
-    frictions = [term.interval.upper for term in fine.joint.terms if term.name == "dead_band"]
+    timing, (fit, uncertainty, bounds, *_), ticks = search.timing, found, None
+    if fine is not None:
+        timing, fit, bounds, ticks = fine
+        uncertainty = uncertainty_of(fit)
+    frictions = [term.interval.upper for term in search.joint.terms if term.name == "dead_band"]
     friction = max(frictions, default=0.0) - fit.parameters.dead_band
     if friction == math.inf:  # or it is a sag
         bounds["offset"] = Interval(-math.inf, math.inf)
@@ -481,12 +513,8 @@ def _answer(
     errors = {other.name: rms(errors_of(other, rows, fit.starts)) for other in simple}
     signal, noise = fit.grid.signal, noise_of(fit)
     alike = resampled_like(fit.grid, some, fit.grid.tick)
-    model = fit.parameters.model(tick=fine.timing.tick, hold=fine.timing.hold)
+    model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     fits = _log_fits(every, fit, held)
-    ticks = None
-    if fine.timing is not search.timing:
-        longer = refitted(fine.logs, fine.joint.fit, tick=2.0 * fine.timing.tick)
-        ticks = fine.joint.fit, longer
     intervals = all_intervals(fit, bounds, uncertainty, ticks)
     against, exchanged = wrong_columns(alike)
     verdict, reason, findings = verdict_on(
@@ -534,7 +562,7 @@ def _answer(
         reason=reason.words,
         terms=tuple(
             replace(term, interval=intervals[term.name]) if term.kept else term
-            for term in fine.joint.terms
+            for term in search.joint.terms
         ),
     )
 

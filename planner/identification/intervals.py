@@ -121,6 +121,21 @@ def intervals_of(
     return ends
 
 
+def moved_intervals(bounds: Mapping[str, Interval], fit: Fit, other: Fit) -> dict[str, Interval]:
+    """Intervals of a fit, moved to the parameters of the same joint with other ticks."""
+    box, found = box_of(fit.grid), {}
+    for index, name in enumerate(Parameters._fields):
+        if name not in bounds:
+            continue
+        (low, high), before, after = bounds[name], fit.parameters[index], other.parameters[index]
+        if box.unit[index] == 0.0:
+            found[name] = Interval(low * after / before, high * after / before)
+        else:
+            by, open_end = after - before, float(box.open_ends[index])
+            found[name] = Interval(max(low + by, open_end), max(high + by, open_end))
+    return found
+
+
 def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
     """95 % interval of a term, by the covariance, in the unit of :class:`planner.JointModel`."""
     index = Parameters._fields.index(name)
@@ -411,9 +426,10 @@ def over_ticks(
 ) -> dict[str, Interval]:
     """Intervals that hold for the joint with shorter ticks, too, down to none.
 
-    What a fit with ticks twice as long differs by is what ticks make of the parameters, and by how
-    much a search in a rough loss ends beside its optimum, so that it counts to both sides.
+    What a fit with longer ticks differs by is what ticks make of the parameters, in proportion to
+    their length, so that what the shorter ones still make of it counts to both sides.
     """
+    rest = fine.grid.tick / (longer.grid.tick - fine.grid.tick)
     at, same, coarse = (
         vars(each.parameters.model(tick=each.grid.tick, hold=1)) | {"gain": each.parameters.gain}
         for each in (fit, fine, longer)
@@ -426,7 +442,7 @@ def over_ticks(
             sizes = [at[name], same[name], coarse[name], *ends]
             if logarithmic := name in SCALES and ends.lower > 0.0:
                 sizes = [math.log(size) for size in sizes]
-            value, by = sizes[0], abs(sizes[1] - sizes[2])
+            value, by = sizes[0], rest * abs(sizes[1] - sizes[2])
             low, high = (value + factor * (end - value) for end in sizes[3:])
             if logarithmic:
                 found[name] = Interval(math.exp(low - by), math.exp(high + by))
