@@ -124,16 +124,39 @@ it a log of an SO-101 that hardly moves (0.3) gives its wrist a dead band 1.3 to
 and motions that were not fitted are missed by 4.1 and 3.9 mrad, not by 3.8 and 3.1; twice as much
 changes nothing there."""
 
-SHARES = (
-    (0.0, 0.05, 0.12, 1.0, 0.0),
-    (0.0, 0.05, 0.12, 1.0, 1.0),
-    (0.3, 0.1, 0.1, 1.0, 0.0),
-    (0.7, 0.1, 0.1, 1.0, 0.0),
-    (0.5, 0.2, 0.1, 0.6, 0.0),
+class Division(NamedTuple):
+    """How a search divides the delay of a motor, to begin again.
+
+    Attributes:
+        time_constant: Share of the delay.
+        acceleration_time: Share of it.
+        lag: Share of it.
+        gain: Times that of the motor.
+        dead_band: Least one, times the error of the fit.
+        acceleration: Limit times the delay over the highest speed; None for that of the motor.
+    """
+
+    time_constant: float
+    acceleration_time: float
+    lag: float
+    gain: float = 1.0
+    dead_band: float = 0.0
+    acceleration: float | None = None
+
+
+DIVISIONS = (
+    Division(0.0, 0.05, 0.12),
+    Division(0.0, 0.05, 0.12, dead_band=1.0),
+    Division(0.3, 0.1, 0.1),
+    Division(0.7, 0.1, 0.1),
+    Division(0.5, 0.2, 0.1, gain=0.6),
+    *(
+        Division(share, 0.1, 0.1, dead_band=1.0, acceleration=limit)
+        for share in (0.2, 0.5)
+        for limit in (0.2, 0.6, 2.0)
+    ),
 )
-"""Time constant, acceleration time and lag as shares of a motor's delay, its gain times that of the
-motor, and its least dead band times the error of the fit, from which the search begins again. (Of
-160 simulated motors the gain is off by 9 % rms without, 1.0 % with them.)"""
+"""From which the search for a motor begins again."""
 
 MOST_TICKS = 6000
 """Of longer logs only so many ticks are compared, in the chunks that the model misses most."""
@@ -142,7 +165,7 @@ TRIAL = TERM._replace(evaluations=12, tolerance=1e-3)
 ENOUGH = TERM._replace(evaluations=100, tolerance=1e-5)
 """How far each of several beginnings is followed, and the best of them."""
 
-SCREENED, TRIALS, POPULATION, GENERATIONS, FOLLOWED = 256, 24, 40, 25, 3
+SCREENED, TRIALS, POPULATION, GENERATIONS, FOLLOWED = 256, 24, 40, 25, 2
 """Of the search for a motor: points at first, how many of these are followed by derivatives and how
 many evolve, how often, and how many of both are followed on all rows. (In 155 fits the loss of
 virtual servos is 16 % larger by derivatives alone, that of made joints 78 % larger by evolution
@@ -214,7 +237,7 @@ def with_motor(
     sag, then, where that is new, with it. The motor found on other rows of the joint may be given
     to begin with instead.
     """
-    excerpt, loaded = _excerpt_to_search(fit), None
+    excerpt, loaded = _excerpt_to_search(fit, spread=True), None
     if excerpt is None:
         return fit, terms
     free, known = fit.free | only(*MOTOR), {term.name: term for term in terms}
@@ -256,7 +279,7 @@ def with_integral(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, .
     delay, and the log has to determine it, and the time constant beside it. Without inertia it
     imitates play, with a dead band as wide.
     """
-    excerpt = _excerpt_to_search(fit)
+    excerpt = _excerpt_to_search(fit, spread=True)
     if excerpt is None or fit.has(*INTEGRALS):
         return fit, terms
     bare, trial = _fitted_with_integral(fit, excerpt)
@@ -395,18 +418,21 @@ def _redivided(fit: Fit, search: Callable[..., Fit]) -> Fit:
 
 
 def _divisions(fit: Fit) -> list[Parameters]:
-    """The joint of a fit with its delay divided by :data:`SHARES`."""
-    at = fit.parameters
-    return [
-        at._replace(
-            time_constant=constant * at.whole_delay,
-            acceleration_time=max(window * at.whole_delay, fit.grid.tick),
-            lag=lag * at.whole_delay,
-            gain=gain * at.gain,
-            dead_band=max(at.dead_band, band * fit.rms),
+    """The joint of a fit with its delay divided by :data:`DIVISIONS`."""
+    at, begins = fit.parameters, []
+    delay, speed = at.whole_delay, min(at.v_max, fit.grid.fastest)
+    for each in DIVISIONS:
+        begin = at._replace(
+            time_constant=each.time_constant * delay,
+            acceleration_time=max(each.acceleration_time * delay, fit.grid.tick),
+            lag=each.lag * delay,
+            gain=each.gain * at.gain,
+            dead_band=max(at.dead_band, each.dead_band * fit.rms),
         )
-        for constant, window, lag, gain, band in SHARES
-    ]
+        if each.acceleration is not None:
+            begin = begin._replace(acceleration=each.acceleration * speed / delay, asymmetry=0.0)
+        begins.append(begin)
+    return begins
 
 
 def _shows(name: str, fit: Fit) -> bool:
@@ -609,7 +635,7 @@ def _beginnings(fit: Fit, excerpt: Grid, free: Free) -> list[Parameters]:
     trials = [search(joint(point)) for point in points[:TRIALS]]
     trials.sort(key=lambda trial: trial.cost)
     best = _evolved(loss, points[:POPULATION], GENERATIONS)
-    return [t.parameters for t in trials[:FOLLOWED]] + [joint(each) for each in best]
+    return [t.parameters for t in trials[:FOLLOWED]] + [joint(each) for each in best[:1]]
 
 
 def _anywhere(fit: Fit, excerpt: Grid) -> list[Parameters]:
@@ -726,7 +752,7 @@ def _integrals(fit: Fit, excerpt: Grid) -> list[Parameters]:
     return [joint(each) for each in _evolved(loss, points[:POPULATION], GENERATIONS)]
 
 
-def _excerpt_to_search(fit: Fit) -> Grid | None:
+def _excerpt_to_search(fit: Fit, *, spread: bool = False) -> Grid | None:
     """Parts of about 4 s that the model misses most, as runs of their own, in which to seek more.
 
     Their first half seconds are left out, in which the unknown speed at the start matters. None
@@ -738,10 +764,14 @@ def _excerpt_to_search(fit: Fit) -> Grid | None:
     since = grid.times - grid.times[grid.first_rows][grid.run]
     of_run = np.stack([grid.run, np.floor(since / length)])
     part = np.cumsum(np.any(np.diff(of_run, prepend=of_run[:, :1]) != 0.0, axis=0))
-    worst = np.argsort(-np.bincount(part, fit.weighted**2), kind="stable")
     ticks = np.bincount(part) * (len(grid.ticks) / len(part))
-    count = max(1, int(np.searchsorted(np.cumsum(ticks[worst]), MOST_TICKS, side="right")))
-    kept = np.isin(part, worst[:count])
+    if spread:
+        count = max(1, int(len(ticks) * min(1.0, MOST_TICKS / np.sum(ticks))))
+        first = np.round(np.linspace(0, len(ticks) - 1, count))
+    else:
+        worst = np.argsort(-np.bincount(part, fit.weighted**2), kind="stable")
+        first = worst[: max(1, int(np.searchsorted(np.cumsum(ticks[worst]), MOST_TICKS, side="right")))]
+    kept = np.isin(part, first)
     settles = (since % length < 0.5) & (np.diff(part, prepend=-1) == 0)
     pieces = (grid.per_log(each.astype(float), fill=0.0) for each in (kept, settles))
     logs = [
