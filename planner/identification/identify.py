@@ -299,7 +299,7 @@ def _searched(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -> 
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
     both = [_Fitted(*with_motor(*each)) for each in plain]
     k = 1 if len(both) > 1 and better(both[0].fit, both[1].fit) else 0
-    best, full = plain[k], _Fitted(*with_integral(*both[k]))
+    best, full = plain[k], both[k]
     found = _Search(logs, timing, best, best if full.fit is best.fit else full).refitted(logs)
     return found._replace(timing=timing.ticking(best.fit.grid.tick))
 
@@ -329,15 +329,17 @@ def _weighed(search: _Search) -> _Search:
     """The joint fitted to rows weighed by the error to expect of them, where it matters.
 
     A motor may show only there: it is sought again, and the better of the one found so and the same
-    one refitted is kept.
+    one refitted is kept. Then an integral is sought.
     """
     fit = search.joint.fit
     logs = with_weights(_log_fits(search.logs, fit, None), noise_of(fit))
-    if logs is None:
-        return search
-    again = search.refitted(logs)
-    anew = _searched(logs, search.timing, [again.plain])
-    return again if better(anew.joint.fit, again.joint.fit) else anew
+    if logs is not None:
+        again = search.refitted(logs)
+        search = _searched(logs, search.timing, [again.plain])
+        if better(search.joint.fit, again.joint.fit):
+            search = again
+    full = _Fitted(*with_integral(*search.joint))
+    return search if full.fit is search.joint.fit else search._replace(joint=full)
 
 
 def _with_shorter_ticks(search: _Search, found: _Bounded) -> _Fine | None:

@@ -329,6 +329,9 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit]:
         return fit, best
     search = partial(search, fit.grid)
     best = search(best.parameters, free=best.free, starts=best.starts, effort=ENOUGH)
+    bare = left_out(best, INTEGRALS, scale=fit.scale, effort=TERM)
+    if _saving(bare, best) < 0.5 * LEAST_SAVING:
+        return bare, best
     best = _redivided(best, partial(search, free=best.free))
     for names in (SAG, ("compliance",), *((name,) for name in MOTOR if name != "time_constant")):
         if best.free[only(*names)].all():
@@ -392,7 +395,8 @@ def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) ->
     begins = [Parameters(*np.where(free, each, fit.parameters).tolist()) for each in begins]
     trial = min((search(begin, free=free) for begin in begins), key=lambda each: each.cost)
     trial = search(trial.parameters, starts=trial.starts, free=free, effort=ENOUGH)
-    trial = _redivided(trial, partial(search, free=free))
+    if _saving(fit, trial) >= 0.5 * SAVING:
+        trial = _redivided(trial, partial(search, free=free))
     if not pays(fit, trial):
         return fit
     for name in MOTOR:
