@@ -384,7 +384,8 @@ def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:
             terms = tuple(
                 replace(term, kept=term.kept and term.name != "v_offset") for term in terms
             )
-    return search._replace(joint=_Fitted(fit, terms)), others
+    joint = _Fitted(fit, terms)
+    return search._replace(plain=search.plain if search.motor else joint, joint=joint), others
 
 
 def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bounded:

@@ -368,8 +368,9 @@ def _beside_starts(fit: Fit) -> Array:
     grid = fit.grid
     slopes = fit.slopes(averaging=0.025)
     raw = np.zeros((len(fit.residuals), COUNT))
-    raw[:, fit.free] = np.clip(slopes.by_parameter, -LARGEST, LARGEST)
-    by_start = np.clip(slopes.by_start, -LARGEST, LARGEST)
+    weights = grid.weights
+    raw[:, fit.free] = np.clip(weights[:, np.newaxis] * slopes.by_parameter, -LARGEST, LARGEST)
+    by_start = np.clip(weights * slopes.by_start, -LARGEST, LARGEST)
     runs = len(grid.starts)
     norms: Array = np.bincount(grid.run, fit.weights * by_start**2, runs).astype(float)
     along: Array = np.stack(

@@ -149,7 +149,7 @@ def _run(
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the weighted angles at the used rows by the law's numbers, and the chain rule.
+    """Derivatives of the angles at the used rows by the law's numbers, and the chain rule.
 
     Attributes:
         of_law: By columns of :func:`planner.model.kernel.along`; the last is by the first angle of
@@ -190,13 +190,19 @@ def slopes_of(
         averaging: Distance to both sides over which derivatives by lag and acceleration time are
             averaged [ticks].
     """
+    return _linearised(grid, parameters, starts, free, averaging)[1]
+
+
+def _linearised(
+    grid: Grid, parameters: Parameters, starts: Array, free: Free, averaging: float
+) -> tuple[Response, Slopes]:
     from planner.model import kernel
 
     change = _by_coordinates(grid, parameters)[:, free]
     acting = np.flatnonzero(np.any(change != 0.0, axis=1))
     columns = np.append(acting, kernel.START)
-    _, slopes = _run(grid, parameters, starts, columns, averaging * grid.tick)
-    return Slopes(slopes * grid.weights[:, np.newaxis], change[acting])
+    response, slopes = _run(grid, parameters, starts, columns, averaging * grid.tick)
+    return response, Slopes(slopes, change[acting])
 
 
 def _by_coordinates(grid: Grid, at: Parameters) -> Array:
@@ -333,7 +339,7 @@ def least_squares(
         starts = grid.measured_starts
     box = box_of(grid)
     begin = Parameters(*np.where(free, np.clip(begin, box.lower, box.upper), begin).tolist())
-    fit = _evaluated(grid, begin, starts, scale or math.inf, free)
+    fit = _fit_of(grid, begin, free, starts, respond(grid, begin, starts), scale or math.inf)
     if scale is not None:
         return _minimised(fit, effort, enough, effort.averaging[-1])
     for averaging in effort.averaging:
@@ -355,12 +361,13 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
     radius = effort.first_step * float(np.linalg.norm(begin.weighted))
     sizes = np.zeros(len(lower))
     fit, near = begin, None
+    slopes = begin.slopes(averaging=averaging)
     for _ in range(effort.evaluations - 1):
         if fit.cost <= enough:
             break
         coordinates = coordinates_of(grid, fit.parameters)
         here = coordinates[free]
-        near = near or _Quadratic.of(fit, averaging)
+        near = near or _Quadratic.of(fit, slopes)
         if not np.isfinite(near.matrix).all():  # derivatives of a joint that hardly comes to rest
             break
         sizes = np.maximum(sizes, near.sizes)
@@ -372,9 +379,9 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
         if not predicted > 1e-3 * effort.tolerance * fit.cost:
             break
         coordinates[free] += step
-        trial = _evaluated(
-            grid, parameters_at(grid, coordinates), fit.starts + starts, fit.scale, free
-        )
+        at, firsts = parameters_at(grid, coordinates), fit.starts + starts
+        response, by_trial = _linearised(grid, at, firsts, free, averaging)
+        trial = _fit_of(grid, at, free, firsts, response, fit.scale)
         reduced = fit.cost - trial.cost
         length = near.length(sizes, step, starts)
         if not reduced >= 0.25 * predicted:
@@ -383,27 +390,10 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
             radius *= 2.0
         if reduced > 0.0:
             done = 0.25 * predicted < reduced < effort.tolerance * fit.cost
-            fit, near = trial, None
+            fit, slopes, near = trial, by_trial, None
             if done:
                 break
     return fit
-
-
-def normal_equations(
-    slopes: Array, residuals: Array, corner: float, run: Indices, runs: int
-) -> tuple[Array, Array, Array, Array, Array]:
-    """J'WJ and J'Wr of Huber's loss, with weights W = min(1, corner / abs(r)).
-
-    The last column of J, (rows, c), is by the first angle of the row's own run. Without it the
-    matrix and the gradient come first; then for each run, of its first angle, the products with the
-    other columns, (runs, c - 1), the square and the gradient, (runs,).
-    """
-    sizes = np.abs(residuals)
-    weights = np.divide(corner, sizes, out=np.ones_like(sizes), where=sizes > corner)
-    weighted, start = weights * np.vstack([slopes.T, residuals]), slopes[:, -1].copy()
-    whole = weighted @ slopes
-    by_run = np.array([np.bincount(run, each * start, runs) for each in weighted])
-    return whole[:-2, :-1], whole[-1, :-1], by_run[:-2].T, by_run[-2], by_run[-1]
 
 
 class _Quadratic(NamedTuple):
@@ -420,10 +410,12 @@ class _Quadratic(NamedTuple):
 
     @classmethod
     @np.errstate(over="ignore", invalid="ignore")
-    def of(cls, fit: Fit, averaging: float) -> _Quadratic:
-        grid, slopes = fit.grid, fit.slopes(averaging=averaging)
-        of_law, by_law, beside, squares, by_start = normal_equations(
-            slopes.of_law, fit.weighted, CORNER * fit.scale, grid.run, len(grid.starts)
+    def of(cls, fit: Fit, slopes: Slopes) -> _Quadratic:
+        from planner.model import kernel
+
+        grid, corner = fit.grid, CORNER * fit.scale
+        of_law, by_law, beside, squares, by_start = kernel.normal_equations(
+            slopes.of_law, fit.residuals, grid.weights, corner, grid.run, len(grid.starts)
         )
         change = slopes.change
         firsts = grid.weights[np.minimum(grid.first_rows, len(grid.run) - 1)]
@@ -499,11 +491,12 @@ def _damped(matrix: Array, gradient: Array, radius: float) -> Array:
     return -np.asarray(axes @ ways)
 
 
-def _evaluated(grid: Grid, parameters: Parameters, starts: Array, scale: float, free: Free) -> Fit:
-    response = respond(grid, parameters, starts)
+def _fit_of(
+    grid: Grid, at: Parameters, free: Free, starts: Array, response: Response, scale: float
+) -> Fit:
     residuals = response.predicted - grid.angles
     cost = huber(grid.weights * residuals, scale)
-    return Fit(grid, parameters, free, starts, response, residuals, scale, cost)
+    return Fit(grid, at, free, starts, response, residuals, scale, cost)
 
 
 def huber(residuals: Array, scale: float) -> float:

@@ -124,6 +124,7 @@ it a log of an SO-101 that hardly moves (0.3) gives its wrist a dead band 1.3 to
 and motions that were not fitted are missed by 4.1 and 3.9 mrad, not by 3.8 and 3.1; twice as much
 changes nothing there."""
 
+
 class Division(NamedTuple):
     """How a search divides the delay of a motor, to begin again.
 
@@ -774,7 +775,9 @@ def _excerpt_to_search(fit: Fit, *, spread: bool = False) -> Grid | None:
         first = np.round(np.linspace(0, len(ticks) - 1, count))
     else:
         worst = np.argsort(-np.bincount(part, fit.weighted**2), kind="stable")
-        first = worst[: max(1, int(np.searchsorted(np.cumsum(ticks[worst]), MOST_TICKS, side="right")))]
+        first = worst[
+            : max(1, int(np.searchsorted(np.cumsum(ticks[worst]), MOST_TICKS, side="right")))
+        ]
     kept = np.isin(part, first)
     settles = (since % length < 0.5) & (np.diff(part, prepend=-1) == 0)
     pieces = (grid.per_log(each.astype(float), fill=0.0) for each in (kept, settles))

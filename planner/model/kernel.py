@@ -123,7 +123,7 @@ def shrunk(speed: float, friction: float) -> float:
     """A speed less what friction takes of it; 0 where that is more."""
     if friction == 0.0:
         return speed
-    return float(np.sign(speed)) * max(abs(speed) - friction, 0.0)
+    return float(np.copysign(max(abs(speed) - friction, 0.0), speed))
 
 
 @inner
@@ -420,6 +420,55 @@ def number_in_force(edges: Array, time: float, number: int) -> int:
     return number
 
 
+@inner
+def acting(servo: Servo, track: Track) -> tuple[Indices, Array, Array]:
+    """The requests that act at each tick, and their shares of the window.
+
+    Returns:
+        Number of the first of each tick among all, and how many there are, (t + 1,); the requests
+        [rad] and their weights, (n,).
+    """
+    edges, last = track.edges, len(track.edges) - 1
+    ticks, by_window = len(track.ticks), 1.0 / servo.window
+    most = ticks + int((len(edges) + 1) * (servo.window / track.tick + 2.0))
+    firsts = np.empty(ticks + 1, dtype=np.int_)
+    requests, weights = np.empty(most), np.empty(most)
+    oldest, count = 0, 0
+    for t in range(ticks):
+        young = track.ticks[t] - servo.lag
+        begin = young - servo.window
+        oldest = number_in_force(edges, begin, oldest)
+        number = oldest
+        firsts[t] = count
+        while True:
+            end = young if number == last else min(edges[number + 1], young)
+            requests[count], weights[count] = track.requests[number], (end - begin) * by_window
+            count += 1
+            if end >= young:
+                break
+            begin = end
+            number += 1
+    firsts[ticks] = count
+    return firsts, requests, weights
+
+
+@inner
+def beside_edges(servo: Servo, track: Track, apart: float) -> Array:
+    """Requests a little before and after both edges of the window at each tick [rad], (t, 2, 2).
+
+    First those of the youngest request, then those of the oldest one.
+    """
+    found = np.empty((len(track.ticks), 2, 2))
+    for side in range(2):
+        for edge in range(2):
+            shift = servo.lag + edge * servo.window - (2.0 * side - 1.0) * apart
+            number = 0
+            for t in range(len(track.ticks)):
+                number = number_in_force(track.edges, track.ticks[t] - shift, number)
+                found[t, edge, side] = track.requests[number]
+    return found
+
+
 @compiled
 def along(
     servo: Servo,
@@ -453,14 +502,17 @@ def along(
             sag by sine and cosine of the angle [rad], the integral's share [-], and by the first
             angle of the row's run, (rows, c).
     """
-    law, edges, requests, states = servo.law, track.edges, track.requests, track.states
-    before, share = track.before, track.share
-    count, last, half = len(columns), len(edges) - 1, servo.play / 2.0
+    law, states, before, share = servo.law, track.states, track.before, track.share
+    count, half = len(columns), servo.play / 2.0
+    has_integral = law.integral_share > 0.0
     has_sag_columns = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
-    window, by_window = servo.window / track.tick, 1.0 / servo.window
+    firsts, requests, weights = acting(servo, track)
+    beside = beside_edges(servo, track, apart) if count > 0 else np.empty((0, 2, 2))
+    window = servo.window / track.tick
     drives, kinks, by_sag = np.zeros((3, START + 1))
     past, now, motion, fast, summed = np.zeros((5, count))
-    first, row, way, band, speed, motor = 0, 0, 0.0, law.friction / law.gain, 0.0, 0.0
+    pushed, bends, sag_changes = np.zeros((3, count))
+    row, way, band, speed, motor = 0, 0.0, law.friction / law.gain, 0.0, 0.0
     integral, beyond = 0.0, 0.0 if exceeds_drive(law) else 1.0
     for t in range(len(states)):
         state = states[t]
@@ -475,15 +527,10 @@ def along(
         raised, held_integral = lifted(law, integral), integral
         sag = law.offset + load_sag + raised
         faster = servo.faster + servo.faster_by_load * track.loads[t]
-        young = track.ticks[t] - servo.lag
-        old = young - servo.window
-        first = number_in_force(edges, old, first)
-        number, begin, least, most = first, old, np.inf, -np.inf
+        least, most = np.inf, -np.inf
         demand, inside, mean, limited, saturated = 0.0, 0.0, 0.0, 0.0, 0.0
-        while True:
-            end = young if number == last else min(edges[number + 1], young)
-            weight = (end - begin) * by_window
-            error = requests[number] + sag - angle
+        for k in range(firsts[t], firsts[t + 1]):
+            weight, error = weights[k], requests[k] + sag - angle
             value, side = drive(law, error, faster)
             demand += weight * value
             least, most = min(least, error), max(most, error)
@@ -493,10 +540,6 @@ def along(
             else:
                 limited += weight * side
                 saturated += weight
-            if end >= young:
-                break
-            begin = end
-            number += 1
         errors[t, 0], errors[t, 1] = least, most
         driven = demand
         demand += law.gain * by_pose
@@ -510,19 +553,17 @@ def along(
             free = speed + min(max(change, -law.acceleration), law.acceleration)
         speed, integral = moved(law, demand, by_sags, speed, integral)
         motor += speed
-        follows = half == 0.0 or abs(motor - angle) > half
-        side = 1.0 if motor > angle else -1.0
-        angle_now = angle
-        if follows:
-            angle_now = motor - side * half if half > 0.0 else motor
+        angle_now, side, follows = motor, 0.0, True
+        if half > 0.0:
+            side = 1.0 if motor > angle else -1.0
+            follows = abs(motor - angle) > half
+            angle_now = motor - side * half if follows else angle
         angles[state] = angle_now
         if count > 0:
-            side_old, side_young = 0.0, 0.0
-            for sign in (-1.0, 1.0):
-                at = number_in_force(edges, young + sign * apart, number)
-                side_young += drive(law, requests[at] + sag - angle, faster)[0] / 2.0
-                at = number_in_force(edges, old + sign * apart, first)
-                side_old += drive(law, requests[at] + sag - angle, faster)[0] / 2.0
+            side_young = side_old = 0.0
+            for k in range(2):
+                side_young += drive(law, beside[t, 0, k] + sag - angle, faster)[0] / 2.0
+                side_old += drive(law, beside[t, 1, k] + sag - angle, faster)[0] / 2.0
             # By the drive g(t)
             # The limits are v_max + gain * dead band, in a speed loop v_max, and shifted by gain *
             # the sag by the pose.
@@ -557,34 +598,78 @@ def along(
             by_pose_slope = pose_sag_slope(law, angle)
             by_angle = law.gain * (inside - by_pose_slope)
             for p in range(count):
-                column = columns[p]
-                past[p] = now[p]
-                sag_change = by_sag[column] + law.gain * by_pose_slope * now[p]
-                if starts and law.integral_share > 0.0:
-                    summed[p] = -sag_change
-                pushed = (
-                    drives[column] - by_angle * now[p] + law.integral_inside * inside * summed[p]
-                )
-                if law.share < 1.0:
-                    follow = by_demand * (aimed(law, pushed, summed[p]) - fast[p])
-                    fast[p] = sliding * (fast[p] + follow + kinks[column])
-                    if accelerated == 1.0:
-                        back = fed_back(law, fast[p], summed[p])
-                        summed[p] += law.integral_share * (pushed - sag_change - back)
-                        if column == INTEGRAL:
-                            summed[p] += demand - by_sags - fed_back(law, speed, held_integral)
-                elif accelerated == 1.0:
-                    fast[p] = sliding * (pushed + kinks[column])
-                elif column == ACCELERATION:
-                    fast[p] += kinks[column]
+                past[p], pushed[p], bends[p] = now[p], drives[columns[p]], kinks[columns[p]]
+            for p in range(count):
+                pushed[p] -= by_angle * now[p]
+            for p in range(count if has_integral else 0):
+                sag_changes[p] = by_sag[columns[p]] + law.gain * by_pose_slope * now[p]
+                if starts:
+                    summed[p] = -sag_changes[p]
+                pushed[p] += law.integral_inside * inside * summed[p]
+            if law.share < 1.0:
+                for p in range(count):
+                    follow = by_demand * (aimed(law, pushed[p], summed[p]) - fast[p])
+                    fast[p] = sliding * (fast[p] + follow + bends[p])
+            elif accelerated == 1.0:
+                for p in range(count):
+                    fast[p] = sliding * (pushed[p] + bends[p])
+            else:
+                for p in range(count):
+                    fast[p] += bends[p] if columns[p] == ACCELERATION else 0.0
+            for p in range(count if has_integral and accelerated == 1.0 else 0):
+                back = fed_back(law, fast[p], summed[p])
+                summed[p] += law.integral_share * (pushed[p] - sag_changes[p] - back)
+                if columns[p] == INTEGRAL:
+                    summed[p] += demand - by_sags - fed_back(law, speed, held_integral)
+            for p in range(count):
                 motion[p] += fast[p]
-                if follows:
-                    now[p] = motion[p]
-                    if column == PLAY and half > 0.0:
-                        now[p] -= side / 2.0
+            for p in range(count if follows else 0):
+                now[p] = motion[p]
+            for p in range(count if follows and half > 0.0 else 0):
+                now[p] -= side / 2.0 if columns[p] == PLAY else 0.0
         while row < len(before) and before[row] == state - 1:
             after = share[row]
             predicted[row] = (1.0 - after) * angle + after * angle_now
             for p in range(count):
                 slopes[row, p] = (1.0 - after) * past[p] + after * now[p]
             row += 1
+
+
+@compiled
+def normal_equations(
+    slopes: Array, residuals: Array, weights: Array, corner: float, run: Indices, runs: int
+) -> tuple[Array, Array, Array, Array, Array]:
+    """J'WJ and J'Wr of Huber's loss of weighted residuals: W = w^2 min(1, corner / abs(w r)).
+
+    Args:
+        slopes: J, (rows, c); the last column is by the first angle of the row's own run.
+        residuals: r [rad], (rows,).
+        weights: w, (rows,).
+        corner: Where the loss becomes linear [rad].
+        run: Run of each row, (rows,).
+        runs: Number of runs.
+
+    Returns:
+        Without the first angles the matrix, (c - 1, c - 1), and the gradient, (c - 1,); of the
+        first angles the products with the other columns, (runs, c - 1), the squares and the
+        gradient, (runs,).
+    """
+    count = slopes.shape[1] - 1
+    matrix, gradient = np.zeros((count, count)), np.zeros(count)
+    beside, squares, by_start = np.zeros((runs, count)), np.zeros(runs), np.zeros(runs)
+    for row in range(len(residuals)):
+        size, start, number = abs(weights[row] * residuals[row]), slopes[row, count], run[row]
+        weight = weights[row] ** 2 * (1.0 if size <= corner else corner / size)
+        pull = weight * residuals[row]
+        for p in range(count):
+            scaled = weight * slopes[row, p]
+            gradient[p] += pull * slopes[row, p]
+            beside[number, p] += scaled * start
+            for q in range(p + 1):
+                matrix[p, q] += scaled * slopes[row, q]
+        squares[number] += weight * start * start
+        by_start[number] += pull * start
+    for p in range(count):
+        for q in range(p):
+            matrix[q, p] = matrix[p, q]
+    return matrix, gradient, beside, squares, by_start
