@@ -164,8 +164,9 @@ def identify(
     pairs = zip(search.logs, logs, strict=True)
     every = [replace(log, torque_on=whole.torque_on) for log, whole in pairs]
     found = _bounded(every, search, others)
-    held = _held_out(search, found.fit, faster=found.refuted) if hold_out else None
     fine = _with_shorter_ticks(search, found) if choose_tick else None
+    whole = found.fit if fine is None else fine.fit
+    held = _held_out(search, whole, faster=found.refuted) if hold_out else None
     notes = [*notes_on(every, timing, jumps), *stuck_rows, *touched, *stopped, *found.notes]
     if even is not None:
         words = "the times of the rows jitter: rows every "
@@ -367,7 +368,8 @@ def _with_shorter_ticks(search: _Search, found: _Bounded) -> _Fine | None:
         final = replace(final, free=fine.free)
     final = final if "v_max" in kept else with_observed_speed(final)
     timing = search.timing.ticking(fine.grid.tick)
-    return _Fine(timing, final, moved_intervals(found.bounds, found.fit, final), (fine, fit))
+    longer = fit if fine is not fit else refitted(search.logs, fit, tick=2.0 * fit.grid.tick)
+    return _Fine(timing, final, moved_intervals(found.bounds, found.fit, final), (fine, longer))
 
 
 def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:

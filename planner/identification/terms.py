@@ -396,7 +396,7 @@ def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) ->
     begins = [Parameters(*np.where(free, each, fit.parameters).tolist()) for each in begins]
     trial = min((search(begin, free=free) for begin in begins), key=lambda each: each.cost)
     trial = search(trial.parameters, starts=trial.starts, free=free, effort=ENOUGH)
-    if _saving(fit, trial) >= 0.5 * SAVING:
+    if len(begins) > 1 and _saving(fit, trial) >= 0.5 * SAVING:
         trial = _redivided(trial, partial(search, free=free))
     if not pays(fit, trial):
         return fit
