@@ -12,6 +12,7 @@ M. It is named where it explains the rows much better than the motor's inertia a
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -125,39 +126,10 @@ and motions that were not fitted are missed by 4.1 and 3.9 mrad, not by 3.8 and 
 changes nothing there."""
 
 
-class Division(NamedTuple):
-    """How a search divides the delay of a motor, to begin again.
-
-    Attributes:
-        time_constant: Share of the delay.
-        acceleration_time: Share of it.
-        lag: Share of it.
-        gain: Times that of the motor.
-        dead_band: Least one, times the error of the fit.
-        acceleration: Limit times the delay over the highest speed; None for that of the motor.
-    """
-
-    time_constant: float
-    acceleration_time: float
-    lag: float
-    gain: float = 1.0
-    dead_band: float = 0.0
-    acceleration: float | None = None
-
-
-DIVISIONS = (
-    Division(0.0, 0.05, 0.12),
-    Division(0.0, 0.05, 0.12, dead_band=1.0),
-    Division(0.3, 0.1, 0.1),
-    Division(0.7, 0.1, 0.1),
-    Division(0.5, 0.2, 0.1, gain=0.6),
-    *(
-        Division(share, 0.1, 0.1, dead_band=1.0, acceleration=limit)
-        for share in (0.2, 0.5)
-        for limit in (0.2, 0.6, 2.0)
-    ),
-)
-"""From which the search for a motor begins again."""
+DIVISIONS = tuple(itertools.product((0.15, 0.5), (0.02, 0.2, 0.6, 2.0, None)))
+"""Time constant as a share of a motor's delay, and its acceleration limit times that delay over its
+highest speed, or its own limit, from which the search begins again. (Without limits that bind the
+lift of an SO-101 ends 4 % above its least loss, and misses unseen motions by 10.3 mrad, not 8.0.)"""
 
 MOST_TICKS = 6000
 """Of longer logs only so many ticks are compared, in the chunks that the model misses most."""
@@ -423,19 +395,18 @@ def _redivided(fit: Fit, search: Callable[..., Fit]) -> Fit:
 
 
 def _divisions(fit: Fit) -> list[Parameters]:
-    """The joint of a fit with its delay divided by :data:`DIVISIONS`."""
+    """The joint of a fit with its delay divided by :data:`DIVISIONS`, and friction for its error."""
     at, begins = fit.parameters, []
     delay, speed = at.whole_delay, min(at.v_max, fit.grid.fastest)
-    for each in DIVISIONS:
-        begin = at._replace(
-            time_constant=each.time_constant * delay,
-            acceleration_time=max(each.acceleration_time * delay, fit.grid.tick),
-            lag=each.lag * delay,
-            gain=each.gain * at.gain,
-            dead_band=max(at.dead_band, each.dead_band * fit.rms),
-        )
-        if each.acceleration is not None:
-            begin = begin._replace(acceleration=each.acceleration * speed / delay, asymmetry=0.0)
+    divided = at._replace(
+        acceleration_time=max(0.1 * delay, fit.grid.tick),
+        lag=0.1 * delay,
+        dead_band=max(at.dead_band, fit.rms),
+    )
+    for share, limit in DIVISIONS:
+        begin = divided._replace(time_constant=share * delay)
+        if limit is not None:
+            begin = begin._replace(acceleration=limit * speed / delay, asymmetry=0.0)
         begins.append(begin)
     return begins
 
@@ -772,13 +743,12 @@ def _excerpt_to_search(fit: Fit, *, spread: bool = False) -> Grid | None:
     ticks = np.bincount(part) * (len(grid.ticks) / len(part))
     if spread:
         count = max(1, int(len(ticks) * min(1.0, MOST_TICKS / np.sum(ticks))))
-        first = np.round(np.linspace(0, len(ticks) - 1, count))
+        parts = np.unique(np.linspace(0, len(ticks) - 1, count).round().astype(np.intp))
     else:
         worst = np.argsort(-np.bincount(part, fit.weighted**2), kind="stable")
-        first = worst[
-            : max(1, int(np.searchsorted(np.cumsum(ticks[worst]), MOST_TICKS, side="right")))
-        ]
-    kept = np.isin(part, first)
+        longest = np.searchsorted(np.cumsum(ticks[worst]), MOST_TICKS, side="right")
+        parts = worst[: max(1, int(longest))]
+    kept = np.isin(part, parts)
     settles = (since % length < 0.5) & (np.diff(part, prepend=-1) == 0)
     pieces = (grid.per_log(each.astype(float), fill=0.0) for each in (kept, settles))
     logs = [

@@ -19,12 +19,12 @@ from planner.identification.least_squares import (
     USUAL,
     huber,
     least_squares,
-    normal_equations,
     respond,
     slopes_of,
 )
 from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, coordinates_of, only, parameters_at
+from planner.model import kernel
 from planner.trajectory import rms
 from tests.identification.made import (
     AIBO,
@@ -151,8 +151,8 @@ def test_the_normal_equations_are_those_of_the_derivatives():
     own = (grid.run[:, np.newaxis] == np.arange(runs)) * slopes.by_start[:, np.newaxis]
     dense = np.column_stack([slopes.of_law[:, :-1], own])
     expected = dense.T @ (weights[:, np.newaxis] * dense)
-    matrix, gradient, beside, squares, by_start = normal_equations(
-        slopes.of_law, residuals, corner, grid.run, runs
+    matrix, gradient, beside, squares, by_start = kernel.normal_equations(
+        slopes.of_law, residuals, grid.weights, corner, grid.run, runs
     )
     found = np.block([[matrix, beside.T], [beside, np.diag(squares)]])
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.max(np.abs(expected)))
