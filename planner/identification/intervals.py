@@ -395,8 +395,8 @@ def all_intervals(
         fit: The fit.
         bounds: Its intervals by :func:`intervals_of`.
         uncertainty: Its covariance.
-        ticks: The fit before its friction was taken from calm rows, and a fit to the same rows with
-            ticks twice as long; None where the ticks of the fit are those of the rows.
+        ticks: The fit to the rows alone, and one with longer ticks; None where the ticks of the fit
+            are those of the rows.
     """
     known = dict(bounds)
     for name in ("asymmetry", "slowing"):

@@ -127,12 +127,13 @@ changes nothing there."""
 
 
 DIVISIONS = tuple(itertools.product((0.15, 0.5), (0.02, 0.2, 0.6, 2.0, None)))
-"""Time constant as a share of a motor's delay, and its acceleration limit times that delay over its
+"""Time constant as a share of a motor's delay, and acceleration limit times that delay over its
 highest speed, or its own limit, from which the search begins again. (Without limits that bind the
-lift of an SO-101 ends 4 % above its least loss, and misses unseen motions by 10.3 mrad, not 8.0.)"""
+lift of an SO-101 ends 4 % above its least loss, and misses unseen motions by 10.3 mrad, not 8.1.)
+"""
 
 MOST_TICKS = 6000
-"""Of longer logs only so many ticks are compared, in the chunks that the model misses most."""
+"""Of longer logs only so many ticks are compared, in chunks."""
 
 TRIAL = TERM._replace(evaluations=12, tolerance=1e-3)
 ENOUGH = TERM._replace(evaluations=100, tolerance=1e-5)
@@ -140,7 +141,7 @@ ENOUGH = TERM._replace(evaluations=100, tolerance=1e-5)
 
 SCREENED, TRIALS, POPULATION, GENERATIONS, FOLLOWED = 256, 24, 40, 25, 2
 """Of the search for a motor: points at first, how many of these are followed by derivatives and how
-many evolve, how often, and how many of both are followed on all rows. (In 155 fits the loss of
+many evolve, how often, and how many of each are followed on all rows. (In 155 fits the loss of
 virtual servos is 16 % larger by derivatives alone, that of made joints 78 % larger by evolution
 alone, both in the mean; with twice as many points no less.)"""
 
@@ -287,7 +288,10 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit]:
     at, sag = fit.parameters, SAG if fit.grid.unloaded else ()
     sag = (*sag, *(["compliance"] if _shows("compliance", fit) else []))
     search, rate = partial(least_squares, scale=fit.scale), INTEGRAL_START / at.whole_delay
-    motors = [each for each in (at, *_divisions(fit)) if each.time_constant > 0.0]
+    motors = [at, *_divisions(fit)]
+    motors = [
+        each for each in motors if each.time_constant > 0.0 and each.acceleration == at.acceleration
+    ]
     begins = [each._replace(dead_band=_some_dead_band(each, fit)) for each in motors]
     trials = []
     for name in INTEGRALS:
@@ -395,7 +399,7 @@ def _redivided(fit: Fit, search: Callable[..., Fit]) -> Fit:
 
 
 def _divisions(fit: Fit) -> list[Parameters]:
-    """The joint of a fit with its delay divided by :data:`DIVISIONS`, and friction for its error."""
+    """The joint of a fit with its delay divided by :data:`DIVISIONS`, its error a dead band."""
     at, begins = fit.parameters, []
     delay, speed = at.whole_delay, min(at.v_max, fit.grid.fastest)
     divided = at._replace(
@@ -611,7 +615,7 @@ def _beginnings(fit: Fit, excerpt: Grid, free: Free) -> list[Parameters]:
     trials = [search(joint(point)) for point in points[:TRIALS]]
     trials.sort(key=lambda trial: trial.cost)
     best = _evolved(loss, points[:POPULATION], GENERATIONS)
-    return [t.parameters for t in trials[:FOLLOWED]] + [joint(each) for each in best[:1]]
+    return [t.parameters for t in trials[:FOLLOWED]] + [joint(each) for each in best]
 
 
 def _anywhere(fit: Fit, excerpt: Grid) -> list[Parameters]:
@@ -729,10 +733,12 @@ def _integrals(fit: Fit, excerpt: Grid) -> list[Parameters]:
 
 
 def _excerpt_to_search(fit: Fit, *, spread: bool = False) -> Grid | None:
-    """Parts of about 4 s that the model misses most, as runs of their own, in which to seek more.
+    """Parts of about 4 s, as runs of their own, in which to seek more.
 
-    Their first half seconds are left out, in which the unknown speed at the start matters. None
-    where the residuals are noise, or the rows are few.
+    They are those that the model misses most, as play shows in few; with ``spread`` they are spread
+    over the logs, so that what fits them best is near what fits all rows best. Their first half
+    seconds are left out, in which the unknown speed at the start matters. None where the residuals
+    are noise, or the rows are few.
     """
     if fit.exact or structure_of(fit) < LEAST_STRUCTURE:
         return None
