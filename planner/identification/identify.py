@@ -44,6 +44,7 @@ from planner.identification.intervals import (
     over_top_speeds,
     speed_bounded,
     uncertainty_of,
+    widened,
 )
 from planner.identification.judgement import (
     notes_on,
@@ -361,6 +362,7 @@ def _with_shorter_ticks(search: _Search, found: _Bounded) -> _Fine | None:
         kept["dead_band"] = before.dead_band
     if before.v_max > fit.parameters.v_max:
         kept["v_max"] = before.v_max
+    fine, others = over_top_speeds(fine)
     final = fine
     if kept:
         at, free = fine.parameters._replace(**kept), fine.free & ~only(*kept)
@@ -368,8 +370,13 @@ def _with_shorter_ticks(search: _Search, found: _Bounded) -> _Fine | None:
         final = replace(final, free=fine.free)
     final = final if "v_max" in kept else with_observed_speed(final)
     timing = search.timing.ticking(fine.grid.tick)
-    longer = fit if fine is not fit else refitted(search.logs, fit, tick=2.0 * fit.grid.tick)
-    return _Fine(timing, final, moved_intervals(found.bounds, found.fit, final), (fine, longer))
+    longer = (
+        fit if hold > search.timing.hold else refitted(search.logs, fit, tick=2.0 * fit.grid.tick)
+    )
+    bounds = moved_intervals(found.bounds, found.fit, final)
+    return _Fine(
+        timing, final, widened(bounds, [other.parameters for other in others]), (fine, longer)
+    )
 
 
 def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:

@@ -115,10 +115,16 @@ def intervals_of(
     """
     possible = [other.parameters for other in others]
     ends = {name: _Profile(fit, uncertainty, name).interval(possible) for name in fit.free_names}
-    for name, end in ends.items():  # it holds what the profiles of other parameters did not refute
+    return widened(ends, possible)  # they hold what profiles of other parameters did not refute
+
+
+def widened(bounds: Mapping[str, Interval], possible: Sequence[Parameters]) -> dict[str, Interval]:
+    """Intervals that hold the parameters of joints that the data does not refute."""
+    found = {}
+    for name, (low, high) in bounds.items():
         values = [float(getattr(each, name)) for each in possible]
-        ends[name] = Interval(min([end.lower, *values]), max([end.upper, *values]))
-    return ends
+        found[name] = Interval(min([low, *values]), max([high, *values]))
+    return found
 
 
 def moved_intervals(bounds: Mapping[str, Interval], fit: Fit, other: Fit) -> dict[str, Interval]:
