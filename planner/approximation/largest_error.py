@@ -307,6 +307,7 @@ def _best_lines(
         conditions,
         np.minimum((lower - present) / bound, 0.0),
         np.maximum((upper - present) / bound, 0.0),
+        iterations=2_000,
     )
     return np.asarray(lines.values + bound * change)
 

@@ -8,7 +8,7 @@ from datetime import date
 from importlib import metadata
 from pathlib import Path
 
-PACKAGES = ("request-planner", "numpy", "scipy", "casadi", "cvxpy", "clarabel", "pin")
+PACKAGES = ("request-planner", "numpy", "scipy", "casadi", "cvxpy", "osqp", "pin")
 OPTIONAL = ("pyscipopt", "pwlf", "ruptures")
 
 

@@ -21,6 +21,7 @@ HEAVY = (
     "meshcat",
     "mujoco",
     "numpy",
+    "osqp",
     "pinocchio",
     "pyarrow",
     "pyscipopt",
