@@ -130,7 +130,7 @@ def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> A
     steepest, rises = problem.step / unit * np.diff(ends), each[end] - each[start]
     change, status = solve_qp(
         squares + ridge * each,
-        curve.T @ (curve @ near - (problem.desired - centre) / unit),
+        np.asarray(curve.T @ (curve @ near - (problem.desired - centre) / unit)),
         sparse.vstack([rises, each[pinned]]),
         np.append(-steepest - rises @ near, (pins - near)[pinned]),
         np.append(steepest - rises @ near, (pins - near)[pinned]),
