@@ -25,6 +25,9 @@ no measurement is as exact."""
 SAME_PLACE = 1e-6
 """Distance [samples] at which a knot counts as one that is required."""
 
+KNOT_DIGITS = 9
+"""Decimals of required knots [samples]."""
+
 SHORTEST = 1.0 - 1e-9
 """Length of the shortest segment [samples]: a sample, less rounding."""
 
@@ -183,7 +186,8 @@ def checked_knots(
     pairs = required.items() if isinstance(required, Mapping) else ((k, None) for k in required)
     angles: dict[float, float] = {}
     for place, angle in pairs:
-        knot = _number(f"{name} knots", place) + 0.0  # not -0.0
+        # Rounded, as places are often times over a period; the sum is 0.0 for -0.0.
+        knot = round(_number(f"{name} knots", place), KNOT_DIGITS) + 0.0
         if not (0.0 <= knot < n if cyclic else 0.0 <= knot <= n - 1.0):
             limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
             raise InvalidInput(f"{name}: got a knot at {knot:g}, expected {limit} [samples]")

@@ -516,7 +516,8 @@ def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Ar
         pairs = of_each("limits", limits, names, expected="")
     else:
         try:
-            lowest, highest = (np.broadcast_to(as_reals(each), len(names)) for each in limits)
+            each = (np.broadcast_to(as_reals(limit), len(names)).tolist() for limit in limits)
+            lowest, highest = each
         except (TypeError, ValueError) as error:
             raise InvalidInput(
                 f"limits: got {shown(limits)}, expected (lower, upper) [rad], each a number or one "
