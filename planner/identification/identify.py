@@ -234,7 +234,7 @@ class _Fine(NamedTuple):
         timing: The ticks.
         fit: The joint.
         bounds: Its intervals.
-        ticks: Fits to the rows alone with these ticks, and with those of the search.
+        ticks: Fits to the rows alone with these ticks, and with longer ones.
     """
 
     timing: Timing
@@ -368,15 +368,14 @@ def _with_shorter_ticks(search: _Search, found: _Bounded) -> _Fine | None:
         at, free = fine.parameters._replace(**kept), fine.free & ~only(*kept)
         final = least_squares(fine.grid, at, free=free, starts=fine.starts, scale=fine.scale)
         final = replace(final, free=fine.free)
-    final = final if "v_max" in kept else with_observed_speed(final)
-    timing = search.timing.ticking(fine.grid.tick)
-    longer = (
-        fit if hold > search.timing.hold else refitted(search.logs, fit, tick=2.0 * fit.grid.tick)
-    )
+    if "v_max" not in kept:
+        final = with_observed_speed(final)
+    longer = fit
+    if hold <= search.timing.hold:  # a long window has as many ticks as a model may have
+        longer = refitted(search.logs, fit, tick=2.0 * fine.grid.tick)
     bounds = moved_intervals(found.bounds, found.fit, final)
-    return _Fine(
-        timing, final, widened(bounds, [other.parameters for other in others]), (fine, longer)
-    )
+    bounds = widened(bounds, [other.parameters for other in others])
+    return _Fine(search.timing.ticking(fine.grid.tick), final, bounds, (fine, longer))
 
 
 def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:
@@ -512,8 +511,10 @@ def _answer(
 
     The terms were sought on the ticks of ``search``, the model has those of ``fine``.
     """
-    timing, (fit, uncertainty, bounds, *_), ticks = search.timing, found, None
-    if fine is not None:
+    if fine is None:
+        timing, fit, bounds, ticks = search.timing, found.fit, found.bounds, None
+        uncertainty = found.uncertainty
+    else:
         timing, fit, bounds, ticks = fine
         uncertainty = uncertainty_of(fit)
     frictions = [term.interval.upper for term in search.joint.terms if term.name == "dead_band"]
