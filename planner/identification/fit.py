@@ -23,9 +23,11 @@ from planner.identification.grid import (
     unequal,
 )
 from planner.identification.least_squares import (
+    FULL,
     QUICK,
     ROUNDED,
     SEARCH,
+    Effort,
     Fit,
     Response,
     huber,
@@ -85,7 +87,9 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
     return tuple(map(_without_saturation, again))
 
 
-def refitted(logs: Sequence[Log], fit: Fit, *, tick: float | None = None) -> Fit:
+def refitted(
+    logs: Sequence[Log], fit: Fit, *, tick: float | None = None, effort: Effort = FULL
+) -> Fit:
     """The fit to other rows of its logs, weights, or ticks [s]; the same one where none is other.
 
     It begins at the joint that answers the same.
@@ -99,7 +103,7 @@ def refitted(logs: Sequence[Log], fit: Fit, *, tick: float | None = None) -> Fit
         inertia = at.time_constant > 0.0
         gain, lag = with_ticks(at.gain, at.lag, before.tick, tick, inertia=inertia)
         at = at._replace(gain=gain, lag=lag)
-    return least_squares(grid, at, free=fit.free, starts=starts_of(grid, fit))
+    return least_squares(grid, at, free=fit.free, starts=starts_of(grid, fit), effort=effort)
 
 
 def starts_of(grid: Grid, fit: Fit) -> Array:

@@ -51,7 +51,14 @@ from planner.identification.judgement import (
     verdict_on,
     wrong_columns,
 )
-from planner.identification.least_squares import Fit, better, least_squares, respond, sound_rms
+from planner.identification.least_squares import (
+    SEARCH,
+    Fit,
+    better,
+    least_squares,
+    respond,
+    sound_rms,
+)
 from planner.identification.log import Log, as_logs, check_alike, check_periods, unwrapped
 from planner.identification.parameters import only
 from planner.identification.residual_patterns import (
@@ -352,11 +359,13 @@ def _with_shorter_ticks(search: _Search, found: _Bounded) -> _Fine | None:
     """
     fit, before = search.joint.fit, found.fit.parameters
     hold = fine_hold(search.timing.period, fit.parameters.acceleration_time)
-    fine = refitted(search.logs, fit, tick=search.timing.period / hold)
+    fine = refitted(search.logs, fit, tick=search.timing.period / hold, effort=SEARCH)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
     if search.timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
         return None
+    if fine is not fit:
+        fine = least_squares(fine.grid, fine.parameters, free=fine.free, starts=fine.starts)
     kept = {}  # what calm rows or a speed beside the fit have told
     if before.dead_band != fit.parameters.dead_band:
         kept["dead_band"] = before.dead_band
