@@ -385,7 +385,7 @@ def _ringing(model: JointModel, fit: LogFit, noise: float) -> str:
     for begin, end in zip(changes.tolist(), ends.tolist(), strict=True):
         step = float(log.requests[begin] - log.requests[begin - 1])
         short = log.times[end - 1] - log.times[begin] < SETTLED * model.latency
-        if short or abs(step) < CLEAR * noise:
+        if short or end - begin <= 3 or abs(step) < CLEAR * noise:
             continue
         angles = np.stack([log.angles[begin:end], fit.predicted[begin:end]])
         angles = np.where(np.isnan(angles), log.angles[begin], angles)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.identification.excitation import excite, expect
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.residual_patterns import (
@@ -50,6 +51,11 @@ def test_ringing_that_the_models_inertia_explains_is_not_named():
     step = int(np.flatnonzero(np.diff(log.requests))[0]) + 1
     assert np.max(fit.predicted[step:]) > 1.05 * np.max(log.requests), "the model overshoots"
     assert "ringing:" not in named(found)
+
+
+def test_steps_between_few_rows_are_no_ringing():
+    signal = excite("combined", limits=(-0.8, 0.8), period=0.2, duration=60.0)
+    assert "ringing:" not in named(expect(signal, AIBO))
 
 
 @pytest.mark.parametrize(("ends", "said"), [((-1.2, -0.1), 1), ((-1.2, 0.1), 0)])
