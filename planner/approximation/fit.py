@@ -272,7 +272,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     elif question.max_error is not None:
         search = KnotSearch(scaled)
         bound = question.max_error / unit
-        curve, fewest = within_largest_error(search.problem, bound, question.segments, unit)
+        curve, fewest = within_largest_error(search.unrounded, bound, question.segments, unit)
         curve = search.form.restore(curve)
     else:
         search = KnotSearch(scaled)

@@ -14,6 +14,7 @@ line segments using dynamic programming, 1961; (5a) of docs/math.md).
 
 from __future__ import annotations
 
+import math
 from functools import cache, cached_property
 from heapq import heapify, heappop, heappush
 
@@ -76,6 +77,9 @@ ANCHORS = 8
 """Places of a cycle at which chains begin and end, its sharpest corner among them. 4: 0.03 % more
 error in the mean, 3 % at worst."""
 
+RESOLUTION = 2.0**-36
+"""Samples are searched as multiples of this, and the largest slope as one of this share of it."""
+
 BEND = 1e-10
 """Second difference, relative to the size of the samples, that counts as zero."""
 
@@ -84,14 +88,22 @@ class KnotSearch:
     """Curves of any number of segments through the same samples, each computed once.
 
     The samples are searched in a canonical form, so that shifted, mirrored, reversed and scaled
-    ones give the same curve.
+    ones give the same curve. Several curves may be equally close, such as those of a sine: samples
+    and largest slope are rounded, so that their last digits, which differ between processors, do
+    not choose.
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Find the ideal and the canonical form."""
-        ideal = ideal_of(problem)
-        self.form = CanonicalForm.of(problem.desired, ideal, cyclic=problem.cyclic)
-        self.problem, self.ideal = self.form.of_problem(problem), self.form.apply(ideal)
+        """Find the ideal and the canonical form of a problem whose samples span two units."""
+        mantissa, exponent = math.frexp(problem.step)
+        coarse = problem._replace(
+            desired=np.round(problem.desired / RESOLUTION) * RESOLUTION,
+            step=math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent),
+        )
+        ideal = ideal_of(coarse)
+        self.form = CanonicalForm.of(coarse.desired, ideal, cyclic=problem.cyclic)
+        self.problem, self.ideal = self.form.of_problem(coarse), self.form.apply(ideal)
+        self.unrounded = self.form.of_problem(problem)
         most = segment_capacity(self.problem)[1]  # between required knots
         self.fewest = max(2 if problem.cyclic else 1, most.size)
         self.most = int(np.sum(most))
@@ -111,7 +123,7 @@ class KnotSearch:
     @cached_property
     def exact(self) -> Candidate | None:
         """The curve on which the samples lie, if there is one."""
-        return exact_curve(self.problem)
+        return exact_curve(self.unrounded)
 
     @cached_property
     def _ranked(self) -> Array:

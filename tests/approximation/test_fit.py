@@ -146,6 +146,16 @@ def test_a_cycle_shifted_scaled_and_mirrored_has_the_same_fit(
     assert other.rms / scale == pytest.approx(fit.rms, rel=SAME, abs=1e-9)
 
 
+def test_the_last_digits_of_samples_do_not_choose_among_equally_close_curves():
+    sine = 0.5 * np.sin(2.0 * np.pi * np.arange(40) / 40)
+    arguments = {"v_max": ERS210A.v_max, "tick": ERS210A.tick, "segments": 6}
+    fit = fit_pwl(sine, **arguments)
+    for seed in range(4):
+        digits = np.random.default_rng(seed).integers(-3, 4, sine.size)
+        other = fit_pwl(sine * (1.0 + 1e-16 * digits), **arguments)
+        np.testing.assert_allclose(other.knots, fit.knots, rtol=0.0, atol=1e-9)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_time_reversal_reverses_the_fit(kind, cyclic):
