@@ -579,9 +579,8 @@ def set_step(
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
     count = point.quadratic.shape[2]
-    at_limit, tight = search.active[0], search.active[1]
     cyclic, acting = spec.cyclic, spec.acting
-    bounds, slopes, quadratic = spec.bounds, point.slopes, point.quadratic
+    slopes, quadratic = point.slopes, point.quadratic
     requests, away, defects = point.requests, point.away, point.defects
     multipliers = search.multipliers
     terms, eased = np.full((samples, joints), search.damping[0]), np.zeros((samples, drives))
@@ -618,26 +617,12 @@ def set_step(
     for _ in range(ACTIVE_SETS):
         matrix[:] = 0.0
         target[:] = right
-        for number in range(state):
-            k, j, following = number // joints, number % joints, (number + joints) % state
-            bound = FIRST if k == 0 and not cyclic else LOWER if at_limit[k, j] < 0 else UPPER
-            values[number] = terms[k, j]
-            if bound == FIRST or at_limit[k, j] != 0 or bounds[LOWER, k, j] == bounds[UPPER, k, j]:
-                values[number] += stiffness
-                target[number] += stiffness * (bounds[bound, k, j] - requests[k, j])
-            if spec.limited:
-                penalty, last = stiffness * abs(tight[k, j]), len(values) - 3 * (state - number)
-                values[last], values[last + 1], values[last + 2] = penalty, penalty, -penalty
-            if spec.limited and tight[k, j] != 0:
-                moved = requests[(k + 1) % samples, j] - requests[k, j]
-                force = stiffness * (tight[k, j] * bounds[LARGEST_CHANGE, k, j] - moved)
-                target[number] -= force
-                target[following] += force
+        set_penalties(spec, point, search, terms, stiffness, values, target)
         for e in range(len(values)):
             matrix[places[e]] += values[e]
         if not solved(pattern.factor, matrix, target, step):
             return False, 0.0
-        if not active_changed(spec, point, step, at_limit, tight):
+        if not active_changed(spec, point, step, search.active[0], search.active[1]):
             break
     else:
         return False, 0.0
@@ -659,12 +644,53 @@ def set_step(
 
 
 @inner
+def set_penalties(
+    spec: Spec,
+    point: Point,
+    search: Search,
+    terms: Array,
+    stiffness: float,
+    values: Array,
+    target: Array,
+) -> None:
+    """Hold requests and changes at their active limits by penalties of this stiffness.
+
+    They are added to the right-hand side, ``target``, and to the ``values`` that
+    :func:`set_entries` has left for them: the first ones, of which the Levenberg-Marquardt terms
+    of the requests are a part, and the last ones.
+    """
+    samples, joints = spec.bounds.shape[1:]
+    at_limit, tight = search.active[0], search.active[1]
+    bounds, requests, count = spec.bounds, point.requests, samples * joints
+    for number in range(count):
+        k, j = number // joints, number % joints
+        bound = FIRST if k == 0 and not spec.cyclic else LOWER if at_limit[k, j] < 0 else UPPER
+        pinned = bound == FIRST or bounds[LOWER, k, j] == bounds[UPPER, k, j]
+        values[number] = terms[k, j]
+        if pinned or at_limit[k, j] != 0:
+            values[number] += stiffness
+            target[number] += stiffness * (bounds[bound, k, j] - requests[k, j])
+    for number in range(count if spec.limited else 0):
+        k, j, following = number // joints, number % joints, (number + joints) % count
+        penalty, entry = stiffness * abs(tight[k, j]), len(values) - 3 * (count - number)
+        values[entry] = penalty
+        values[entry + 1] = penalty
+        values[entry + 2] = -penalty
+        if tight[k, j] != 0:
+            moved = requests[(k + 1) % samples, j] - requests[k, j]
+            force = stiffness * (tight[k, j] * bounds[LARGEST_CHANGE, k, j] - moved)
+            target[number] -= force
+            target[following] += force
+
+
+@inner
 def active_changed(
     spec: Spec, point: Point, step: Array, at_limit: Indices, tight: Indices
 ) -> bool:
     """Activate limits that a step would pass, release those with an inward force; any changed?
 
-    A force has the sign of the way by which what it holds passes its limit.
+    What is held by a penalty passes its limit a little, and stays inside it where the force, the
+    penalty's, is inward.
     """
     samples, joints = spec.bounds.shape[1:]
     first, changed, bounds, requests = 0 if spec.cyclic else 1, False, spec.bounds, point.requests

@@ -102,12 +102,8 @@ def parameters(identification: Identification) -> list[Parameter]:
         estimate = identification.gain if name == "gain" else getattr(model, name)
         if math.isinf(estimate):  # no limit of the acceleration
             continue
-        unit, ends, si, factor = (
-            raised(PARAMETER_UNITS.get(name, "1/s")),
-            intervals[name],
-            None,
-            1.0,
-        )
+        unit, ends = raised(PARAMETER_UNITS.get(name, "1/s")), intervals[name]
+        si, factor = None, 1.0
         if unit == "s":
             factor, unit = 1e3, "ms"
         elif "rad" in unit:
