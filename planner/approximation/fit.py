@@ -331,7 +331,11 @@ def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candid
 
 
 def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) -> Candidate | None:
-    """The curve of fewest segments whose squared error is ``enough``, if there is one."""
+    """The curve of fewest segments whose squared error is ``enough``, if there is one.
+
+    Numbers of segments are tried from the least on; beyond :data:`ONE_BY_ONE` they grow until one
+    suffices, and are bisected: fewer segments are assumed to be no better.
+    """
     if exact_curve and search.exact is not None and search.exact.error <= enough:
         return search.exact
 
