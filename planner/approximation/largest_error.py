@@ -220,14 +220,18 @@ def _moved(problem: Problem, curve: Candidate, bound: float, after: Mask) -> Can
         lines = _lines_of(problem, curve, np.ones_like(after))
     if np.any(lines.last < lines.first):
         return curve
-    lengths, pins = np.diff(lines.ends), required_knots(problem, curve.knots)[1]
+    pins = required_knots(problem, curve.knots)[1]
     values = _best_lines(problem, curve, lines, pins, bound)
-    slopes = np.subtract(*np.split(values, 2)[::-1]) / lengths
+    if np.isnan(values[0]):  # the QP was not solved
+        return curve
+    at_starts, at_ends = np.split(values, 2)
+    slopes = (at_ends - at_starts) / np.diff(lines.ends)
     bend = slopes[lines.joints] - slopes[lines.joints - 1]
     gap = -lines.apart(lines.low) @ values
     away = np.divide(gap, bend, out=np.zeros(bend.size), where=bend != 0.0)
     place = np.minimum(np.maximum(lines.low + away, lines.low), lines.high)
-    knots, heights = curve.knots.copy(), values[[*range(slopes.size), -1][: curve.knots.size]]
+    knots = curve.knots.copy()
+    heights = at_starts.copy() if problem.cyclic else np.append(at_starts, at_ends[-1])
     knots[lines.joints], heights[lines.joints] = place, lines.at(lines.joints, place) @ values
     moved = candidate(problem, knots, np.where(np.isfinite(pins), curve.values, heights))
     lengths = np.diff(problem.ends(moved.knots))
@@ -299,7 +303,7 @@ def _best_lines(
     lower = np.concatenate([desired[hull] - room, -steepest, np.zeros(free.size), pins[stay]])
     upper = np.concatenate([desired[hull] + room, steepest, free, pins[stay]])
     present = conditions @ lines.values
-    present[-stay.size :][: stay.size] = pins[stay]
+    present[present.size - stay.size :] = pins[stay]
     change, _ = solve_qp(
         # A line through one sample has no slope of its own.
         passed.T @ passed + 1e-9 * sparse.eye(2 * size),
