@@ -143,6 +143,7 @@ class _View(Summarised):
 
 
 @final
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Inversion(_View):
     """Requests for a desired trajectory of one joint, with the response of the exact model.
 
@@ -186,6 +187,7 @@ class Inversion(_View):
 
 
 @final
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class FootInversion(_View):
     """Requests for all joints of a leg, with the response of the exact models.
 

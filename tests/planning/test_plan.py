@@ -406,3 +406,5 @@ def test_a_copy_of_a_plan_is_read_only_too(copied):
         np.testing.assert_array_equal(getattr(again, name), getattr(plan, name))
         with pytest.raises(ValueError, match="read-only"):
             getattr(again, name)[0] = 1.0
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(again, name, np.zeros(30))
