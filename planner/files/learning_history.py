@@ -101,7 +101,11 @@ def _learning(content: Mapping[str, Any]) -> Learning:
     speed, noise, next_error = (math.nan if each is None else float(each) for each in numbers)
     return Learning(
         trials=tuple(
-            Trial(**each | {key: np.array(each[key], float) for key in ("requests", "measured")})
+            Trial(
+                requests=np.array(each["requests"], dtype=np.float64),
+                measured=np.array(each["measured"], dtype=np.float64),
+                error=float(each["error"]),
+            )
             for each in fields["trials"]
         ),
         noise=np.array(fields["noise"], dtype=np.float64),

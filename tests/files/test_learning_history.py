@@ -45,6 +45,7 @@ CHANGES = {
     "angles of a row more": lambda c: _trial(c, "knee", "measured_rad", [[[0.0]] * 4]),
     "a request without end": lambda c: _trial(c, "knee", "requests_rad", [[0.0], [-1e300], [0.0]]),
     "an angle that is none": lambda c: _trial(c, "foot", "measured_rad", [[[0.0, None]] * ROWS]),
+    "an error in words": lambda c: _trial(c, "knee", "error", "small"),
     "no gain": lambda c: c["plans"]["knee"]["learning"].pop("gain"),
     "no joint's model": lambda c: c["plans"]["knee"]["models"][0].update(lag=-1.0),
 }
