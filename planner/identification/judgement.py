@@ -221,7 +221,7 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[F
         found.append(Finding("top speed", words))
     elif math.isinf(gain.upper) and gain.lower > 0.0:
         words = (
-            f"theta_0 is only known to be less than {angle(v_max.upper / gain.lower)}: record "
+            f"theta_0 is only known to be less than {angle(bounds['theta_0'].upper)}: record "
             "small steps, or slow motion, in which the joint does not saturate"
         )
         found.append(Finding("threshold", words))
