@@ -128,17 +128,24 @@ def widened(bounds: Mapping[str, Interval], possible: Sequence[Parameters]) -> d
 
 
 def moved_intervals(bounds: Mapping[str, Interval], fit: Fit, other: Fit) -> dict[str, Interval]:
-    """Intervals of a fit, moved to the parameters of the same joint with other ticks."""
+    """Intervals of a fit, moved to the parameters of the same joint with other ticks.
+
+    An interval without an end holds for both fits: its parameter is anywhere in it, and how far it
+    is apart in them says nothing of its other end.
+    """
     box, found = box_of(fit.grid), {}
     for index, name in enumerate(Parameters._fields):
         if name not in bounds:
             continue
         (low, high), before, after = bounds[name], fit.parameters[index], other.parameters[index]
         if box.unit[index] == 0.0:
-            found[name] = Interval(low * after / before, high * after / before)
+            ends = Interval(low * after / before, high * after / before)
         else:
             by, open_end = after - before, float(box.open_ends[index])
-            found[name] = Interval(max(low + by, open_end), max(high + by, open_end))
+            ends = Interval(max(low + by, open_end), max(high + by, open_end))
+        if not bounds[name].bounded:
+            ends = Interval(min(low, ends.lower), max(high, ends.upper))
+        found[name] = ends
     return found
 
 
