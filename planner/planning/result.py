@@ -6,10 +6,9 @@ The views have the figures that follow from the requests; their ``plan.task`` ha
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar, final
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, final
 
 import numpy as np
 
@@ -17,7 +16,12 @@ from planner.trajectory import Array
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 
 if TYPE_CHECKING:
-    from planner.planning.plan import Plan
+    from planner.approximation.curve import PiecewiseLinear
+    from planner.model.evidence import Expectation
+    from planner.model.joint import JointModel
+    from planner.model.response import PathSpeeds
+    from planner.planning.plan import Method, Plan
+    from planner.planning.task import Norm
 
 
 class ErrorsOfModels(NamedTuple):
@@ -26,26 +30,6 @@ class ErrorsOfModels(NamedTuple):
     nominal: float  # of the nominal model
     mean: float  # root mean square over all models
     worst: float  # the largest
-
-
-T = TypeVar("T")
-
-
-class _Figure(cached_property[T]):
-    """A figure of a view, from its plan and the column of its joint; ``words`` describe it."""
-
-    def __init__(self, of: Callable[[Plan, int], T], words: str) -> None:
-        super().__init__(lambda view: of(view.plan, view.column))
-        self.__doc__ = words
-
-
-def _own(rows: Array, plan: Plan, column: int) -> Array:
-    """The column of a joint, (n,), of rows (n, k); for a foot all columns."""
-    if plan.task.goal == "foot":
-        return rows
-    own = np.ascontiguousarray(rows[:, column])
-    freeze(own)
-    return own
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -90,56 +74,92 @@ class _View(Summarised):
         several = task.goal == "foot" or len(task.models[self.column]) > 1
         return type(self)(nominal, self.column) if nominal is not None and several else None
 
-    method = _Figure(lambda plan, _: plan.method, "The planning method.")
-    cyclic = _Figure(lambda plan, _: plan.cyclic, "Whether the path repeats for ever.")
-    norm = _Figure(
-        lambda plan, _: plan.task.norm,
-        "Error that was minimised, and that the bound and the gap are about.",
-    )
-    requests = _Figure(
-        lambda plan, j: _own(plan.requests, plan, j),
-        "Requests to the joint [rad], shape (n,); for a foot to all joints, (n, k).",
-    )
-    predicted = _Figure(
-        lambda plan, j: _own(plan.predicted, plan, j),
-        "Angles of the exact models under them, plus the disturbance [rad], like ``requests``.",
-    )
-    disturbance = _Figure(
-        lambda plan, j: (
-            None if plan.task.disturbance is None else _own(plan.task.disturbance, plan, j)
-        ),
-        "Disturbance of the models' angles in executed cycles [rad], like ``requests``; None before"
-        " any was measured: see :func:`planner.refine`.",
-    )
-    rms = _Figure(lambda plan, j: float(plan.rms[j]), "Root mean square of the errors [unit].")
-    max_error = _Figure(lambda plan, j: float(plan.max_error[j]), "Largest error [unit].")
-    error = _Figure(
-        lambda plan, j: float(plan.error[j]),
-        "The error in the plan's norm [unit]; a foot's axes are weighted, the heaviest by 1.",
-    )
-    errors_of_models = _Figure(
-        lambda plan, j: plan.errors_of_models[j],
-        "The error of each model in the plan's norm [unit], the nominal one first, (models,).",
-    )
-    over_models = _Figure(
-        lambda plan, j: plan.over_models[j], "The nominal, the mean and the worst of them [unit]."
-    )
-    lower_bound = _Figure(
-        lambda plan, j: float(plan.lower_bounds[j]),
-        "Lower bound on the error of any requests: see :attr:`planner.Plan.lower_bounds`.",
-    )
-    gap = _Figure(
-        lambda plan, j: float(plan.gaps[j]),
-        "Relative distance from the lower bound; inf where only the bound is zero.",
-    )
-    learning = _Figure(
-        lambda plan, j: plan.learning[j] if plan.learning else None,
-        "The executed cycles that the plan has learnt from; None where there are none.",
-    )
-    stopped = _Figure(
-        lambda plan, j: plan.learning[j].stopped if plan.learning else "",
-        "Why learning from executed cycles has ended; empty while it goes on, and before it.",
-    )
+    @property
+    def method(self) -> Method:
+        """The planning method."""
+        return self.plan.method
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether the path repeats for ever."""
+        return self.plan.cyclic
+
+    @property
+    def norm(self) -> Norm:
+        """Error that was minimised, and that the bound and the gap are about."""
+        return self.plan.task.norm
+
+    @cached_property
+    def requests(self) -> Array:
+        """Requests to the joint [rad], shape (n,); for a foot to all joints, (n, k)."""
+        return self._own(self.plan.requests)
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Angles of the exact models under them, plus the disturbance [rad], like ``requests``."""
+        return self._own(self.plan.predicted)
+
+    @cached_property
+    def disturbance(self) -> Array | None:
+        """Disturbance of the models' angles in executed cycles [rad], like ``requests``.
+
+        None before any was measured: see :func:`planner.refine`.
+        """
+        added = self.plan.task.disturbance
+        return None if added is None else self._own(added)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the errors [unit]."""
+        return float(self.plan.rms[self.column])
+
+    @property
+    def max_error(self) -> float:
+        """Largest error [unit]."""
+        return float(self.plan.max_error[self.column])
+
+    @property
+    def error(self) -> float:
+        """The error in the plan's norm [unit]; a foot's axes are weighted, the heaviest by 1."""
+        return float(self.plan.error[self.column])
+
+    @property
+    def errors_of_models(self) -> Array:
+        """The error of each model in the plan's norm [unit], the nominal one first, (models,)."""
+        return self.plan.errors_of_models[self.column]
+
+    @property
+    def over_models(self) -> ErrorsOfModels:
+        """The nominal, the mean and the worst of them [unit]."""
+        return self.plan.over_models[self.column]
+
+    @property
+    def lower_bound(self) -> float:
+        """Lower bound on the error of any requests: see :attr:`planner.Plan.lower_bounds`."""
+        return float(self.plan.lower_bounds[self.column])
+
+    @property
+    def gap(self) -> float:
+        """Relative distance from the lower bound; inf where only the bound is zero."""
+        return float(self.plan.gaps[self.column])
+
+    @property
+    def learning(self) -> Learning | None:
+        """The executed cycles that the plan has learnt from; None where there are none."""
+        return self.plan.learning[self.column] if self.plan.learning else None
+
+    @property
+    def stopped(self) -> str:
+        """Why learning from executed cycles has ended; empty while it goes on, and before it."""
+        return "" if self.learning is None else self.learning.stopped
+
+    def _own(self, rows: Array) -> Array:
+        """The column of the joint, (n,), of rows (n, k); for a foot all columns."""
+        if self.plan.task.goal == "foot":
+            return rows
+        column = np.ascontiguousarray(rows[:, self.column])
+        freeze(column)
+        return column
 
 
 @final
@@ -150,40 +170,55 @@ class Inversion(_View):
     A view of one joint of a :class:`planner.Plan`, which computes every figure.
     """
 
-    model = _Figure(lambda plan, j: plan.models[j], "The joint.")
-    desired = _Figure(
-        lambda plan, j: _own(plan.desired, plan, j), "Desired angles [rad], shape (n,)."
-    )
-    errors = _Figure(
-        lambda plan, j: _own(plan.errors, plan, j), "Predicted minus desired angles [rad], (n,)."
-    )
-    approximation = _Figure(
-        lambda plan, j: plan.approximations[j] if plan.approximations else None,
-        "The piecewise linear trajectory behind a closed form, else None.",
-    )
-    lead = _Figure(
-        lambda plan, j: plan.leads[j] if plan.leads else None,
-        "Of a time shift: how early the desired angles are requested [s], else None.",
-    )
-    expected = _Figure(
-        lambda plan, j: plan.expected[j],
-        "Error to expect on the robot: see :attr:`planner.Plan.expected`.",
-    )
-    speeds = _Figure(
-        lambda plan, j: plan.speeds[j], "Speeds of the desired path, and the joint's top speeds."
-    )
-    within_tolerance = _Figure(
-        lambda plan, j: plan.task.tolerance is None or bool(plan.error[j] <= plan.task.tolerance),
-        "Whether the plan keeps the tolerance, if there is one.",
-    )
-    largest_step = _Figure(
-        lambda plan, j: plan.motions[j].largest_step,
-        "Largest change from one request to the next, cycles closed [rad].",
-    )
-    excess = _Figure(
-        lambda plan, j: plan.motions[j].beyond,
-        "How far the requests go beyond the range of the desired angles [rad].",
-    )
+    @property
+    def model(self) -> JointModel:
+        """The joint."""
+        return self.plan.models[self.column]
+
+    @cached_property
+    def desired(self) -> Array:
+        """Desired angles [rad], shape (n,)."""
+        return self._own(self.plan.desired)
+
+    @cached_property
+    def errors(self) -> Array:
+        """Predicted minus desired angles [rad], shape (n,)."""
+        return self._own(self.plan.errors)
+
+    @property
+    def approximation(self) -> PiecewiseLinear | None:
+        """The piecewise linear trajectory behind a closed form, else None."""
+        return self.plan.approximations[self.column] if self.plan.approximations else None
+
+    @property
+    def lead(self) -> float | None:
+        """Of a time shift: how early the desired angles are requested [s], else None."""
+        return self.plan.leads[self.column] if self.plan.leads else None
+
+    @property
+    def expected(self) -> Expectation:
+        """Error to expect on the robot: see :attr:`planner.Plan.expected`."""
+        return self.plan.expected[self.column]
+
+    @property
+    def speeds(self) -> PathSpeeds:
+        """Speeds of the desired path, and the joint's top speeds."""
+        return self.plan.speeds[self.column]
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether the plan keeps the tolerance, if there is one."""
+        return self.plan.task.tolerance is None or self.error <= self.plan.task.tolerance
+
+    @property
+    def largest_step(self) -> float:
+        """Largest change from one request to the next, cycles closed [rad]."""
+        return self.plan.motions[self.column].largest_step
+
+    @property
+    def excess(self) -> float:
+        """How far the requests go beyond the range of the desired angles [rad]."""
+        return self.plan.motions[self.column].beyond
 
 
 @final
@@ -194,16 +229,25 @@ class FootInversion(_View):
     A view of a :class:`planner.Plan` for a foot, which computes every figure.
     """
 
-    models = _Figure(lambda plan, _: plan.models, "The joints, in the leg's order.")
-    foot = _Figure(lambda plan, _: plan.foot, "Predicted position of the foot [m], shape (n, 3).")
-    distances = _Figure(
-        lambda plan, _: plan.distances,
-        "Distance of the foot from its desired position, all axes alike [m], shape (n,).",
-    )
-    largest_step = _Figure(
-        lambda plan, _: float(np.max(plan.largest_steps)),
-        "Largest change from one request of a joint to its next, cycles closed [rad].",
-    )
+    @property
+    def models(self) -> tuple[JointModel, ...]:
+        """The joints, in the leg's order."""
+        return self.plan.models
+
+    @property
+    def foot(self) -> Array:
+        """Predicted position of the foot [m], shape (n, 3)."""
+        return self.plan.foot
+
+    @property
+    def distances(self) -> Array:
+        """Distance of the foot from its desired position, all axes alike [m], shape (n,)."""
+        return self.plan.distances
+
+    @property
+    def largest_step(self) -> float:
+        """Largest change from one request of a joint to its next, cycles closed [rad]."""
+        return float(np.max(self.plan.largest_steps))
 
     def error_of(self, angles: Array) -> float:
         """The error of other angles in the plan's norm [m]; ``angles`` [rad], shape (n, k)."""
