@@ -241,10 +241,10 @@ def wrong_legs() -> Table:
         }
         alone = plans["foot-optimal"]
         slowest = min(fresh, key=lambda models: sum(each.v_max for each in models))
-        bound = replace(alone, models=slowest).lower_bound
-        before = max(replace(alone, models=each).rms for each in fresh)
+        bound = under(alone, slowest).lower_bound
+        before = max(under(alone, each).rms for each in fresh)
         for name, plan in plans.items():
-            errors = [replace(plan, models=each).rms for each in fresh]
+            errors = [under(plan, each).rms for each in fresh]
             table.add(
                 f"{case}, {name}",
                 100.0 * plan.rms,
@@ -253,9 +253,16 @@ def wrong_legs() -> Table:
                 100.0 * bound,
                 100.0 * (plan.rms / alone.rms - 1.0),
                 100.0 * (1.0 - max(errors) / before),
-                100.0 * replace(plan, models=(planner.JointModel.ers210a(),) * 3).rms,
+                100.0 * under(plan, (planner.JointModel.ers210a(),) * 3).rms,
             )
     return table
+
+
+def under(
+    plan: planner.FootInversion, models: Sequence[planner.JointModel]
+) -> planner.FootInversion:
+    """The same requests to joints of other models."""
+    return replace(plan, models=tuple((each,) for each in models))
 
 
 def slower(foot: Array) -> Array:
