@@ -142,15 +142,21 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
         with Progress() as progress:
             progress("the page")
             arm, recording = task.arm(), task.recording
+            missing = [name for name in arm.joint_names if name not in result.names] if arm else []
             about = replay_page(
                 result,
                 title=PurePath(recording.name).name,
                 models=task.models.words,
                 fastest=fastest,
-                arm=arm if arm and {*arm.joint_names} <= {*result.names} else None,
+                arm=None if missing else arm,
                 missed=misses,
                 remarks=task.models.remarks,
             )
+            if missing:
+                remark(
+                    f"{place}: no arm is drawn, as the recording has no joint {', '.join(missing)}; "
+                    f"joints: {', '.join(result.names)}; name them with --urdf-joint"
+                )
             origins = [("recording", recording.name), ("track", result.path.track)]
             files = [("recording", recording.path), ("requests", output)]
             return about.html(place, origins, files)
