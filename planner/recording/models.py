@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 
 from planner.exceptions import InvalidInput, PlannerError, nearest
@@ -43,13 +43,17 @@ def models_from(
 
     used = recordings[:10]  # more of the same robot add little, and time grows with each
     by_joint: dict[str, list[Log]] = {}
+    failure: PlannerError = InvalidInput("no recording could be read")
     for recording in used:
-        # With several, an error is reported when the recording is planned.
-        with suppress(PlannerError) if len(recordings) > 1 else nullcontext():
+        try:
             for log in recording.read():
                 by_joint.setdefault(log.joint or "joint", []).append(log)
+        except PlannerError as error:  # where others are read it is reported in its plan
+            failure = error
+    if not by_joint:
+        raise failure
     for name in joints:
-        if by_joint and name not in by_joint:
+        if name not in by_joint:
             raise InvalidInput(
                 f"joints: no joint '{name}'{nearest(name, list(by_joint))}; joints: "
                 + ", ".join(by_joint)
@@ -58,7 +62,6 @@ def models_from(
     models: dict[str, JointModel] = {}
     remarks: list[str] = []
     refused: dict[str, str] = {}
-    failure: PlannerError = InvalidInput("no recording could be read")
     for name in chosen:
         if name not in by_joint:
             continue
