@@ -154,8 +154,9 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
             )
             if missing:
                 remark(
-                    f"{place}: no arm is drawn, as the recording has no joint {', '.join(missing)}; "
-                    f"joints: {', '.join(result.names)}; name them with --urdf-joint"
+                    f"{place}: no arm is drawn, as the recording has no joint "
+                    f"{', '.join(missing)}; joints: {', '.join(result.names)}; name them with "
+                    "--urdf-joint"
                 )
             origins = [("recording", recording.name), ("track", result.path.track)]
             files = [("recording", recording.path), ("requests", output)]
