@@ -39,12 +39,10 @@ from planner.identification.intervals import (
     correlations_of,
     covariance_of,
     intervals_of,
-    moved_intervals,
     noise_of,
     over_top_speeds,
     speed_bounded,
     uncertainty_of,
-    widened,
 )
 from planner.identification.judgement import (
     notes_on,
@@ -168,13 +166,12 @@ def identify(
     if touched:
         joints = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
     search, stopped = _without_stops(_searched(free, timing, joints))
-    search, others = _with_best_speed(_weighed(search))
+    search = _weighed(search)
+    fine, others = _with_best_speed(_with_shorter_ticks(search) if choose_tick else search)
     pairs = zip(search.logs, logs, strict=True)
     every = [replace(log, torque_on=whole.torque_on) for log, whole in pairs]
-    found = _bounded(every, search, others)
-    fine = _with_shorter_ticks(search, found) if choose_tick else None
-    whole = found.fit if fine is None else fine.fit
-    held = _held_out(search, whole, faster=found.refuted) if hold_out else None
+    found = _bounded(every, fine, others)
+    held = _held_out(search, found.fit, faster=found.refuted) if hold_out else None
     notes = [*notes_on(every, timing, jumps), *stuck_rows, *touched, *stopped, *found.notes]
     if even is not None:
         words = "the times of the rows jitter: rows every "
@@ -232,22 +229,6 @@ class _Bounded(NamedTuple):
     bounds: dict[str, Interval]
     refuted: bool
     notes: list[Finding]
-
-
-class _Fine(NamedTuple):
-    """The joint with short ticks.
-
-    Attributes:
-        timing: The ticks.
-        fit: The joint.
-        bounds: Its intervals.
-        ticks: Fits to the rows alone with these ticks, and with longer ones.
-    """
-
-    timing: Timing
-    fit: Fit
-    bounds: dict[str, Interval]
-    ticks: tuple[Fit, Fit]
 
 
 def _without(
@@ -351,40 +332,22 @@ def _weighed(search: _Search) -> _Search:
     return search if full.fit is search.joint.fit else search._replace(joint=full)
 
 
-def _with_shorter_ticks(search: _Search, found: _Bounded) -> _Fine | None:
-    """The joint with ticks of about 1 ms; None where it moves by ticks of a row.
+def _with_shorter_ticks(search: _Search) -> _Search:
+    """The joint with ticks of about 1 ms; the same one where it moves by ticks of a row.
 
     A joint without inertia whose rows are as far apart as the ticks of the paper's robot moves by
     these unless the log tells otherwise; of any other the log has to tell.
     """
-    fit, before = search.joint.fit, found.fit.parameters
-    hold = fine_hold(search.timing.period, fit.parameters.acceleration_time)
-    fine = refitted(search.logs, fit, tick=search.timing.period / hold, effort=SEARCH)
+    logs, timing, (fit, terms) = search.logs, search.timing, search.joint
+    tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
+    fine = refitted(logs, fit, tick=tick, effort=SEARCH)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
-    if search.timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
-        return None
+    if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
+        return search
     if fine is not fit:
         fine = least_squares(fine.grid, fine.parameters, free=fine.free, starts=fine.starts)
-    kept = {}  # what calm rows or a speed beside the fit have told
-    if before.dead_band != fit.parameters.dead_band:
-        kept["dead_band"] = before.dead_band
-    if before.v_max > fit.parameters.v_max:
-        kept["v_max"] = before.v_max
-    fine, others = over_top_speeds(fine)
-    final = fine
-    if kept:
-        at, free = fine.parameters._replace(**kept), fine.free & ~only(*kept)
-        final = least_squares(fine.grid, at, free=free, starts=fine.starts, scale=fine.scale)
-        final = replace(final, free=fine.free)
-    if "v_max" not in kept:
-        final = with_observed_speed(final)
-    longer = fit
-    if hold <= search.timing.hold:  # a long window has as many ticks as a model may have
-        longer = refitted(search.logs, fit, tick=2.0 * fine.grid.tick)
-    bounds = moved_intervals(found.bounds, found.fit, final)
-    bounds = widened(bounds, [other.parameters for other in others])
-    return _Fine(search.timing.ticking(fine.grid.tick), final, bounds, (fine, longer))
+    return search._replace(timing=timing.ticking(fine.grid.tick), joint=_Fitted(fine, terms))
 
 
 def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:
@@ -401,8 +364,7 @@ def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:
             terms = tuple(
                 replace(term, kept=term.kept and term.name != "v_offset") for term in terms
             )
-    joint = _Fitted(fit, terms)
-    return search._replace(plain=search.plain if search.motor else joint, joint=joint), others
+    return search._replace(joint=_Fitted(fit, terms)), others
 
 
 def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bounded:
@@ -508,7 +470,7 @@ def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
 
 def _answer(
     search: _Search,
-    fine: _Fine | None,
+    fine: _Search,
     every: Sequence[Log],
     found: _Bounded,
     held: HeldOut | None,
@@ -520,13 +482,8 @@ def _answer(
 
     The terms were sought on the ticks of ``search``, the model has those of ``fine``.
     """
-    if fine is None:
-        timing, fit, bounds, ticks = search.timing, found.fit, found.bounds, None
-        uncertainty = found.uncertainty
-    else:
-        timing, fit, bounds, ticks = fine
-        uncertainty = uncertainty_of(fit)
-    frictions = [term.interval.upper for term in search.joint.terms if term.name == "dead_band"]
+    fit, uncertainty, bounds = found.fit, found.uncertainty, found.bounds
+    frictions = [term.interval.upper for term in fine.joint.terms if term.name == "dead_band"]
     friction = max(frictions, default=0.0) - fit.parameters.dead_band
     if friction == math.inf:  # or it is a sag
         bounds["offset"] = Interval(-math.inf, math.inf)
@@ -535,8 +492,12 @@ def _answer(
     errors = {other.name: rms(errors_of(other, rows, fit.starts)) for other in simple}
     signal, noise = fit.grid.signal, noise_of(fit)
     alike = resampled_like(fit.grid, some, fit.grid.tick)
-    model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
+    model = fit.parameters.model(tick=fine.timing.tick, hold=fine.timing.hold)
     fits = _log_fits(every, fit, held)
+    ticks = None
+    if fine.timing is not search.timing:
+        longer = refitted(fine.logs, fine.joint.fit, tick=2.0 * fine.timing.tick)
+        ticks = fine.joint.fit, longer
     intervals = all_intervals(fit, bounds, uncertainty, ticks)
     against, exchanged = wrong_columns(alike)
     verdict, reason, findings = verdict_on(
@@ -584,7 +545,7 @@ def _answer(
         reason=reason.words,
         terms=tuple(
             replace(term, interval=intervals[term.name]) if term.kept else term
-            for term in search.joint.terms
+            for term in fine.joint.terms
         ),
     )
 

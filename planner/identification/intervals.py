@@ -115,38 +115,10 @@ def intervals_of(
     """
     possible = [other.parameters for other in others]
     ends = {name: _Profile(fit, uncertainty, name).interval(possible) for name in fit.free_names}
-    return widened(ends, possible)  # they hold what profiles of other parameters did not refute
-
-
-def widened(bounds: Mapping[str, Interval], possible: Sequence[Parameters]) -> dict[str, Interval]:
-    """Intervals that hold the parameters of joints that the data does not refute."""
-    found = {}
-    for name, (low, high) in bounds.items():
+    for name, end in ends.items():  # it holds what the profiles of other parameters did not refute
         values = [float(getattr(each, name)) for each in possible]
-        found[name] = Interval(min([low, *values]), max([high, *values]))
-    return found
-
-
-def moved_intervals(bounds: Mapping[str, Interval], fit: Fit, other: Fit) -> dict[str, Interval]:
-    """Intervals of a fit, moved to the parameters of the same joint with other ticks.
-
-    An interval without an end holds for both fits: its parameter is anywhere in it, and how far it
-    is apart in them says nothing of its other end.
-    """
-    box, found = box_of(fit.grid), {}
-    for index, name in enumerate(Parameters._fields):
-        if name not in bounds:
-            continue
-        (low, high), before, after = bounds[name], fit.parameters[index], other.parameters[index]
-        if box.unit[index] == 0.0:
-            ends = Interval(low * after / before, high * after / before)
-        else:
-            by, open_end = after - before, float(box.open_ends[index])
-            ends = Interval(max(low + by, open_end), max(high + by, open_end))
-        if not bounds[name].bounded:
-            ends = Interval(min(low, ends.lower), max(high, ends.upper))
-        found[name] = ends
-    return found
+        ends[name] = Interval(min([end.lower, *values]), max([end.upper, *values]))
+    return ends
 
 
 def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
@@ -408,8 +380,8 @@ def all_intervals(
         fit: The fit.
         bounds: Its intervals by :func:`intervals_of`.
         uncertainty: Its covariance.
-        ticks: The fit to the rows alone, and one with longer ticks; None where the ticks of the fit
-            are those of the rows.
+        ticks: The fit to the rows alone, and one with ticks twice as long; None where the ticks of
+            the fit are those of the rows.
     """
     known = dict(bounds)
     for name in ("asymmetry", "slowing"):
@@ -440,10 +412,9 @@ def over_ticks(
 ) -> dict[str, Interval]:
     """Intervals that hold for the joint with shorter ticks, too, down to none.
 
-    What a fit with longer ticks differs by is what ticks make of the parameters, in proportion to
-    their length, so that what the shorter ones still make of it counts to both sides.
+    What a fit with ticks twice as long differs by is what ticks make of the parameters, and by how
+    much a search in a rough loss ends beside its optimum, so that it counts to both sides.
     """
-    rest = fine.grid.tick / (longer.grid.tick - fine.grid.tick)
     at, same, coarse = (
         vars(each.parameters.model(tick=each.grid.tick, hold=1)) | {"gain": each.parameters.gain}
         for each in (fit, fine, longer)
@@ -456,7 +427,7 @@ def over_ticks(
             sizes = [at[name], same[name], coarse[name], *ends]
             if logarithmic := name in SCALES and ends.lower > 0.0:
                 sizes = [math.log(size) for size in sizes]
-            value, by = sizes[0], rest * abs(sizes[1] - sizes[2])
+            value, by = sizes[0], abs(sizes[1] - sizes[2])
             low, high = (value + factor * (end - value) for end in sizes[3:])
             if logarithmic:
                 found[name] = Interval(math.exp(low - by), math.exp(high + by))
