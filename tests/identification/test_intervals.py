@@ -15,7 +15,6 @@ from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
     correlation_time,
     intervals_of,
-    moved_intervals,
     noise_of,
     over_ticks,
     over_top_speeds,
@@ -187,15 +186,6 @@ def fitted():
     log = rich_log(noise=NOISE)
     (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
     return fit, uncertainty_of(fit)
-
-
-def test_an_interval_without_an_end_holds_for_both_ticks_however_far_apart_the_fits_are(fitted):
-    fit, at = fitted[0], fitted[0].parameters
-    other = replace(fit, parameters=at._replace(gain=20.0 * at.gain, lag=at.lag + 0.1))
-    bounds = {"gain": Interval(0.2 * at.gain, math.inf), "lag": Interval(0.0, math.inf)}
-    assert moved_intervals(bounds, fit, other) == bounds
-    gain = moved_intervals({"gain": Interval(0.2 * at.gain, 2.0 * at.gain)}, fit, other)["gain"]
-    assert gain == pytest.approx((4.0 * at.gain, 40.0 * at.gain))
 
 
 def test_the_loss_may_rise_by_what_the_interval_allows_and_by_a_hundredth_in_any_case(fitted):
