@@ -421,35 +421,14 @@ def number_in_force(edges: Array, time: float, number: int) -> int:
 
 
 @inner
-def acting(servo: Servo, track: Track) -> tuple[Indices, Array, Array]:
-    """The requests that act at each tick, and their shares of the window.
-
-    Returns:
-        Number of the first of each tick among all, and how many there are, (t + 1,); the requests
-        [rad] and their weights, (n,).
-    """
-    edges, last = track.edges, len(track.edges) - 1
-    ticks, by_window = len(track.ticks), 1.0 / servo.window
-    most = ticks + int((len(edges) + 1) * (servo.window / track.tick + 2.0))
-    firsts = np.empty(ticks + 1, dtype=np.int_)
-    requests, weights = np.empty(most), np.empty(most)
-    oldest, count = 0, 0
-    for t in range(ticks):
-        young = track.ticks[t] - servo.lag
-        begin = young - servo.window
-        oldest = number_in_force(edges, begin, oldest)
-        number = oldest
-        firsts[t] = count
-        while True:
-            end = young if number == last else min(edges[number + 1], young)
-            requests[count], weights[count] = track.requests[number], (end - begin) * by_window
-            count += 1
-            if end >= young:
-                break
-            begin = end
-            number += 1
-    firsts[ticks] = count
-    return firsts, requests, weights
+def oldest_acting(servo: Servo, track: Track) -> Indices:
+    """Number of the oldest request that acts at each tick, (t,)."""
+    oldest, number = np.empty(len(track.ticks), dtype=np.int_), 0
+    for t in range(len(oldest)):
+        begin = track.ticks[t] - servo.lag - servo.window
+        number = number_in_force(track.edges, begin, number)
+        oldest[t] = number
+    return oldest
 
 
 @inner
@@ -506,7 +485,8 @@ def along(
     count, half = len(columns), servo.play / 2.0
     has_integral = law.integral_share > 0.0
     has_sag_columns = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
-    firsts, requests, weights = acting(servo, track)
+    edges, requests, last = track.edges, track.requests, len(track.edges) - 1
+    oldest, by_window = oldest_acting(servo, track), 1.0 / servo.window
     beside = beside_edges(servo, track, apart) if count > 0 else np.empty((0, 2, 2))
     window = servo.window / track.tick
     drives, kinks, by_sag = np.zeros((3, START + 1))
@@ -529,8 +509,11 @@ def along(
         faster = servo.faster + servo.faster_by_load * track.loads[t]
         least, most = np.inf, -np.inf
         demand, inside, mean, limited, saturated = 0.0, 0.0, 0.0, 0.0, 0.0
-        for k in range(firsts[t], firsts[t + 1]):
-            weight, error = weights[k], requests[k] + sag - angle
+        young = track.ticks[t] - servo.lag
+        begin, number = young - servo.window, oldest[t]
+        while True:
+            end = young if number == last else min(edges[number + 1], young)
+            weight, error = (end - begin) * by_window, requests[number] + sag - angle
             value, side = drive(law, error, faster)
             demand += weight * value
             least, most = min(least, error), max(most, error)
@@ -540,6 +523,9 @@ def along(
             else:
                 limited += weight * side
                 saturated += weight
+            if end >= young:
+                break
+            begin, number = end, number + 1
         errors[t, 0], errors[t, 1] = least, most
         driven = demand
         demand += law.gain * by_pose
