@@ -232,10 +232,11 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[F
         if at_edge(fit, name):
             value = getattr(at, name)
             size = f"{1e3 * value:.3g} ms" if name in times else angle(value, per.get(name, ""))
+            if name in shares:
+                size = f"{float(f'{value:.3g}'):g} {shares[name]}"
             words = (
-                f"{name} ended at the edge of the search, at "
-                f"{f'{value:.3g} {shares[name]}' if name in shares else size}: the logs do not say "
-                "how much further it would go, and the model probably does not fit this joint"
+                f"{name} ended at the edge of the search, at {size}: the logs do not say how much "
+                "further it would go, and the model probably does not fit this joint"
             )
             found.append(Finding("search", words))
     return found + _undetermined_delays(fit, bounds)

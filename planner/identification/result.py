@@ -86,7 +86,7 @@ def angle_in(unit: str, value: float, per: str = "", *, digits: int = 3) -> str:
         unit = ANGLE_UNIT.get()
         value = math.degrees(value) if unit == "deg" else value
     unit = "" if unit == "1" else unit
-    return f"{float(f'{value:.{digits - 1}e}'):.3g} {unit}{per}".rstrip()
+    return f"{float(f'{value:.{digits - 1}e}'):g} {unit}{per}".rstrip()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

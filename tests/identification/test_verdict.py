@@ -13,7 +13,7 @@ from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.intervals import intervals_of, uncertainty_of
 from planner.identification.judgement import verdict_on
-from planner.identification.result import HeldOut
+from planner.identification.result import HeldOut, angle_in
 from planner.report.identification_text import next_step
 from tests.identification.made import (
     AIBO,
@@ -284,3 +284,8 @@ def test_the_error_by_motion_is_that_of_rows_held_out():
     none = np.zeros(len(beside), dtype=bool)
     alone = replace(found, fits=(replace(fit, held_out=none),), noise=0.0)
     assert max(error for _, error in alone.tested.by_acceleration) <= 2.0 * fit.rms
+
+
+def test_large_speeds_of_findings_are_written_without_powers_of_ten():
+    assert angle_in("rad", 1534.0, "/s") == "1530 rad/s"
+    assert angle_in("rad", 0.02345, digits=2) == "0.023 rad"
