@@ -7,6 +7,7 @@ import functools
 import gc
 import importlib
 import inspect
+import json
 import os
 import pickle
 import shutil
@@ -201,6 +202,11 @@ class Reproduced(NamedTuple):
     told: list[str]
     folder: Path
     printed: str
+
+    @property
+    def results(self) -> dict[str, Any]:
+        """The figures that it wrote."""
+        return json.loads((self.folder / "results.json").read_text())
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 
@@ -19,5 +17,5 @@ def folder(printed):
 
 
 @pytest.fixture(scope="session")
-def results(folder):
-    return json.loads((folder / "results.json").read_text())
+def results(reproduced):
+    return reproduced.results

@@ -173,8 +173,8 @@ def folder(printed):
 
 
 @pytest.fixture(scope="session")
-def results(folder):
-    return json.loads((folder / "results.json").read_text())
+def results(virtually_reproduced):
+    return virtually_reproduced.results
 
 
 PICTURES = (
