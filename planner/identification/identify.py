@@ -166,7 +166,7 @@ def identify(
     if touched:
         joints = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
     search, stopped = _without_stops(_searched(free, timing, joints))
-    search = _weighed(search)
+    search = _with_integral(_weighed(search))
     fine, others = _with_best_speed(_with_shorter_ticks(search) if choose_tick else search)
     pairs = zip(search.logs, logs, strict=True)
     every = [replace(log, torque_on=whole.torque_on) for log, whole in pairs]
@@ -319,15 +319,19 @@ def _weighed(search: _Search) -> _Search:
     """The joint fitted to rows weighed by the error to expect of them, where it matters.
 
     A motor may show only there: it is sought again, and the better of the one found so and the same
-    one refitted is kept. Then an integral is sought.
+    one refitted is kept.
     """
     fit = search.joint.fit
     logs = with_weights(_log_fits(search.logs, fit, None), noise_of(fit))
-    if logs is not None:
-        again = search.refitted(logs)
-        search = _searched(logs, search.timing, [again.plain])
-        if better(search.joint.fit, again.joint.fit):
-            search = again
+    if logs is None:
+        return search
+    again = search.refitted(logs)
+    anew = _searched(logs, search.timing, [again.plain])
+    return again if better(anew.joint.fit, again.joint.fit) else anew
+
+
+def _with_integral(search: _Search) -> _Search:
+    """The joint with the integral of a loop of the servo, if that pays."""
     full = _Fitted(*with_integral(*search.joint))
     return search if full.fit is search.joint.fit else search._replace(joint=full)
 

@@ -126,11 +126,10 @@ and motions that were not fitted are missed by 4.1 and 3.9 mrad, not by 3.8 and 
 changes nothing there."""
 
 
-DIVISIONS = tuple(itertools.product((0.15, 0.5), (0.02, 0.2, 0.6, 2.0, None)))
-"""Time constant as a share of a motor's delay, and acceleration limit times that delay over its
-highest speed, or its own limit, from which the search begins again. (Without limits that bind the
-lift of an SO-101 ends 4 % above its least loss, and misses unseen motions by 10.3 mrad, not 8.1.)
-"""
+INERTIAS, LIMITS = (0.15, 0.5), (0.02, 0.2, 0.6, 2.0)
+"""Time constants as shares of a motor's delay, and acceleration limits times that delay over its
+highest speed, from which the search begins again. (Without limits that bind the lift of an SO-101
+ends 4 % above its least loss, and misses unseen motions by 10.3 mrad, not 8.1.)"""
 
 MOST_TICKS = 6000
 """Of longer logs only so many ticks are compared, in chunks."""
@@ -288,10 +287,9 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit]:
     at, sag = fit.parameters, SAG if fit.grid.unloaded else ()
     sag = (*sag, *(["compliance"] if _shows("compliance", fit) else []))
     search, rate = partial(least_squares, scale=fit.scale), INTEGRAL_START / at.whole_delay
-    motors = [at, *_divisions(fit)]
-    motors = [
-        each for each in motors if each.time_constant > 0.0 and each.acceleration == at.acceleration
-    ]
+    motors = _divisions(fit, [None])
+    if at.time_constant > 0.0:
+        motors.insert(0, at)
     begins = [each._replace(dead_band=_some_dead_band(each, fit)) for each in motors]
     trials = []
     for name in INTEGRALS:
@@ -390,7 +388,8 @@ def _redivided(fit: Fit, search: Callable[..., Fit]) -> Fit:
     in a local optimum in which one takes the place of another, or of the dead band.
     """
     while True:
-        trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in _divisions(fit)]
+        begins = _divisions(fit, [*LIMITS, None])
+        trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in begins]
         best = min(trials, key=lambda each: each.cost)
         best = search(best.parameters, starts=best.starts, effort=ENOUGH)
         if best.cost >= 0.99 * fit.cost:
@@ -398,8 +397,11 @@ def _redivided(fit: Fit, search: Callable[..., Fit]) -> Fit:
         fit = best
 
 
-def _divisions(fit: Fit) -> list[Parameters]:
-    """The joint of a fit with its delay divided by :data:`DIVISIONS`, its error a dead band."""
+def _divisions(fit: Fit, limits: Sequence[float | None]) -> list[Parameters]:
+    """The joint of a fit with its delay divided by :data:`INERTIAS`, its error a dead band.
+
+    Acceleration limits are those of :data:`LIMITS`, or its own where None stands.
+    """
     at, begins = fit.parameters, []
     delay, speed = at.whole_delay, min(at.v_max, fit.grid.fastest)
     divided = at._replace(
@@ -407,7 +409,7 @@ def _divisions(fit: Fit) -> list[Parameters]:
         lag=0.1 * delay,
         dead_band=max(at.dead_band, fit.rms),
     )
-    for share, limit in DIVISIONS:
+    for share, limit in itertools.product(INERTIAS, limits):
         begin = divided._replace(time_constant=share * delay)
         if limit is not None:
             begin = begin._replace(acceleration=limit * speed / delay, asymmetry=0.0)
