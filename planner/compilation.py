@@ -16,6 +16,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -23,6 +24,15 @@ import numba
 from numba.core import event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+
+if "scipy.linalg" not in sys.modules:
+    # Numba would import it, a tenth of the time of a short command, only to see whether it is there
+    # for np.convolve and the like, which are loops without it. Nothing here calls them.
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
+    try:
+        import_module("numba.np.arraymath")
+    finally:
+        del sys.modules["scipy.linalg"]
 
 COMPILING = (
     "request-planner: compiling what this command needs, for up to half a minute; it is kept, and "
