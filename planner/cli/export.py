@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
@@ -9,10 +10,12 @@ import click
 from planner.cli import options
 from planner.cli.console import Answer, BadSetting, marked
 from planner.cli.settings import Export, Run
-from planner.exceptions import InvalidFile
+from planner.exceptions import InvalidFile, InvalidInput
 
 if TYPE_CHECKING:
-    from planner.files.exports import Ticks
+    from collections.abc import Mapping
+
+    from planner.robot.arm import Servo
     from planner.robot.schedule import Schedule
 
 
@@ -65,18 +68,17 @@ def export(
             requests, "no column t_s, so no time between requests; add it, or --period-s"
         )
     schedule = Schedule(path.names, path.values, period)
-    if model is not None:
-        export = _with_servos(export, model, schedule)
+    servos = None if model is None else _servos_in(model, export, schedule)
     if export.format in FOLDERS and output == "-":
         raise click.UsageError(f"--format {export.format} is a folder: name it with --output.")
     rows, skipped = rows_of(export, schedule)
-    check_rows(export, rows)
+    check_rows(export, rows, servos)
     answer = rows_answer(export, rows, skipped)
-    return Answer(*answer, lambda file: write_rows(file, export, rows))
+    return Answer(*answer, lambda file: write_rows(file, export, rows, servos))
 
 
-def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
-    """The settings with the servos of a model file."""
+def _servos_in(model: str, export: Export, schedule: Schedule) -> dict[str, Servo]:
+    """The servos in a model file, by the names of the joints in the export."""
     from planner.files.joint_model import read_servos
     from planner.robot.arm import check_ranges
 
@@ -91,18 +93,7 @@ def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
     check_ranges(servos, schedule.requests)
     # that there are as many names as joints is checked with the rows
     names = export.joint_names or schedule.names
-    servos = dict(zip(names, servos.values(), strict=False))
-    turns = {servo.ticks_per_turn for servo in servos.values()}
-    if len(turns) > 1:
-        several = ", ".join(f"{each:g}" for each in sorted(turns))
-        raise InvalidFile(
-            model, f"servos of {several} ticks a turn, expected one; choose them with --joint"
-        )
-    return export.having(
-        ticks_per_turn=round(turns.pop()),
-        zero_ticks={name: servo.zero_tick for name, servo in servos.items()},
-        reverse=tuple(name for name, servo in servos.items() if servo.direction < 0),
-    )
+    return dict(zip(names, servos.values(), strict=False))
 
 
 FOLDERS = ("bag", "mcap", "lerobot")
@@ -128,28 +119,24 @@ def check_export(export: Export) -> None:
 
 def rows_of(export: Export, schedule: Schedule) -> tuple[Schedule, int]:
     """The rows to write, and the number of requests that are not among them."""
-    from planner.robot.schedule import never_sent, repeated, resampled
+    from planner.robot.schedule import repeated, resampled
 
     if export.joint_names is not None:
-        schedule = schedule.renamed(export.joint_names)
+        schedule = replace(schedule, names=export.joint_names)
     schedule = repeated(schedule, export.cycles)
     if export.rate_hz is None:
         return schedule, 0
-    rows = resampled(schedule, export.rate_hz, between=export.between or "hold")
-    return rows, never_sent(schedule, export.rate_hz)
+    return resampled(schedule, export.rate_hz, between=export.between or "hold")
 
 
-def check_rows(export: Export, rows: Schedule) -> None:
+def check_rows(export: Export, rows: Schedule, servos: Mapping[str, Servo] | None = None) -> None:
     """Refuse rows that the format cannot hold, as far as that does not depend on the angles."""
     from planner.files.exports import TOPIC, check_format
 
-    check_format(
-        export.format,
-        rows,
-        ticks=_ticks(export),
-        lead=export.lead_s or 0.0,
-        topic=export.topic or TOPIC,
-    )
+    lead, topic = export.lead_s or 0.0, export.topic or TOPIC
+    check_format(export.format, rows, lead=lead, topic=topic)
+    if servos is None:
+        servos_of(export, rows)
 
 
 def rows_answer(export: Export, rows: Schedule, skipped: int) -> tuple[dict[str, Any], str]:
@@ -173,41 +160,47 @@ def rows_answer(export: Export, rows: Schedule, skipped: int) -> tuple[dict[str,
     return document, summary
 
 
-def write_rows(file: str, export: Export, rows: Schedule) -> None:
+def write_rows(
+    file: str, export: Export, rows: Schedule, servos: Mapping[str, Servo] | None = None
+) -> None:
     """Write rows in the chosen format; a folder where the format is one."""
+    from planner.files import exports
+
     if export.format == "csv":
-        from planner.files.exports import write_controller_csv
-
-        write_controller_csv(file, rows, unit=export.unit or "rad", ticks=_ticks(export))
+        servos = servos or servos_of(export, rows)
+        exports.write_controller_csv(file, rows, unit=export.unit or "rad", servos=servos)
     elif export.format == "lerobot":
-        from planner.files.exports import LEROBOT_TASK, write_lerobot
-
-        write_lerobot(file, rows, task=export.task or LEROBOT_TASK)
+        exports.write_lerobot(file, rows, task=export.task or exports.LEROBOT_TASK)
     else:
-        from planner.files.exports import TOPIC, joint_trajectory, write_bag, write_trajectory_yaml
-
         velocities = bool(export.velocities)
-        message = joint_trajectory(rows, lead=export.lead_s or 0.0, velocities=velocities)
+        message = exports.joint_trajectory(rows, lead=export.lead_s or 0.0, velocities=velocities)
         if export.format == "yaml":
-            write_trajectory_yaml(file, message)
+            exports.write_trajectory_yaml(file, message)
         else:
             storage: Literal["mcap", "sqlite3"] = "mcap" if export.format == "mcap" else "sqlite3"
-            write_bag(file, message, storage=storage, topic=export.topic or TOPIC)
+            topic = export.topic or exports.TOPIC
+            exports.write_bag(file, message, storage=storage, topic=topic)
 
 
-def _ticks(export: Export) -> Ticks | None:
-    """Ticks of the servos; None if the rows are not in ticks."""
+def servos_of(export: Export, rows: Schedule) -> dict[str, Servo] | None:
+    """The servos that count the angles by the settings; None if the rows are angles."""
     if export.unit not in COUNTED:
         return None
     from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
-    from planner.files.exports import Ticks
+    from planner.robot.arm import Servo
 
-    pulses = export.unit == "us"
-    zero, per_turn = (PULSE_ZERO, PULSES_PER_TURN) if pulses else (2048, 4096)
-    return Ticks(
-        zero=zero if export.zero_tick is None else export.zero_tick,
-        per_turn=export.ticks_per_turn or per_turn,
-        zeros=export.zero_ticks or {},
-        reversed=export.reverse or (),
-        unit=export.unit,
-    )
+    zeros, reverse = export.zero_ticks or {}, export.reverse or ()
+    for key, names in (("zero tick", zeros), ("reverse", reverse)):
+        if unknown := [name for name in names if name not in rows.names]:
+            joints = ", ".join(rows.names)
+            raise InvalidInput(f"{key}: no joint '{unknown[0]}'; joints: {joints}")
+    zero, per_turn = (PULSE_ZERO, PULSES_PER_TURN) if export.unit == "us" else (2048, 4096)
+    zero = zero if export.zero_tick is None else export.zero_tick
+    return {
+        name: Servo(
+            zero_tick=zeros.get(name, zero),
+            direction=-1 if name in reverse else 1,
+            ticks_per_turn=export.ticks_per_turn or per_turn,
+        )
+        for name in rows.names
+    }

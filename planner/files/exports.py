@@ -7,10 +7,10 @@ import math
 import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,9 @@ from planner.files.table import DECIMALS, csv_text, write_table
 from planner.files.text import write_text
 from planner.robot.schedule import NANOSECONDS, Schedule
 from planner.trajectory import Array
-from planner.validation import shown
+
+if TYPE_CHECKING:
+    from planner.robot.arm import Servo
 
 NEEDS = {
     "yaml": ("yaml", "a trajectory as YAML", "yaml"),
@@ -44,7 +46,6 @@ def check_format(
     form: str,
     schedule: Schedule,
     *,
-    ticks: Ticks | None = None,
     lead: float = 0.0,
     topic: str = TOPIC,
 ) -> None:
@@ -55,11 +56,6 @@ def check_format(
     if form != "csv" and form not in NEEDS:
         raise InvalidInput(f"format: got '{form}', expected csv, {', '.join(NEEDS)}")
     check_installed(form)
-    if ticks is not None:
-        for key, names in (("zero tick", ticks.zeros), ("reverse", ticks.reversed)):
-            if unknown := [name for name in names if name not in schedule.names]:
-                joints = ", ".join(schedule.names)
-                raise InvalidInput(f"{key}: no joint '{unknown[0]}'; joints: {joints}")
     if form == "lerobot":
         frame_rate(schedule.period)
     elif form in NEEDS:
@@ -83,60 +79,49 @@ def check_installed(form: str) -> None:
             raise MissingExtra(what, extra)
 
 
-@dataclass(frozen=True)
-class Ticks:
-    """How a servo counts its angle: in ticks, or a hobby servo in microseconds of its pulses.
-
-    ``per_turn`` are the counts of a full turn. Angle 0 is at the count ``zero``, of single joints
-    at ``zeros``; the servos of the joints ``reversed`` are mounted the other way round.
-    """
-
-    per_turn: int = 4096
-    zero: int = 2048
-    zeros: Mapping[str, int] = field(default_factory=dict)
-    reversed: Sequence[str] = ()
-    unit: str = "ticks"
-
-    @property
-    def range(self) -> tuple[int, int]:
-        """Least and largest tick that a servo takes."""
-        return (500, 2500) if self.unit == "us" else (0, self.per_turn - 1)
-
-    def __post_init__(self) -> None:
-        if not 2 <= self.per_turn <= 2**31:  # counters have 32 bits
-            raise InvalidInput(f"ticks per turn: got {shown(self.per_turn)}, expected 2 to {2**31}")
-
-
 def write_controller_csv(
-    path: Path | str, schedule: Schedule, *, unit: str = "rad", ticks: Ticks | None = None
+    path: Path | str,
+    schedule: Schedule,
+    *,
+    unit: str = "rad",
+    servos: Mapping[str, Servo] | None = None,
 ) -> None:
-    """Write ``t_s`` and one ``<joint>_<unit>`` column per joint; ``-`` is standard output."""
+    """Write ``t_s`` and one ``<joint>_<unit>`` column per joint; ``-`` is standard output.
+
+    In the units ``ticks`` and ``us``, in which ``servos`` of the joints count, or else in angles.
+    """
     names = [TIME, *(f"{name}_{unit}" for name in schedule.names)]
-    if unit in ANGLES:
+    if servos is None:
         angles = schedule.requests / ANGLES[unit]
         write_table(path, names, np.column_stack([schedule.times, angles]))
         return
     times = np.round(schedule.times, DECIMALS).tolist()
-    rows = zip(times, to_ticks(schedule, ticks or Ticks()).tolist(), strict=True)
+    rows = zip(times, to_counts(schedule, servos, unit=unit).tolist(), strict=True)
     write_text(path, csv_text(names, ([time, *row] for time, row in rows)))
 
 
-def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
-    """The nearest tick to every request, shape (n, k)."""
-    zeros = np.array([ticks.zeros.get(name, ticks.zero) for name in schedule.names])
-    signs = np.array([-1.0 if name in ticks.reversed else 1.0 for name in schedule.names])
-    counted = np.rint(zeros + signs * schedule.requests * (ticks.per_turn / (2.0 * math.pi)))
-    least, most = ticks.range
-    beyond = np.argwhere((counted < least) | (counted > most))
-    if beyond.size:
-        k, j = beyond[0]
-        pulse = f"a pulse of {counted[k, j]:.0f} us"
-        raise InvalidInput(
-            f"{schedule.names[j]}: request {k}, {np.degrees(schedule.requests[k, j]):.2f} deg, is "
-            f"{pulse if ticks.unit == 'us' else f'tick {counted[k, j]:.0f}'}, expected {least} to "
-            f"{most}; check the zero tick, the ticks per turn and the direction"
-        )
-    return counted.astype(np.int64)
+def to_counts(
+    schedule: Schedule, servos: Mapping[str, Servo], *, unit: str = "ticks"
+) -> npt.NDArray[np.int64]:
+    """The nearest count of its servo to every request, shape (n, k); a hobby servo counts ``us``.
+
+    Raises InvalidInput for a count that a servo does not take.
+    """
+    counts = np.empty(schedule.requests.shape, dtype=np.int64)
+    for j, name in enumerate(schedule.names):
+        servo, requests = servos[name], schedule.requests[:, j]
+        counted = np.rint(servo.count(requests))
+        least, most = (500, 2500) if unit == "us" else (0, round(servo.ticks_per_turn) - 1)
+        beyond = np.flatnonzero((counted < least) | (counted > most))
+        if beyond.size:
+            k = beyond[0]
+            place = f"a pulse of {counted[k]:.0f} us" if unit == "us" else f"tick {counted[k]:.0f}"
+            raise InvalidInput(
+                f"{name}: request {k}, {np.degrees(requests[k]):.2f} deg, is {place}, expected "
+                f"{least} to {most}; check the zero tick, the ticks per turn and the direction"
+            )
+        counts[:, j] = counted
+    return counts
 
 
 def joint_trajectory(

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,8 @@ from planner.exceptions import BusError, InvalidInput, angle_text
 from planner.robot.bus import Bus, Reading
 from planner.robot.play import Playback, play, ramp
 from planner.trajectory import Array
+
+Numbers = TypeVar("Numbers", float, Array)
 
 STUCK_ERROR, STUCK_MOTION, STUCK_TIME = math.radians(12.0), math.radians(1.0), 0.7
 """A joint that misses its request by more than the first, and has moved by less than the second
@@ -39,7 +41,7 @@ SETTINGS = {
 class Servo:
     """How a servo turns a joint: angle = direction (count - zero_tick) 2π / ticks_per_turn."""
 
-    id: int  # on the bus
+    id: int = 0  # on the bus
     zero_tick: int = 2048  # count at angle 0
     direction: int = 1  # -1 for a servo that is mounted the other way round
     ticks_per_turn: float = 4096  # counts of a turn
@@ -56,10 +58,9 @@ class Servo:
         if not self.limits[0] < self.limits[1]:
             raise InvalidInput(f"limits: got {list(self.limits)}, expected the lower one first")
 
-    def count(self, angle: float) -> int:
-        """The nearest count to an angle [rad]."""
-        turns = self.direction * angle / (2.0 * math.pi)
-        return round(self.zero_tick + turns * self.ticks_per_turn)
+    def count(self, angle: Numbers) -> Numbers:
+        """The count of an angle [rad], or of an array of them, before it is rounded."""
+        return self.zero_tick + angle * (self.direction * self.ticks_per_turn / (2.0 * math.pi))
 
     def angle(self, count: float) -> float:
         """The angle of a count [rad]."""
@@ -91,7 +92,9 @@ class Arm:
         """Request an angle of every joint [rad], in one packet; NaN requests nothing of a joint."""
         self._sent = np.array(requests, dtype=float)
         pairs = zip(self.servos.values(), self._sent.tolist(), strict=True)
-        counts = {servo.id: servo.count(angle) for servo, angle in pairs if math.isfinite(angle)}
+        counts = {
+            servo.id: round(servo.count(angle)) for servo, angle in pairs if math.isfinite(angle)
+        }
         self.bus.sync_write("goal", counts)
 
     def measure(self) -> Measured:

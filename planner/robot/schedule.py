@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -62,10 +61,6 @@ class Schedule:
         """Until the last row has been held for its period [s]."""
         return len(self.requests) * self.period
 
-    def renamed(self, names: Sequence[str]) -> Schedule:
-        """The same requests for joints that go by other names, in the same order."""
-        return Schedule(tuple(names), self.requests, self.period)
-
 
 def check_period(period: float) -> None:
     """Raise InvalidInput for a time between requests [s] that is not positive and finite."""
@@ -89,11 +84,13 @@ def repeated(schedule: Schedule, cycles: int) -> Schedule:
     check_cycles(cycles)
     many = f"{cycles}" if cycles < 10**18 else "so many"
     _check_length(len(schedule.requests) * cycles, f"{many} cycles", "fewer cycles")
-    return Schedule(schedule.names, np.tile(schedule.requests, (cycles, 1)), schedule.period)
+    return replace(schedule, requests=np.tile(schedule.requests, (cycles, 1)))
 
 
-def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> Schedule:
-    """The schedule as a controller with another rate sends it.
+def resampled(
+    schedule: Schedule, rate: float, *, between: Between = "hold"
+) -> tuple[Schedule, int]:
+    """The schedule as a controller with another rate sends it, and how many requests it leaves out.
 
     A request is a zero-order hold, r(t) = r_k for k T ≤ t < (k + 1) T, and by default every row is
     what r is at its time: rows between two requests repeat the earlier one. At a rate at which some
@@ -113,38 +110,25 @@ def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> 
     _check_length(
         schedule.duration * rate, f"{schedule.duration:g} s at {rate:g} Hz", "a lower rate"
     )
-    places = _places(schedule, rate)
+    count = len(schedule.requests)
+    # where the rows fall among the requests, in periods from the first one
+    places = np.arange(max(math.ceil(schedule.duration * rate - ON_TIME), 1)) / (
+        rate * schedule.period
+    )
+    held = np.minimum(np.floor(places + ON_TIME).astype(np.intp), count - 1)
+    skipped = count - len(np.unique(held))
+    rows = schedule.requests[held]
     if between == "linear":
-        index = np.arange(len(schedule.requests))
+        index = np.arange(count)
         rows = np.column_stack([np.interp(places, index, column) for column in schedule.requests.T])
-    else:
-        if skipped := never_sent(schedule, rate):
-            raise InvalidInput(
-                f"rate: at {rate:g} Hz {skipped} of {len(schedule.requests)} requests would never "
-                f"be sent, as they are {schedule.period:g} s apart, and the joints would not move "
-                f"as planned; plan at this rate (plan --rate-hz {rate:g}), or send what is on the "
-                "straight lines between requests (--between linear)"
-            )
-        rows = schedule.requests[_index_at(places, len(schedule.requests))]
-    return Schedule(schedule.names, rows, 1.0 / rate)
-
-
-def never_sent(schedule: Schedule, rate: float) -> int:
-    """How many requests :func:`resampled` never sends when it holds them at this rate [Hz]."""
-    kept = _index_at(_places(schedule, rate), len(schedule.requests))
-    return len(schedule.requests) - len(np.unique(kept))
-
-
-def _index_at(places: Array, requests: int) -> npt.NDArray[np.intp]:
-    """Number of the request that is held at each place."""
-    return np.minimum(np.floor(places + ON_TIME).astype(np.intp), requests - 1)
-
-
-def _places(schedule: Schedule, rate: float) -> Array:
-    """Where the rows fall among the requests, in periods from the first one."""
-    rows = math.ceil(schedule.duration * rate - ON_TIME)
-    places: Array = np.arange(max(rows, 1)) / (rate * schedule.period)
-    return places
+    elif skipped:
+        raise InvalidInput(
+            f"rate: at {rate:g} Hz {skipped} of {count} requests would never "
+            f"be sent, as they are {schedule.period:g} s apart, and the joints would not move "
+            f"as planned; plan at this rate (plan --rate-hz {rate:g}), or send what is on the "
+            "straight lines between requests (--between linear)"
+        )
+    return Schedule(schedule.names, rows, 1.0 / rate), skipped
 
 
 def _check_length(rows: float, length: str, advice: str) -> None:

@@ -160,6 +160,8 @@ WRONG = {
     "a robust plan without intervals": JOINTS + '[plan]\nrobust = "mean"\n',
     "ticks of nobody": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a"\nunit = "ticks"\nzero_ticks = {kne = 1}\n',
+    "a reversed joint of nobody": JOINTS
+    + '[[export]]\nformat = "csv"\nfile = "a"\nunit = "us"\nreverse = ["kne"]\n',
 }
 
 
