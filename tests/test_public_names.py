@@ -24,10 +24,6 @@ def test_all_is_sorted_and_every_name_in_it_exists(package):
         assert name in dir(package)
 
 
-def test_the_lazy_table_and_all_name_the_same_things():
-    assert sorted(planner._HOME) == planner.__all__
-
-
 def test_everything_that_is_raised_on_purpose_is_public():
     raised = [
         name
