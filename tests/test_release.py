@@ -45,7 +45,7 @@ KINDS = {
         ".json",
         ".md",
         ".mplstyle",
-        ".py",
+        ".py", ".pyi",
         ".svg",
         ".toml",
     ),
