@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,18 +32,30 @@ APART = 1_000_000_000
 
 def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     """Read a bag; the times of its joints have one origin."""
-    actual, requested, notes = _tracks(path, options)
-    joints = tuple(name for name in actual.joints if name in requested.joints)
+    with open_bag(path) as bag:
+        topics = choose_topics(bag.path, bag.topics, options)
+        notes = [f"actual from {topics[0]}, requested from {topics[1]}"]
+        actual, requested = tracks = Track(), Track()
+        if topics[0] == topics[1]:
+            _gather(bag, topics[0], {"requested": requested, "actual": actual})
+        else:
+            _gather(bag, topics[0], {"actual": actual})
+            notes += _gather(bag, topics[1], {"requested": requested}, actual, options.joint)
+    joints = tuple(name for name in actual if name in requested)
     if not joints:
+        there = [", ".join([*track][:20]) or "none" for track in tracks]
         raise InvalidFile(
             path,
-            f"no joint is on both topics: {actual.topic} has "
-            f"{', '.join(actual.joints[:20]) or 'none'}, {requested.topic} has "
-            f"{', '.join(requested.joints[:20]) or 'none'}",
+            f"no joint is on both topics: {topics[0]} has {there[0]}, {topics[1]} has {there[1]}",
         )
+    stamped = _stamped(actual, requested)
+    words = ["its header" if each else "receipt" for each in stamped]
+    alike = words[0] == words[1]
+    also = "" if alike else f", of the requested ones from {words[1]}"
+    notes.append(f"time{'' if alike else ' of the actual angles'} from {words[0]}{also}")
     # joints whose requests begin later keep their time
     read = [options.joint] if options.joint in joints else joints
-    states = {joint: _states(actual, requested, joint) for joint in read}
+    states = {joint: _states(actual[joint], requested[joint], stamped) for joint in read}
     origin = min((int(stamps[0]) for stamps, *_ in states.values() if len(stamps)), default=0)
 
     def rows_of(joint: str) -> Rows:
@@ -53,8 +64,8 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
         if not len(stamps):
             raise InvalidFile(
                 source.name,
-                f"no request before the last state: {len(requested.series(joint)[0])} requests on "
-                f"topic {requested.topic}; expected the same clock and time in both topics",
+                f"no request before the last state: {len(requested[joint][0])} requests on "
+                f"topic {topics[1]}; expected the same clock and time in both topics",
             )
         unit = options.unit_of(joint)
         own = scale(unit or "rad", options.ticks_per_turn, partial(InvalidFile, path))
@@ -78,13 +89,42 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     yield Recorded(joints, rows_of)
 
 
-def _states(actual: Track, requested: Track, joint: str) -> tuple[Indices, Array, Array, int, int]:
+Series = tuple["array[int]", "array[int]", "array[float]"]
+"""Of every message about a joint: receipt [ns], stamp [ns], 0 for none, and angle."""
+
+Track = dict[str, Series]
+"""The messages on one topic by joint, in the order in which the joints appeared."""
+
+
+def _stamped(*tracks: Track) -> list[bool]:
+    """Whether the times of a track are the stamps, else the receipt.
+
+    The receipt counts where a message has no stamp, or where the stamps come from another clock
+    than the recorder's (simulated time, another computer), unless those of all tracks do.
+    """
+    stamped = [all(min(stamps) > 0 for _, stamps, _ in track.values()) for track in tracks]
+    leads = [  # how far stamps are ahead of the receipt, in the median of many messages
+        np.median(np.concatenate([np.subtract(b[:1000], a[:1000]) for a, b, _ in track.values()]))
+        for track in tracks
+    ]
+    if all(stamped) and abs(leads[0] - leads[1]) <= APART:
+        return stamped
+    return [each and abs(lead) <= APART for each, lead in zip(stamped, leads, strict=True)]
+
+
+def _states(
+    actual: Series, requested: Series, stamped: Sequence[bool]
+) -> tuple[Indices, Array, Array, int, int]:
     """Times [ns] of a joint's states, their angles and the requests that hold at each, (n,) each.
 
     Left out, and counted, are states that repeat the one before, and those before any request.
     """
-    stamps, angles = actual.series(joint)
-    sent, requests = requested.series(joint)
+    ordered = []
+    for (received, own, values), by_stamp in zip((actual, requested), stamped, strict=True):
+        times = np.array(own if by_stamp else received, dtype=np.int64)
+        order = np.argsort(times, kind="stable")
+        ordered += [times[order], np.array(values)[order]]
+    stamps, angles, sent, requests = ordered
     fresh = np.ones(len(stamps), dtype=bool)
     fresh[1:] = (np.diff(stamps) != 0) | (angles[1:] != angles[:-1])
     last = np.searchsorted(sent, stamps, side="right") - 1
@@ -93,89 +133,18 @@ def _states(actual: Track, requested: Track, joint: str) -> tuple[Indices, Array
     return stamps[begun], angles[begun], requests[last[begun]], repeated, early
 
 
-@dataclass
-class Track:
-    """The angles of the joints on one topic, as they are gathered.
-
-    Of every message about a joint there are the receipt [ns], the stamp [ns] and the angle.
-    """
-
-    topic: str
-
-    # whether every message had a stamp; at the end, whether its times are the stamps
-    stamped: bool = True
-    _by_joint: dict[str, tuple[array[int], array[int], array[float]]] = field(default_factory=dict)
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """The joints, in the order in which they appeared."""
-        return tuple(self._by_joint)
-
-    def add(
-        self, received: int, stamp: int, joints: Sequence[str], angles: Iterable[float]
-    ) -> None:
-        """Add a message that was received and stamped [ns]; 0 is no stamp."""
-        self.stamped = self.stamped and stamp > 0
-        for joint, angle in zip(joints, angles, strict=True):
-            rows = self._by_joint.setdefault(joint, (array("q"), array("q"), array("d")))
-            rows[0].append(received)
-            rows[1].append(stamp)
-            rows[2].append(angle)
-
-    def lead(self) -> float:
-        """How far the stamps are ahead of the receipt [ns], in the median of many messages."""
-        leads = [
-            np.subtract(stamps[:1000], received[:1000])
-            for received, stamps, _ in self._by_joint.values()
-        ]
-        return float(np.median(np.concatenate(leads))) if leads else 0.0
-
-    def series(self, joint: str) -> tuple[Indices, Array]:
-        """Times [ns] and angles of a joint, by the stamps or by the receipt, in order of time."""
-        received, own, values = self._by_joint[joint]
-        stamps = np.array(own if self.stamped else received, dtype=np.int64)
-        order = np.argsort(stamps, kind="stable")
-        return stamps[order], np.array(values)[order]
-
-
-def _tracks(path: Path | str, options: LogOptions) -> tuple[Track, Track, list[str]]:
-    """Actual and requested angles on the topics that the options name, or the only ones; notes.
-
-    Times are the stamps, but the receipt where a message has no stamp, or where the stamps come
-    from another clock than the recorder's (simulated time, another computer), unless both topics'
-    stamps do.
-    """
-    with open_bag(path) as bag:
-        actual, requested = map(Track, choose_topics(bag.path, bag.topics, options))
-        notes = [f"actual from {actual.topic}, requested from {requested.topic}"]
-        if actual.topic == requested.topic:
-            _gather(bag, {"requested": requested, "actual": actual})
-        else:
-            _gather(bag, {"actual": actual})
-            notes += _gather(bag, {"requested": requested}, actual.joints, options.joint)
-    both = (actual, requested)
-    stamped = all(each.stamped for each in both)
-    if not (stamped and abs(actual.lead() - requested.lead()) <= APART):
-        for each in both:
-            each.stamped = each.stamped and abs(each.lead()) <= APART
-    words = ["its header" if each.stamped else "receipt" for each in both]
-    notes.append(
-        f"time from {words[0]}"
-        if words[0] == words[1]
-        else f"time of the actual angles from {words[0]}, of the requested ones from {words[1]}"
-    )
-    return actual, requested, notes
-
-
 def _gather(
-    bag: Bag, tracks: Mapping[str, Track], names: tuple[str, ...] = (), joint: str | None = None
+    bag: Bag,
+    topic: str,
+    tracks: Mapping[str, Track],
+    names: Iterable[str] = (),
+    joint: str | None = None,
 ) -> tuple[str, ...]:
-    """Gather the angles of tracks of one topic, by role, and return guesses, in words.
+    """Add the messages on a topic to tracks, by role, and return guesses, in words.
 
     Angles without names are of ``names``, in order, or a single one of the ``joint`` chosen.
     """
-    (topic,) = {track.topic for track in tracks.values()}
-    kind = bag.topics[topic]
+    kind, names = bag.topics[topic], tuple(names)
     notes: tuple[str, ...] = ()
     for k, (received, content) in enumerate(bag.messages(topic)):
         place = f"topic {topic}, message {k + 1}"
@@ -210,8 +179,11 @@ def _gather(
                     f"{place}: got {len(values)} in '{field}', expected an angle for each of "
                     f"{len(joints)} joints ({', '.join(joints[:20])})",
                 )
-            if joints:
-                track.add(received, stamp, joints, values)
+            for name, value in zip(joints, values, strict=True):
+                series = track.setdefault(name, (array("q"), array("q"), array("d")))
+                series[0].append(received)
+                series[1].append(stamp)
+                series[2].append(value)
     return notes
 
 

@@ -73,59 +73,43 @@ class Bag:
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """The messages of a topic, in order of receipt: the time of it [ns], and the fields."""
-        connections = [
-            connection for connection in self._reader.connections if connection.topic == topic
-        ]
-        kind = self.topics[topic]
-        with _damage_reported(self.path):
-            stores = _stores(connections)
-            messages = self._reader.messages(connections=connections)
-            for k, (_, when, data) in enumerate(messages):
-                place = f"topic {topic}, message {k + 1}"
-                if not 0 <= when < LATEST:
-                    raise InvalidFile(self.path, f"{place}: received at {when} ns, expected a time")
-                yield when, self._decode(stores, data, kind, place)
-
-    def _decode(self, stores: list[Typestore], data: bytes, kind: str, place: str) -> Any:
-        """The message by the first store of types that explains all of its bytes."""
-        while True:
-            decode = stores[0].deserialize_ros1 if self._ros1 else stores[0].deserialize_cdr
-            try:
-                return decode(data, kind)
-            except Exception as error:
-                if len(stores) == 1:
-                    raise InvalidFile(
-                        self.path, f"{place}: no {kind} ({_words(error)}); is the bag damaged?"
-                    ) from error
-                del stores[0]  # the bag was recorded with another layout of this type
+        connections = [each for each in self._reader.connections if each.topic == topic]
+        kind, stores = self.topics[topic], _stores(connections)
+        for k, (_, when, data) in enumerate(self._reader.messages(connections=connections)):
+            place = f"topic {topic}, message {k + 1}"
+            if not 0 <= when < LATEST:
+                raise InvalidFile(self.path, f"{place}: received at {when} ns, expected a time")
+            content = None
+            while content is None:
+                decode = stores[0].deserialize_ros1 if self._ros1 else stores[0].deserialize_cdr
+                try:
+                    content = decode(data, kind)
+                except Exception as error:
+                    if len(stores) == 1:
+                        raise InvalidFile(
+                            self.path, f"{place}: no {kind} ({_words(error)}); is the bag damaged?"
+                        ) from error
+                    del stores[0]  # the bag was recorded with another layout of this type
+            yield when, content
 
 
 @contextmanager
 def open_bag(path: Path | str) -> Iterator[Bag]:
-    """Open a bag of ROS 1, of ROS 2 (folder or a single file of it), or an MCAP file."""
+    """Open a bag of ROS 1, of ROS 2 (folder or a single file of it), or an MCAP file.
+
+    Errors of rosbags, SQLite, YAML or a decoder for a damaged bag become one error.
+    """
     with importing("reading bags", "bags"):
         from rosbags import rosbag1, rosbag2
     place = Path(path)
     ros1 = place.suffix.lower() == ".bag"
     if not place.exists():
         raise InvalidFile(path, "no such file; check the name and the folder")
-    with _limited(path):
-        with _damage_reported(path):
-            reader: Any = rosbag1.Reader(place) if ros1 else rosbag2.Reader(place)
-            reader.open()
-        try:
+    try:
+        of_format: Any = (rosbag1 if ros1 else rosbag2).Reader
+        with _limited(path), of_format(place) as reader:
             topics = {connection.topic: connection.msgtype for connection in reader.connections}
             yield Bag(place, topics, reader, ros1)
-        finally:
-            with _damage_reported(path):
-                reader.close()
-
-
-@contextmanager
-def _damage_reported(path: Path | str) -> Iterator[None]:
-    """Turn errors of rosbags, SQLite, YAML or a decoder for a damaged bag into one error."""
-    try:
-        yield
     except InvalidFile:
         raise
     except Exception as error:
