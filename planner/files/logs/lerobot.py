@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -57,16 +58,13 @@ class EpisodeRows(NamedTuple):
 
 def read_lerobot(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     """Read the chosen episodes of a dataset, or of one of its files."""
-    dataset, chosen = find_dataset(Path(path)), options.episode_numbers()
-    numbers: set[int] = set()
-    for file in _files(dataset, Path(path), chosen):
+    dataset = find_dataset(Path(path))
+    for file, numbers in _chosen(dataset, Path(path), options.episode_numbers()):
         episodes = _read_episodes(file)
         joints = _joints(dataset, episodes[0])
-        numbers.update(episode.number for episode in episodes)
         for episode in episodes:
-            if chosen is None or episode.number in chosen:
+            if episode.number in numbers:
                 yield Recorded(tuple(joints), partial(_rows, path, options, episode, joints))
-    _check_there(dataset, Path(path), chosen, numbers)
 
 
 def _rows(
@@ -108,20 +106,30 @@ def lerobot_episodes(path: Path | str, options: LogOptions) -> list[tuple[Path, 
     An unreadable file is among them, so that its error is raised when its rows are read; the
     number is None where its name has none.
     """
-    dataset, chosen = find_dataset(Path(path)), options.episode_numbers()
-    places: list[tuple[Path, int | None]] = []
-    for file in _files(dataset, Path(path), chosen):
-        try:
-            (numbers,) = _read(file, EPISODE)
-            places += [(file, number) for number in _episodes_in(file, numbers)]
-        except InvalidFile:
-            match = _EPISODE.fullmatch(file.name)
-            places.append((file, int(match[1]) if match else None))
-    known = {number for _, number in places if number is not None}
-    if len(known) == len({number for _, number in places}):  # an unreadable file may hold any
-        _check_there(dataset, Path(path), chosen, known)
-    selection = [each for each in places if chosen is None or each[1] in {None, *chosen}]
-    return sorted(selection, key=lambda each: (each[1] is None, each[1] or 0))
+    files = _chosen(find_dataset(Path(path)), Path(path), options.episode_numbers())
+    places = [(file, number) for file, numbers in files for number in numbers]
+    return sorted(places, key=lambda each: (each[1] is None, each[1] or 0))
+
+
+def _chosen(
+    dataset: Dataset, path: Path, chosen: frozenset[int] | None
+) -> Iterator[tuple[Path, list[int | None]]]:
+    """Files and the chosen episodes in each, then InvalidFile if a chosen one is in no file."""
+    known: set[int | None] = set()
+    for file in dataset.files if path.is_dir() else (path,):
+        match = _EPISODE.fullmatch(file.name)  # v3 names no file by its episode
+        numbers: list[int | None] = [int(match[1]) if match else None]
+        if not path.is_dir() or not match or chosen is None or chosen & {*numbers}:
+            with suppress(InvalidFile):  # of an unreadable file, which may hold any
+                numbers = [*_episodes_in(file, *_read(file, EPISODE))]
+            if there := [each for each in numbers if chosen is None or each in {None, *chosen}]:
+                yield file, there
+        known.update(numbers)
+    if None not in known and (missing := (chosen or frozenset()) - known):
+        every = sorted(each for each in known if each is not None)
+        runs = np.split(every, np.flatnonzero(np.diff(every) != 1) + 1) if every else []
+        words = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
+        raise InvalidFile(path, f"no episode {min(missing)}; episodes: {', '.join(words)}")
 
 
 def read_episode(file: Path, number: int | None) -> EpisodeRows:
@@ -146,30 +154,6 @@ def _read_episodes(file: Path) -> list[EpisodeRows]:
         EpisodeRows(file, episode, times[own], action[own], state[own])
         for episode, own in zip(episodes, order, strict=True)
     ]
-
-
-def _files(dataset: Dataset, path: Path, episodes: frozenset[int] | None) -> tuple[Path, ...]:
-    if not path.is_dir():
-        return (path,)
-    files = dataset.files(episodes)
-    if not files:
-        _check_there(dataset, path, episodes, ())
-    return files
-
-
-def _check_there(
-    dataset: Dataset, path: Path, chosen: frozenset[int] | None, numbers: Iterable[int]
-) -> None:
-    """Raise InvalidFile where a chosen episode is not among these."""
-    if missing := (chosen or frozenset()).difference(numbers):
-        files = dataset.files(None) if path.is_dir() else ()  # v3 names no file by its episode
-        names = filter(None, (_EPISODE.fullmatch(file.name) for file in files))
-        every = sorted({*numbers, *(int(name[1]) for name in names)})
-        runs = np.split(every, np.flatnonzero(np.diff(every) != 1) + 1) if every else []
-        words = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
-        raise InvalidFile(
-            path, f"no episode {min(missing)}; episodes: {', '.join(words) or 'none'}"
-        )
 
 
 def _joints(dataset: Dataset, episode: EpisodeRows) -> dict[str, tuple[int, int]]:
@@ -273,17 +257,13 @@ class Dataset:
                 names[key] = plain or None
         return names
 
-    def files(self, episodes: frozenset[int] | None) -> tuple[Path, ...]:
-        """Its Parquet files, except files whose names exclude all of the episodes."""
+    @property
+    def files(self) -> list[Path]:
+        """Its Parquet files."""
         every = sorted(self.root.glob("data/chunk-*/*.parquet"))
         if not every:
             raise InvalidFile(self.root, "no data/chunk-*/*.parquet; download the dataset's data")
-        named = ((file, _EPISODE.fullmatch(file.name)) for file in every)
-        return tuple(
-            file
-            for file, name in named
-            if episodes is None or name is None or int(name[1]) in episodes
-        )
+        return every
 
     @property
     def task_file(self) -> Path | None:
@@ -373,32 +353,27 @@ def _flat(names: Any) -> list[str]:
     return [name for item in names for name in _flat(item)] if isinstance(names, list) else []
 
 
-def _numbers(path: Path, array: Any, name: str) -> Array:
+def _numbers(file: Path, array: Any, name: str) -> Array:
     """Numbers of a column, of which a cell may be a list."""
     import pyarrow as pa
     from pyarrow import compute
 
-    kind, values, filled = array.type, array, array.is_valid().to_numpy(zero_copy_only=False)
-    if is_list := pa.types.is_nested(kind) and hasattr(kind, "value_type"):
-        values = array.flatten()
-        lengths = compute.list_value_length(array).drop_null().unique().to_pylist() or [0]
-        if len(lengths) > 1:
-            raise InvalidFile(
-                path,
-                f"column '{name}': lists of {min(lengths)} to {max(lengths)} numbers, expected one "
-                "length",
-            )
-        if lengths == [0]:
-            raise InvalidFile(path, f"column '{name}': empty in every row, expected numbers")
-    if not (pa.types.is_floating(values.type) or pa.types.is_integer(values.type)):
-        raise InvalidFile(path, f"column '{name}': got {kind}, expected numbers")
-    numbers: Array = values.to_numpy(zero_copy_only=False).astype(np.float64)
-    if is_list:
-        rows = np.full((len(array), lengths[0]), np.nan)  # a cell that is empty as a whole has none
-        rows[filled] = numbers.reshape(-1, lengths[0])
-        numbers = rows
-    if name in (ACTION, STATE):
-        return numbers.reshape(len(array), -1)
-    if numbers.size != len(array):
-        raise InvalidFile(path, f"'{name}' has {numbers.shape[1]} numbers a row, expected one")
-    return numbers.ravel()
+    kind, values, lengths = array.type, array.drop_null(), [1]
+    if pa.types.is_nested(kind) and hasattr(kind, "value_type"):
+        lengths = compute.list_value_length(values).unique().to_pylist() or [0]
+        values = values.flatten()
+    problem = ""
+    if len(lengths) > 1:
+        problem = f"lists of {min(lengths)} to {max(lengths)} numbers, expected one length"
+    elif lengths == [0]:
+        problem = "empty in every row, expected numbers"
+    elif not (pa.types.is_floating(values.type) or pa.types.is_integer(values.type)):
+        problem = f"got {kind}, expected numbers"
+    elif name not in (ACTION, STATE) and lengths != [1]:
+        problem = f"got {lengths[0]} numbers a row, expected one"
+    if problem:
+        raise InvalidFile(file, f"column '{name}': {problem}")
+    rows = np.full((len(array), lengths[0]), np.nan)  # a cell that is empty as a whole has none
+    filled = array.is_valid().to_numpy(zero_copy_only=False)
+    rows[filled] = values.to_numpy(zero_copy_only=False).reshape(-1, lengths[0])
+    return rows if name in (ACTION, STATE) else rows.ravel()
