@@ -65,7 +65,7 @@ if TYPE_CHECKING:
 @options.option(
     "-o --output",
     "Where to write the models and servos; joints that are there already stay.",
-    options.Place("file", options._check_file, use=None),
+    options.Place("file", None, options.check_file),
     default="arm.toml",
 )
 @options.answers("Also write a page with pictures, as HTML.")

@@ -8,7 +8,7 @@ commands (:mod:`planner.cli.options`).
 from __future__ import annotations
 
 import math
-import textwrap
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from functools import partial
 from inspect import get_annotations
 from itertools import pairwise, repeat
 from pathlib import Path, PurePosixPath
+from textwrap import TextWrapper
 from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
@@ -190,11 +191,6 @@ class Declared:
         return self
 
     @property
-    def required(self) -> bool:
-        """Whether a file has to set it."""
-        return self.default is ...
-
-    @property
     def default_in_words(self) -> str:
         """Its default as TOML, or the effect of leaving it unset."""
         return self.otherwise or ("" if self.default in (None, ...) else toml_value(self.default))
@@ -232,11 +228,6 @@ class Settings:
         vars(self).update({name: key.default for name, key in self.keys.items()} | values)
         self.keys_set = frozenset(values)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Settings) and self.values() == other.values()
-
-    __hash__ = None  # type: ignore[assignment]
-
     def having(self, **values: Any) -> Self:
         """The same with other values."""
         same = copy(self)
@@ -248,14 +239,14 @@ class Settings:
         """The path of a file that the settings name."""
         return str(Path(self.folder) / name) if self.folder else name
 
-    def without_effect(self, choice: str) -> dict[str, tuple[str, ...]]:
-        """The keys that are set without effect, and the choices with which they have an effect."""
-        return {
-            name: key.only
-            for name, key in self.keys.items()
-            if key.only and choice not in key.only
-            if (value := getattr(self, name)) is not None and value is not False and value != {}
-        }
+    def check_effect(self, table: str, chooser: str) -> None:
+        """Refuse keys of this ``table`` without effect on what its key ``chooser`` is set to."""
+        choice = getattr(self, chooser)
+        for name, key in self.keys.items():
+            value = getattr(self, name)
+            if key.only and choice not in key.only and value is not None and value is not False:
+                words = f"{marked(f'{table}.{chooser}', choice)}, only with {', '.join(key.only)}"
+                raise BadSetting(f"‹{table}.{name}› has no effect with {words}")
 
     def values(self) -> dict[str, Any]:
         """The value of every key, with mappings in place of tables."""
@@ -293,11 +284,11 @@ class Settings:
                     hint = f" (did you mean '{key_name((*other, name))}'?)"
                 words = f"'{hint}; keys{of}: {', '.join(cls.keys)}"
                 raise BadSetting(f"unknown key '{marked((*place, name))}{words}")
-        missing = [name for name, key in cls.keys.items() if key.required and name not in content]
-        if missing:
+        required = {name: key for name, key in cls.keys.items() if key.default is ...}
+        if missing := [name for name in required if name not in content]:
             words = f"keys {', '.join(missing)}; add them"
             if len(missing) == 1:
-                words = f"key '{missing[0]}', expected {cls.keys[missing[0]].kind.expected}; add it"
+                words = f"key '{missing[0]}', expected {required[missing[0]].kind.expected}; add it"
             raise BadSetting(f"{marked(place)}: no {words}")
 
         def checked(kind: Kind, value: Any, place: Place) -> Any:
@@ -320,10 +311,9 @@ class Settings:
                     if result != "-" or standard_input or SOURCE not in kind.notes:
                         return result
                     hint = "; a run reads no standard input, so write it to a file first"
-                except OverflowError:
-                    hint = ""
-                except ValueError as error:
-                    hint = str(error) or _hint(value, expected)
+                except (ValueError, OverflowError) as error:
+                    own = isinstance(error, ValueError) and str(error)
+                    hint = own or _hint(kind, value)
             words = f"got {_described(value)}, expected {expected}{hint}"
             raise BadSetting(f"{marked(place)}: {words}")
 
@@ -347,42 +337,42 @@ def flat(settings: Settings) -> dict[str, Any]:
 
     The keys of a table that is missing are None.
     """
+    names = dict[str, Any]()
 
-    def items(
-        cls: type[Settings], values: Mapping[str, Any] | None, place: Place
-    ) -> Iterator[tuple[str, Any]]:
+    def add(cls: type[Settings], values: Mapping[str, Any] | None, place: Place) -> None:
         for name, key in cls.keys.items():
             value = values and values[name]
             if key.kind.is_table:
-                yield from items(key.kind.type, value, (*place, name))
+                add(key.kind.type, value, (*place, name))
             else:
-                yield key_name((*place, name)), value
+                names[key_name((*place, name))] = value
 
-    return dict(items(type(settings), settings.values(), ()))
+    add(type(settings), settings.values(), ())
+    return names
 
 
-def _hint(value: Any, words: str) -> str:
+def _hint(kind: Kind, value: Any) -> str:
+    """The nearest choice to a text, or that it would fit without its quotes."""
     if not isinstance(value, str):
         return ""
-    if words.startswith("one of "):
-        return nearest(value, words.removeprefix("one of ").split(", "))
+    if kind.origin is Literal:
+        return nearest(value, kind.inner)
     try:
-        number = "number" in words and math.isfinite(float(value))
-    except ValueError:
-        number = False
-    truth = words == "true or false" and value.lower() in ("true", "false")
-    return "; without quotes" if number or truth else ""
+        kind.fitted(tomllib.loads(f"value = {value}")["value"])
+    except (ValueError, OverflowError, RecursionError):
+        return ""
+    return "; without quotes"
 
 
 def _described(value: Any) -> str:
     """A value as a message repeats it."""
     if isinstance(value, bool):
-        return "true" if value else "false"
+        return toml_value(value)
     if isinstance(value, Mapping):
         return "a table"
     if isinstance(value, int) and abs(value) >= 10**LONGEST:
         return "a very large number"
-    text = repr(value) if isinstance(value, str | int | float | list) else str(value)
+    text = repr(value) if isinstance(value, str | list) else str(value)
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
@@ -394,7 +384,6 @@ class Table:
     place: tuple[str, ...]
     about: str  # its purpose
     keys: Mapping[str, Declared]  # its keys
-    active: bool = True  # whether a template has it, or only shows it in comments
     free: Declared | None = None  # declares keys of any name, if there are such keys
 
     @property
@@ -404,23 +393,20 @@ class Table:
         return f"[[{'.'.join(above)}]]" if last == NUMBER else f"[{'.'.join(self.place)}]"
 
 
-def tables(
-    cls: type[Settings], place: tuple[str, ...] = (), *, active: bool = True
-) -> Iterator[Table]:
+def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
     """The table that a class describes and its inner tables, in the order of the fields."""
     keys, inner = {}, list[Table]()
     for name, key in cls.keys.items():
         kind, at = key.kind, (*place, name)
         if kind.is_table:
-            active = key.default is not None or key.set_to is not None
-            inner += tables(kind.type, at, active=active)
+            inner += tables(kind.type, at)
         elif kind.is_repeated:
             inner += tables(kind.inner[0].type, (*at, NUMBER))
         elif kind.is_free:
-            inner.append(Table(at, key.help, {}, active=False, free=key))
+            inner.append(Table(at, key.help, {}, free=key))
         else:
             keys[name] = key
-    yield Table(place, " ".join((cls.__doc__ or "").split()), keys, active)
+    yield Table(place, " ".join((cls.__doc__ or "").split()), keys)
     yield from inner
 
 
@@ -429,28 +415,24 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
 
     Keys without a default, or that would contradict the rest, are comments.
     """
+    comment = TextWrapper(100, initial_indent="# ", subsequent_indent="# ", break_on_hyphens=False)
     lines = [f"# {line}" for line in heading]
     for table in tables(cls):
-        lines += ["", *_comment(table.about)]
+        lines += ["", *comment.wrap(table.about)]
         if table.place:
-            lines.append(f"{'' if table.active else '# '}{table.header}")
+            lines.append(f"{'# ' if table.free else ''}{table.header}")
         for name, key in table.keys.items():
-            default = None if key.required else key.default
-            words = f" {key.kind.expected.capitalize()}." * key.kind.expected.startswith("one of")
-            if in_words := key.default_in_words:
-                visible = default is not None and key.set_to is None
-                words += "" if visible else f" Default: {in_words}."
-            lines += _comment(key.help + words)
-            value = default if key.set_to is None else key.set_to
-            off = "" if table.active and value is not None else "# "
-            lines.append(f"{off}{name} = {toml_value(key.example if value is None else value)}")
+            value = key.default if key.set_to is None else key.set_to
+            is_set = value not in (None, ...)
+            words, expected = key.help, key.kind.expected
+            words += f" {expected.capitalize()}." if expected.startswith("one of") else ""
+            if key.default_in_words and not (is_set and key.set_to is None):
+                words += f" Default: {key.default_in_words}."
+            example = toml_value(value if is_set else key.example)
+            lines += [*comment.wrap(words), f"{'' if is_set else '# '}{name} = {example}"]
         if table.free:
             lines.append(f"# knee = {toml_value(table.free.example)}")
     return "\n".join(lines) + "\n"
-
-
-def _comment(text: str) -> Iterator[str]:
-    return (f"# {line}" for line in textwrap.wrap(text, 98, break_on_hyphens=False))
 
 
 def _is_text(value: str) -> str:

@@ -360,27 +360,27 @@ def find_leg(run: settings.Run) -> LegPlace | None:
     leg = run.leg
     near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
-    if leg.name is not None:
-        if leg.urdf or is_described:
-            raise BadSetting(
-                "‹leg.name› is a shipped leg: leave out ‹leg.urdf›, ‹leg.base›, ‹leg.foot› and "
-                "‹leg.lock›"
-            )
+    if leg.name is not None and leg.urdf is not None:
+        raise BadSetting("‹leg.name› and ‹leg.urdf› name a leg each: leave one out")
+    if leg.name in settings.LEG_NAMES:
+        if is_described:
+            words = "leave out ‹leg.base›, ‹leg.foot› and ‹leg.lock›"
+            raise BadSetting(f"‹leg.name› is a shipped leg: {words}")
         return _shipped(leg.name)._replace(near=near)
-    if leg.urdf is None:
+    if leg.description is None:
         if is_described or near:
             raise BadSetting(
                 "‹leg.base›, ‹leg.foot›, ‹leg.lock› and ‹leg.near› are of a leg: name it with "
-                "‹leg.name› or ‹leg.urdf›"
+                "‹leg.name›"
             )
         return None
     if leg.base is None or leg.foot is None:
         raise BadSetting(
-            "‹leg.urdf› needs ‹leg.base› and ‹leg.foot›, the frames at the leg's two ends"
+            "your own robot needs ‹leg.base› and ‹leg.foot›, the frames at the leg's two ends"
         )
     locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
     locked |= leg.lock_m or {}
-    return LegPlace(run.place(leg.urdf), leg.base, leg.foot, locked, near)
+    return LegPlace(run.place(leg.description), leg.base, leg.foot, locked, near)
 
 
 def _shipped(name: str) -> LegPlace:
@@ -426,7 +426,8 @@ def legs_of(run: settings.Run, *, among: Sequence[str] | None = None) -> dict[st
 
 def leg_title(leg: settings.Leg) -> str:
     """The name of the leg on pages; empty if the settings name no leg."""
-    return leg.name or (f"{Path(leg.urdf).name} · {leg.foot}" if leg.urdf else "")
+    file = leg.description
+    return f"{Path(file).name} · {leg.foot}" if file else leg.name or ""
 
 
 def models_of(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, BadSetting, marked
+from planner.cli.console import Answer, BadSetting
 from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile, InvalidInput
 
@@ -105,10 +105,7 @@ COUNTED = ("ticks", "us")
 
 def check_export(export: Export) -> None:
     """Refuse settings that have no effect on the format."""
-    chosen = marked("export.format", export.format)
-    for name, formats in export.without_effect(export.format).items():
-        only = f"only on {', '.join(formats)}"
-        raise BadSetting(f"‹export.{name}› has no effect on {chosen}, {only}")
+    export.check_effect("export", "format")
     for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
         if getattr(export, name) not in (None, {}) and export.unit not in COUNTED:
             raise BadSetting(f'‹export.{name}› needs ‹export.unit = "ticks"›')

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 from click.shell_completion import CompletionItem
 
-from planner.cli.console import MARKED, Answer, warn
+from planner.cli.console import MARKED, Answer, BadSetting, FailedCheck, warn
 from planner.cli.declared import NUMBER, SOURCE, Declared, tables
 from planner.cli.settings import LEG_NAMES, ReplayRun, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
@@ -33,19 +33,15 @@ Command = Callable[..., Any]
 
 
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
-    """A value that a function parses."""
+    """A value that a function parses, or raises ValueError.
 
-    name = "value"
+    Its ``form``, such as JOINT=DEG, is shown in help, the ``expected`` text in messages.
+    """
 
     def __init__(
         self, parse: Callable[[str], Any], form: str, expected: str, choices: Sequence[str] = ()
     ) -> None:
-        """Take a function that raises ValueError, the text in short and in words, and names."""
-        self.parse, self.form, self.expected, self.choices = parse, form, expected, choices
-
-    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:  # noqa: ARG002
-        """The text as help shows it, such as JOINT=DEG."""
-        return self.form
+        self.parse, self.name, self.expected, self.choices = parse, form, expected, choices
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The value of a text."""
@@ -75,49 +71,53 @@ def by_joint(parse: Callable[[str], Any], form: str, expected: str) -> Parsed:
 
 
 class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
-    """The name of a file or a folder, which a shell completes; one to write is checked at once."""
+    """The name of a file or a folder, which a shell completes; one to write is checked at once.
+
+    A written place must not have another use in the same command; a ``use`` of None is of a file
+    that may be both input and output.
+    """
 
     def __init__(
         self,
-        kind: str,
-        check: Callable[[str], None] = lambda _: None,
-        *,
+        name: Literal["file", "dir"],
         use: Literal["read", "written"] | None,
+        check: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Complete to ``file``, which has folders on the way, or ``dir``, and check the name.
-
-        A written place must not have another use in the same command; a ``use`` of None is of a
-        file that may be both input and output.
-        """
-        self.name = self.kind = kind
-        self.check = check
-        self.use = use
+        self.name, self.use, self.check = name, use, check
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The same text, where it passes the check."""
+        """The same text, where it passes the check, and has no other use."""
         self.check(value)
-        text = str(value)
-        if self.use is not None and param is not None and ctx is not None:
-            self._check_uses(text, param, ctx)
-        return text
-
-    def _check_uses(self, text: str, param: click.Parameter, ctx: click.Context) -> None:
-        """Refuse a place that is written and has another use in this command."""
+        text = name = str(value)
         place = Path(os.path.realpath(text))  # of a link to itself, too
-        is_device = place.exists() and not (place.is_file() or place.is_dir())
         if text == "-" and self.use == "written":
-            place, text = Path(text), "standard output"
-        elif text == "-" or is_device:
-            return
-        uses = ctx.meta.setdefault(f"{__name__}.places", {}).setdefault(place, {})
-        uses[param.name] = self.use
-        if len(uses) > 1 and "written" in uses.values():
-            reason = "an input too" if "read" in uses.values() else "another output too"
-            raise cannot_write(text, ValueError(f"it is {reason}"))
+            place, name = Path(text), "standard output"
+        elif text == "-" or (place.exists() and not (place.is_file() or place.is_dir())):
+            return text  # standard input, or a device
+        if self.use is not None and param is not None and ctx is not None:
+            uses = ctx.meta.setdefault(f"{__name__}.places", {}).setdefault(place, {})
+            uses[param.name] = self.use
+            if len(uses) > 1 and "written" in uses.values():
+                other = "an input" if "read" in uses.values() else "another output"
+                raise cannot_write(name, ValueError(f"it is {other} too"))
+        return text
 
     def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
         """Leave it to the shell, which lists files and folders."""
-        return [CompletionItem(incomplete, type=self.kind)]
+        return [CompletionItem(incomplete, type=self.name)]
+
+
+def check_file(path: str) -> None:
+    """Refuse a file that cannot be written."""
+    if path != "-":
+        check_writable(path)
+
+
+INPUT = Place("file", "read")
+OUTPUT = Place("file", "written", check_file)
+FOLDER = Place("dir", "written", check_folder)
+OUTPUT_OR_FOLDER = Place("file", "written")  # checked once the format is known
+REWRITTEN = Place("file", None)
 
 
 def finite(text: str) -> float:
@@ -146,40 +146,27 @@ def _position(text: str) -> tuple[str, float]:
     return "lock_m" if slides else "lock", finite(text.removesuffix("m"))
 
 
-def _leg(text: str) -> str:
-    if (
-        text not in LEG_NAMES
-        and not text.lower().endswith((".urdf", ".xml"))
-        and os.sep not in text
-    ):
-        raise ValueError
-    return text
-
-
-def _check_file(path: str) -> None:
-    if path != "-":
-        check_writable(path)
-
-
 SPAN = Parsed(_span, "LOW:HIGH", "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
-SPANS = by_joint(
-    _span,
-    "[JOINT=]LOW:HIGH",
-    "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147",
-)
-ANGLES = by_joint(finite, "[JOINT=]DEG", "degrees, as DEG or JOINT=DEG, such as knee=30")
-POSE = by_joint(finite, "JOINT=DEG", "JOINT=DEG, such as wrist=-90")
 PARAMETER = by_joint(finite, "NAME=VALUE", "NAME=VALUE, such as length=0.04")
-POSITIONS = by_joint(_position, "JOINT=DEG", "JOINT=DEG, such as wrist=-90")
-LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C", "A,B,C")
-NAMES = by_joint(str, "JOINT=NAME", "JOINT=NAME, such as Rotation=shoulder_pan")
 TICKS = by_joint(_tick, "[JOINT=]N", "N or JOINT=N, such as knee=2048")
+POSE = "JOINT=DEG, such as wrist=-90"
 
-LEG_NAME = Parsed(
-    _leg, "NAME|FILE.urdf", f"one of {', '.join(LEG_NAMES)}, or a .urdf file", LEG_NAMES
-)
-
-TYPES = {"leg.name": LEG_NAME, "leg.lock": POSITIONS, "export.joint_names": LIST}
+TYPES = {
+    "leg.name": Parsed(str, "NAME|URDF", "", LEG_NAMES),
+    "leg.lock": by_joint(_position, "JOINT=DEG", f"{POSE}, or slide=0.1m of one that slides"),
+    "leg.near": by_joint(finite, "JOINT=DEG", POSE),
+    "limits.deg": by_joint(
+        _span,
+        "[JOINT=]LOW:HIGH",
+        "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147",
+    ),
+    "start.deg": by_joint(finite, "[JOINT=]DEG", "degrees, as DEG or JOINT=DEG, such as knee=30"),
+    "export.joint_names": Parsed(
+        lambda text: [each.strip() for each in text.split(",")], "A,B,C", "A,B,C"
+    ),
+    "export.zero_tick": TICKS,
+    "replay.urdf_joints": by_joint(str, "JOINT=NAME", "JOINT=NAME, such as Rotation=shoulder_pan"),
+}
 """Types of settings that do not follow from the types of their values."""
 
 UNITS_OF_OPTIONS = {
@@ -190,12 +177,6 @@ UNITS_OF_OPTIONS = {
     "cm": "centimetres",
 }
 """Units that end the name of an option, such as --rate-hz."""
-
-INPUT = Place("file", use="read")
-OUTPUT = Place("file", _check_file, use="written")
-FOLDER = Place("dir", check_folder, use="written")
-OUTPUT_OR_FOLDER = Place("file", use="written")  # checked once the format is known
-REWRITTEN = Place("file", use=None)
 
 
 def option(names: str, about: str, kind: Any = None, **more: Any) -> Callable[[Command], Command]:
@@ -229,8 +210,7 @@ def positive(
     unit = unit or name.rpartition("-")[2]
 
     def parse(text: str) -> float:
-        number = finite(text)
-        if number <= 0.0:
+        if not (number := finite(text)) > 0.0:
             raise ValueError
         return number
 
@@ -352,31 +332,30 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
     spaces between them: ``"plan: method cyclic"``; a table alone has all of them. An argument
     ``path`` of the command is the file of the path. A help in ``helps`` takes the place of a
     setting's own, by the last part of its key, or by the key with underscores.
-
-    Raises:
-        ValueError: A key that is no setting, or has no option, named as in a run file.
     """
     keys = list[str]()
     for table, colon, names in (group.partition(":") for group in groups):
         of_table = [key for key in SETTINGS if key.rpartition(".")[0] == table]
         keys += [f"{table}.{name}" for name in names.split()] if colon else of_table
-    if unknown := [key for key in keys if key not in SETTINGS]:
-        raise ValueError(f"got {', '.join(unknown)}, expected keys of a run file with an option")
     whole = ReplayRun if any(key.startswith("replay.") for key in keys) else Run
 
     def decorate(command: Command) -> Command:
         @wraps(command)
         def with_settings(**arguments: Any) -> Any:
-            values = {key: arguments.pop(_parameter(key)) for key in keys}
             content: dict[str, Any] = {}
             if arguments.get("path") is not None:
                 content["path"] = {"file": arguments["path"]}
-            for key, value in values.items():
-                if value not in (None, ()):
+            for key in keys:
+                if (value := arguments.pop(_parameter(key))) not in (None, ()):
                     put(content, key, value)
             if "export" in content:
                 content["export"] = [{"file": "rows", **content["export"]}]
-            return command(run=whole.of(content, standard_input=True), **arguments)
+            try:
+                return command(run=whole.of(content, standard_input=True), **arguments)
+            except BadSetting as error:
+                raise click.UsageError(f"{in_options(error.args[0])}.") from error
+            except FailedCheck as error:
+                raise click.ClickException(in_options(error.args[0])) from error
 
         decorators = []
         for key in keys:
@@ -395,48 +374,27 @@ def _parameter(key: str) -> str:
     return key.replace(".", "_")
 
 
-def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command], Command]:
-    """A setting as an option of click, with the command's own help text if it has one."""
-    attributes = dict(declared.click)
-    own = attributes.pop("option_help", "")
-    default, kind = None if declared.required else declared.default, _type_of(key, declared)
-    first, slash, second = declared.option.partition("/")
-    default_text = declared.otherwise.strip('"')
-    if declared.kind.type is bool and (default is not None or not slash):
-        default_text = (first if default else second).strip("-") if slash else ""
-    elif default not in (None, (), {}):
-        default_text = default_text or str(default)
-    is_list = kind is LIST or "nargs" in attributes
-    several_times = declared.kind.origin is dict or (declared.kind.origin is tuple and not is_list)
-    text = of_command or own or declared.help
-    if several_times and not declared.by_joint and not (of_command or own):
-        text = f"{text.removesuffix('.')}. Repeat the option for several."
-    if default_text and not own and "[default: " not in text:
-        text += f"  [default: {default_text}]"
-    if kind is bool:
+def _option(key: str, declared: Declared, about: str) -> Callable[[Command], Command]:
+    """A setting as an option of click, with the help of the command if it has one."""
+    kind, attributes, own_type = declared.kind, dict(declared.click), TYPES.get(key)
+    is_list = kind.origin is tuple and own_type is None and "nargs" not in attributes
+    attributes["multiple"] = is_list or kind.origin is dict or bool(declared.by_joint)
+    text = about or declared.help
+    if kind.expected.startswith("one of") and own_type and not about:
+        text += f" {kind.expected.capitalize()}."
+    if attributes["multiple"] and not declared.by_joint and not about:
+        text += " Repeat the option for several."
+    default = declared.default_in_words.strip('"[]{}')
+    if default and "  [" not in text and (kind.type is not bool or "/" in declared.option):
+        text += f"  [default: {default}]"
+    if kind.type is bool:
         attributes["default"] = None
-    elif not isinstance(kind, Parsed) and declared.kind.form:
-        attributes["metavar"] = declared.kind.form
-    if several_times or declared.by_joint:
-        attributes["multiple"] = True
-    names = f"{declared.option} {_parameter(key)}"
-    return option(names, text, kind, required=declared.required, **attributes)
-
-
-def _type_of(key: str, declared: Declared) -> Any:
-    """The type of an option, by that of its setting."""
-    if key in TYPES:
-        return TYPES[key]
-    base, origin, inner = declared.kind.type, declared.kind.origin, declared.kind.inner
-    if declared.by_joint:
-        return {int: TICKS, float: ANGLES}.get(base, SPANS)
-    if origin is dict:
-        return POSE if inner[1].type is float else NAMES
-    if origin is tuple:
-        return float if "nargs" in declared.click else str
-    if SOURCE in declared.kind.notes:
-        return INPUT
-    return click.Choice(inner) if origin is Literal else base
+    elif own_type is None and kind.form:
+        attributes["metavar"] = kind.form
+    of_kind = {tuple: str if is_list else float, Literal: click.Choice(kind.inner)}
+    click_type = INPUT if SOURCE in kind.notes else of_kind.get(kind.origin, kind.type)
+    names, required = f"{declared.option} {_parameter(key)}", declared.default is ...
+    return option(names, text, own_type or click_type, required=required, **attributes)
 
 
 def check_parallel(workers: int | None, scheduler: str | None) -> None:
@@ -487,15 +445,10 @@ def by_argument() -> dict[str, str]:
 
 def put(content: dict[str, Any], key: str, value: Any) -> None:
     """Put the value of an option at its place in the content of a run file."""
-    if key == "leg.name" and value not in LEG_NAMES:
-        key = "leg.urdf"
-    if key == "leg.urdf" and "urdf" in content.get("leg", {}):
-        raise click.UsageError("--leg and --urdf name a file each: leave one out.")
     *place, name = key.split(".")
-    table = content
+    table, declared = content, SETTINGS[key]
     for part in place:
         table = table.setdefault(part, {})
-    declared = SETTINGS[key]
     if declared.by_joint:
         for joint, each in value:
             if joint:
@@ -505,10 +458,8 @@ def put(content: dict[str, Any], key: str, value: Any) -> None:
     elif key == "leg.lock":
         for joint, (unit, position) in value:
             table.setdefault(unit, {})[joint] = position
-    elif declared.kind.origin is dict:
-        table[name] = dict(value)
     else:
-        table[name] = list(value) if isinstance(value, tuple) else value
+        table[name] = dict(value) if declared.kind.origin is dict else value
 
 
 def to_log_options(choices: Mapping[str, Any]) -> LogOptions:

@@ -40,11 +40,9 @@ def prepare(run: settings.Run) -> Desired:
     """Load the inputs that the settings name; refuse settings that the method cannot plan for."""
     desired = desired_of(run)
     plan_settings, method = run.plan, marked("plan.method", run.plan.method)
-    ignored = [f"plan.{name}" for name in plan_settings.without_effect(plan_settings.method)]
+    plan_settings.check_effect("plan", "method")
     if plan_settings.method in ("closed-form", "foot-optimal") and run.start.keys_set:
-        ignored.append("start.deg")
-    for name in ignored:
-        raise BadSetting(f"‹{name}› has no effect with {method}")
+        raise BadSetting(f"‹start.deg› has no effect with {method}")
     if plan_settings.method == "foot-optimal" and desired.foot is None:
         moved = {joint for leg in desired.legs.values() for joint in leg.joint_names}
         if moved != set(desired.names):
@@ -238,7 +236,7 @@ def notes_of(desired: Desired) -> list[str]:
 def inputs_of(desired: Desired) -> list[tuple[str, str]]:
     """The files that the settings name: role and path of each."""
     run = desired.settings
-    named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
+    named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.description)]
     return files_of((role, run.place(name)) for role, name in named if name)
 
 

@@ -17,6 +17,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
+import click
 import numpy as np
 
 from planner.cli import options
@@ -79,7 +80,7 @@ class Space:
         values = dict(pairs)
         if values.keys() != self.values.keys():
             got, expected = ", ".join(values) or "nothing", ", ".join(self.values)
-            raise BadSetting(f"--at: got {got}, expected a value for each of {expected}")
+            raise click.UsageError(f"--at: got {got}, expected a value for each of {expected}.")
         return self.point(values[name] for name in self.values)
 
     def content(self, point: Point) -> dict[str, Any]:
@@ -121,7 +122,7 @@ class Space:
     def inputs(self) -> dict[str, Any]:
         """The inputs of all outcomes, beside the point."""
         run = self.settings
-        files = [run.model.file, run.path.file, run.leg.urdf]
+        files = [run.model.file, run.path.file, run.leg.description]
         places = [Path(run.place(name)) for name in files if name]
         return {
             "command": "sweep",
@@ -178,8 +179,7 @@ def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
     if not by_name:
         words = f"is empty, expected values of one or more of {', '.join(every)}"
         raise BadSetting(f"‹sweep.parameters›: {words}")
-    for name in search.without_effect(search.method):
-        raise BadSetting(f"‹sweep.{name}› has no effect with {method}")
+    search.check_effect("sweep", "method")
     for name, values in by_name.items():
         key, table = f"‹sweep.parameters.{name}›", SWEPT[name].partition(".")[0]
         of = {"path": "a file" if name == "speed" else "a gait"}.get(table, path)

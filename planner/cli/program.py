@@ -19,8 +19,6 @@ import click
 
 from planner._version import __version__
 from planner.cli.console import (
-    BadSetting,
-    FailedCheck,
     add_verbosity,
     advised,
     coloured,
@@ -131,16 +129,6 @@ class Commands(click.Group):
         except BrokenPipeError as error:
             _discard(sys.stdout)
             raise click.exceptions.Exit(141) from error  # 128 + SIGPIPE, as shells have it
-        except (BadSetting, FailedCheck) as error:
-            from planner.cli.options import in_options  # with the settings, for messages only
-
-            message = in_options(error.args[0])
-            if isinstance(error, FailedCheck):
-                raise click.ClickException(message) from error
-            command = self.get_command(ctx, ctx.invoked_subcommand or "")
-            assert command is not None, "a command has raised this"
-            inner = click.Context(command, parent=ctx, info_name=ctx.invoked_subcommand)
-            raise click.UsageError(f"{message}.", inner) from error
 
     def main(
         self,

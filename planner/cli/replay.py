@@ -46,12 +46,13 @@ NORM = "the plan's norm, or with --fastest the largest error"
     name="A leg or arm of your robot, with --base and --foot, whose joints are recorded; or a "
     "shipped leg.",
     file="Joint models as TOML, by the names of the recording's joints; 'from-log' identifies them "
-    "from the recording itself.",
-    load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics; without "
-    "it that of the logs counts.",
+    "from the recording itself.  [required]",
+    load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics.  "
+    "[default: that of the logs]",
     deg=TOLERANCE.format("any joint", NORM),
     cm=TOLERANCE.format("the foot", NORM),
-    limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.",
+    limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.  "
+    "[default: none]",
 )
 @options.recording_options
 @options.output_or_folder

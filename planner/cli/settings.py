@@ -1,7 +1,7 @@
 """All settings of a plan, its outputs and a sweep: type, unit, range, default and meaning."""
 
 import math
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from planner.cli.declared import (
     Count,
@@ -19,6 +19,7 @@ from planner.cli.declared import (
     setting,
     within,
 )
+from planner.exceptions import nearest
 
 FROM_LOG = "from-log"
 """The models that `replay` identifies from the recordings themselves."""
@@ -40,11 +41,17 @@ Length = Annotated[float, within(gt=0.0, le=2.0, words="a number above 0, up to 
 Share = Annotated[float, within(ge=0.0, le=1.0, words="a number from 0 to 1, 0.05 for 5 %")]
 Samples = Annotated[int, within(ge=4, le=10**6)]
 
-ShippedLeg = Literal["reference", "front-left", "front-right", "hind-left", "hind-right"]
-
-LEG_NAMES = get_args(ShippedLeg)
+LEG_NAMES = ("reference", "front-left", "front-right", "hind-left", "hind-right")
 """The legs that need no description."""
 
+
+def _is_leg(name: str) -> str:
+    if not (name in LEG_NAMES or name.lower().endswith((".urdf", ".xml")) or "/" in name):
+        raise ValueError(nearest(name, LEG_NAMES))
+    return name
+
+
+LegName = Annotated[Text, Expected(f"one of {', '.join(LEG_NAMES)}, or a .urdf file", _is_leg)]
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
 ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
@@ -53,26 +60,24 @@ ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
 class Leg(Settings):
     """The leg that follows a foot path; with a path of joints it gives their limits."""
 
-    name: ShippedLeg | None = setting(
-        "A shipped leg: paths are in the body's frame, for 'reference' in the hip's.",
+    name: LegName | None = setting(
+        "A shipped leg, or the URDF of your own robot, with base and foot. Positions are in the "
+        "base's frame: of a shipped leg the body's, and for 'reference' the hip's.",
         example="front-left",
         set_to="reference",
         option="--leg",
-        option_help="A leg of your own robot, with --base and --foot; or a shipped one: "
-        f"{', '.join(LEG_NAMES)}. Positions are in the base's frame: the body's, and for "
-        "'reference' the hip's.",
     )
     urdf: Source | None = option(
-        "The description of your own robot, in place of a shipped leg.", example="robot.urdf"
+        "The URDF of your own robot, where name is not set.", example="robot.urdf"
     )
     base: Frame | None = option(
         "With a URDF: the frame of the foot positions.", example="base_link"
     )
     foot: Frame | None = option("With a URDF: the frame of the foot.", example="lf_foot")
     lock: Angles | None = option(
-        "With a URDF: joints to hold, and where [deg], so that three remain.",
+        "With a URDF: joints to hold, and where [deg], so that three remain; with --lock "
+        "slide=0.1m is one that slides.",
         example={"wrist": -90.0},
-        option_help="With a URDF: hold a joint, so that three remain; JOINT=0.1m one that slides.",
     )
     lock_m: Annotated[dict[str, float] | None, Expected("a table of positions by joint")] = setting(
         "With a URDF: the same for joints that slide [m].", example={"slide": 0.1}
@@ -88,6 +93,11 @@ class Leg(Settings):
         set_to="clamp",
     )
 
+    @property
+    def description(self) -> str | None:
+        """The URDF of your own robot; None of a shipped leg."""
+        return self.urdf or (None if self.name in LEG_NAMES else self.name)
+
 
 class Model(Settings):
     """How the joints answer."""
@@ -97,8 +107,6 @@ class Model(Settings):
         f"'{FROM_URDF}' assumes the same servos with the top speeds of the leg's description.",
         default=SHIPPED_MODEL,
         option="--model",
-        option_help="Joint models as TOML; 'ers210a', the paper's Table 1; or 'urdf', the same "
-        "servos with the top speeds of the leg's URDF.  [default: ers210a]",
     )
 
 
@@ -231,7 +239,6 @@ class Plan(Settings):
         implied=[1.0, 1.0, 1.0],
         nargs=3,
         metavar="X Y Z",
-        option_help="Method foot-optimal: weight of each axis.  [default: 1 1 1]",
     )
     segments: Count | None = option(
         "Method closed-form: lines of the approximation.",
@@ -252,13 +259,11 @@ class Limits(Settings):
     """Ranges of the requests; those of the leg hold where there are none."""
 
     deg: Span | None = setting(
-        "Smallest and largest request of every joint [deg].",
+        "Smallest and largest request of every joint [deg], or of one.",
         otherwise="those of the leg, if there is one",
         example=[-120.0, 150.0],
         option="--limits-deg",
         by_joint="joints",
-        option_help="Range of the requests [deg], of all joints or one; by default that of the "
-        "leg.",
     )
     joints: dict[str, Span] = setting(
         "The same for single joints [deg], which overrule it.", example=[-27.0, 147.0]
@@ -288,20 +293,18 @@ TOLERANCE = (
 
 
 class Tolerance(Settings):
-    """Errors to accept; a plan that misses them is written, and the exit status is 1."""
+    """Errors to accept."""
 
     deg: Positive | None = setting(
-        "Error of any joint to accept [deg], in the plan's norm; not with method foot-optimal.",
+        TOLERANCE.format("any joint [deg]", "the plan's norm"),
         example=10.0,
         option="--tolerance-deg",
-        option_help=TOLERANCE.format("any joint", "the plan's norm"),
     )
     cm: Positive | None = setting(
-        "Error of the foot to accept [cm], in the plan's norm.",
+        TOLERANCE.format("the foot [cm]", "the plan's norm"),
         example=1.0,
         set_to=1.0,
         option="--tolerance-cm",
-        option_help=TOLERANCE.format("the foot", "the plan's norm"),
     )
 
 

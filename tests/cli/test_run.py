@@ -180,7 +180,7 @@ def markdown(cls) -> str:
             lines += ["", "| key | expected | default | what it is for |", "|---|---|---|---|"]
         for name, key in table.keys.items():
             given = key.otherwise or ("" if key.default is None else toml_value(key.default))
-            default = "must be there" if key.required else cell(given) or "–"
+            default = "must be there" if key.default is ... else cell(given) or "–"
             lines.append(f"| `{name}` | {cell(key.kind.expected)} | {default} | {cell(key.help)} |")
         if table.free:
             lines += ["", f"Any joint of the path, set to {table.free.kind.inner[1].expected}."]
