@@ -23,6 +23,7 @@ from planner.files.paths import (
     is_foot_path,
     joint_path,
     path_table,
+    read_joint_path,
     write_joint_path,
 )
 from planner.files.text import STANDARD_STREAM
@@ -194,10 +195,7 @@ def _path_of(run: settings.Run) -> tuple[SampledPath, Leg | None, bool]:
 
 def load_joints(file: str, run: settings.Run) -> Desired:
     """Read a joint path whose rate is that of the models."""
-    table = path_table(file)
-    if is_foot_path(table):
-        raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
-    path = joint_path(table, joints=run.path.joints)
+    path = read_joint_path(file, joints=run.path.joints)
     models = models_of(run, path.names, units=path.units)
     path.check_period(models[0].period)
     cyclic, remarks = repeats(path.values, run.plan.cyclic)

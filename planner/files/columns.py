@@ -181,7 +181,7 @@ def with_unit(
     beyond = np.argwhere(~(np.abs(values) <= LARGEST))
     if beyond.size:
         k, j = beyond[0]
-        cell = table.rows[k][table.place(columns[j])].strip()
+        cell = table.cells(columns[j])[k]
         raise table.fault(
             f"column '{columns[j]}': got {cell}, expected at most {LARGEST / factors[j]:g} either "
             "way; check the unit",
@@ -272,10 +272,10 @@ def read_clock(
     # times beyond eleven days count from the epoch: float64 would lose microseconds of them
     if not len(finite) or abs(numbers[finite[0]]) * seconds <= 1e6:
         return numbers * seconds, note
-    place = table.place(column)
+    cells = table.cells(column)
     with localcontext() as context:
         context.prec = 60
-        exact = [Decimal(table.rows[k][place].strip()) for k in finite.tolist()]
+        exact = [Decimal(cells[k]) for k in finite.tolist()]
         since = numbers.copy()
         since[finite] = [float(time - exact[0]) for time in exact]
     return since * seconds, f"{note}, shifted to start at 0"
@@ -294,16 +294,15 @@ def check_increasing(times: Array, fault: Callable[[str, int], InvalidFile]) -> 
 
 def clock_unit(table: Table, column: str) -> str | None:
     """The unit of a column of times; "" of dates, None where neither name nor cells say it."""
-    unit, place = split_name(column, TIME_NAMES)[1], table.place(column)
-    if unit is None and any(_date(row[place]) for row in table.rows):
+    unit = split_name(column, TIME_NAMES)[1]
+    if unit is None and any(map(_date, table.cells(column))):
         return ""
     return unit or TIME_NAMES.get(column.lower())
 
 
 def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
     """Times [s] since the first of a column of ISO 8601 dates and times, shape (n,), or None."""
-    place, absent = table.place(column), ("", "nan", "nat")
-    cells = [row[place].strip() for row in table.rows]
+    cells, absent = table.cells(column), ("", "nan", "nat")
     first = _date(next((cell for cell in cells if cell.lower() not in absent), ""))
     if first is None:
         return None
@@ -325,7 +324,7 @@ def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
 def _date(cell: str) -> datetime | None:
     """The date and time that a cell holds; None for numbers and other text."""
     try:
-        return datetime.fromisoformat(cell.strip()) if "-" in cell and ":" in cell else None
+        return datetime.fromisoformat(cell) if "-" in cell and ":" in cell else None
     except ValueError:
         return None
 

@@ -143,7 +143,7 @@ def _of_a_path(table: Table, joints: Sequence[str]) -> Table:
         joint = pair.joint or (joints[0] if len(joints) == 1 else "")
         parts = split_unit(pair.actual[0], JOINT_UNITS) if len(pair.actual) == 1 else None
         if pair.requested and joint in joints and parts and f"{joint}_{parts[1]}" not in names:
-            names[table.place(pair.actual[0])] = f"{joint}_{parts[1]}"
+            names[names.index(pair.actual[0])] = f"{joint}_{parts[1]}"
     return replace(table, names=tuple(names))
 
 

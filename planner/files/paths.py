@@ -129,21 +129,14 @@ class SampledPath:
             )
 
 
+def path_table(path: Path | str) -> Table:
+    """Read a table of at most as many rows as a path may have samples; see :func:`.read_table`."""
+    return read_table(path, most_rows=MOST_SAMPLES)
+
+
 def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> SampledPath:
     """Read a joint path from CSV, or from standard input for ``-``: the named joints, or all."""
     return joint_path(path_table(path), joints=joints)
-
-
-def path_table(path: Path | str) -> Table:
-    """Read a table of at most as many rows as a path may have samples; see :func:`.read_table`."""
-    table = read_table(path)
-    if len(table.rows) > MOST_SAMPLES:
-        raise InvalidFile(
-            path,
-            f"more than {MOST_SAMPLES} rows, expected at most so many samples; split the file, or "
-            "take fewer samples a second",
-        )
-    return table
 
 
 def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> SampledPath:
@@ -229,13 +222,8 @@ def is_foot_path(table: Table) -> bool:
     return any(part is not None and part[0] in AXES for part in parts)
 
 
-def read_foot_path(path: Path | str) -> SampledPath:
-    """Read a foot path from CSV, or from standard input for ``-``."""
-    return foot_path(path_table(path))
-
-
 def foot_path(table: Table, *, even: bool = True) -> SampledPath:
-    """Parse a table as a foot path; see :func:`read_foot_path` and :func:`joint_path`."""
+    """Parse a table as a foot path, whose times must be evenly spaced if ``even``."""
     columns = pick(table, AXES, LENGTHS, advice="rename the column, or add it")
     _, units, positions = with_unit(table, columns, LENGTHS)
     return SampledPath(str(table.path), AXES, units, positions, read_times(table, even=even))

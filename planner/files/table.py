@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 from planner.exceptions import InvalidFile, nearest
 from planner.files.text import read_text, write_text
 from planner.trajectory import Array
+from planner.validation import freeze
 
 MOST_COLUMNS = 10_000
 """Columns of a table: a robot that records everything has some thousands."""
@@ -68,41 +70,34 @@ class Table(Source):
     names: tuple[str, ...]
     rows: Sequence[Sequence[str]]
 
-    def numbers(self, names: Sequence[str], *, missing: bool = False) -> Array:
-        """The columns as finite numbers, (n, len(names)), read-only; ``missing`` ones are NaN."""
-        places = [self.place(name) for name in names]
-        values = np.empty((len(self.rows), len(names)))
-        for k, row in enumerate(self.rows):
-            for j, place in enumerate(places):
-                cell = row[place]
-                if missing and cell.strip().lower() in ("", "nan"):
-                    values[k, j] = math.nan
-                    continue
-                try:
-                    number = float(cell) if cell.isascii() and "_" not in cell else math.nan
-                except ValueError:
-                    number = math.nan
-                if not math.isfinite(number):
-                    content = f"'{_shortened(cell)}'" if cell.strip() else "nothing"
-                    raise self.fault(
-                        f"column '{names[j]}': got {content}, expected a finite number; "
-                        "remove or interpolate the sample",
-                        k,
-                    )
-                values[k, j] = number
-        values.setflags(write=False)
-        return values
-
-    def place(self, name: str) -> int:
-        """Place of the named column."""
+    def cells(self, name: str) -> list[str]:
+        """The cells of the named column, without spaces around them."""
         if name not in self.names:
             raise self.fault(
                 f"no column '{name}'{nearest(name, self.names)}; columns: {', '.join(self.names)}"
             )
-        return self.names.index(name)
+        place = self.names.index(name)
+        return [row[place].strip() for row in self.rows]
+
+    def numbers(self, names: Sequence[str], *, missing: bool = False) -> Array:
+        """The columns as finite numbers, (n, len(names)), read-only; ``missing`` ones are NaN."""
+        values = np.empty((len(self.rows), len(names)))
+        for j, name in enumerate(names):
+            cells = self.cells(name)
+            values[:, j] = [_number(cell) for cell in cells]
+            for k in np.flatnonzero(~np.isfinite(values[:, j])).tolist():
+                if not (missing and cells[k].lower() in ("", "nan")):
+                    content = f"'{_shortened(cells[k])}'" if cells[k] else "nothing"
+                    raise self.fault(
+                        f"column '{name}': got {content}, expected a finite number; "
+                        "remove or interpolate the sample",
+                        k,
+                    )
+        freeze(values)
+        return values
 
 
-def read_table(path: Path | str) -> Table:
+def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
     Lines that begin with ``#`` are comments; where numbers follow at once, the last of these
@@ -110,51 +105,57 @@ def read_table(path: Path | str) -> Table:
     :data:`DELIMITERS` in the header, is the delimiter. Where it is not a comma, numbers may have
     decimal commas.
     """
-    text = read_text(path)
-    declaration = re.match(r"sep=([,;\t])\r?\n", text)  # as spreadsheets write it
-    text = _without_comments(text, declaration.end() if declaration else 0)
-    first = text.lstrip().partition("\n")[0]
-    delimiter = declaration[1] if declaration else max(DELIMITERS, key=first.count)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
-    names: tuple[str, ...] = ()
-    rows: list[tuple[str, ...]] = []
-    lines: list[int] = []
+    stream = io.StringIO(read_text(path), newline="")
+    declared, title, line, text = "", "", 0, ""
+    for line, text in enumerate(stream, 1):
+        if line == 1 and re.fullmatch(r"sep=[,;\t]\s*", text):  # as spreadsheets write it
+            declared = text[4]
+        elif text.lstrip().startswith("#"):
+            title = text.strip()
+        elif text.strip():
+            break
+    else:
+        raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
+    title = title if title[1:2] in DELIMITERS else title[1:].strip()
+    delimiter = declared or max(DELIMITERS, key=title.count)
+    cells = [_number(_with_point(cell)) for cell in text.split(delimiter)]
+    above = []
+    if len(cells) == len(title.split(delimiter)) and not all(map(math.isnan, cells)):
+        above = [title]  # as long as the row of numbers
+    else:
+        delimiter = declared or max(DELIMITERS, key=text.count)
+    reader = csv.reader(chain(above, [text], stream), delimiter=delimiter, strict=True)
+    start, rows, lines = line - 1 - len(above), list[tuple[str, ...]](), list[int]()
     try:
-        for cells in reader:
-            if not _is_row(cells) or (declaration and reader.line_num == 1):
+        names = _names_in(path, next(filter(_is_row, reader), [""]), start + reader.line_num)
+        most = min(most_rows, MOST_CELLS // len(names))
+        for row in filter(_is_row, reader):
+            line = start + reader.line_num
+            if row[0].lstrip().startswith("#"):
                 continue
-            if not names:
-                titles = [cell.strip() for cell in cells]
-                titles = [  # as csv_text wrote them
-                    each[1:] if each.startswith("'") and _is_formula(each) else each
-                    for each in titles
-                ]
-                names = _checked_names(path, titles, reader.line_num)
-                continue
-            if cells[0].lstrip().startswith("#"):
-                continue
-            if len(cells) != len(names):
-                line = reader.line_num
-                cut = len(cells) < len(names) and not any(map(_is_row, reader))
+            if len(row) != len(names):
+                cut = len(row) < len(names) and not any(map(_is_row, reader))
                 advice = "is the file cut short?" if cut else "mend the row or its commas"
                 raise InvalidFile(
                     path,
-                    f"got {len(cells)} {'cell' if len(cells) == 1 else 'cells'}, expected "
+                    f"got {len(row)} {'cell' if len(row) == 1 else 'cells'}, expected "
                     f"{len(names)} ({_shortened(', '.join(names))}); {advice}",
                     line=line,
                 )
-            rows.append(tuple(cells) if delimiter == "," else tuple(map(_with_point, cells)))
-            lines.append(reader.line_num)
-            if len(rows) * len(names) > MOST_CELLS:
+            rows.append(tuple(row) if delimiter == "," else tuple(map(_with_point, row)))
+            lines.append(line)
+            if len(rows) > most:
                 raise InvalidFile(
-                    path, f"more than {MOST_CELLS} cells; split the file, or leave columns out"
+                    path,
+                    f"more than {most} rows of {len(names)} columns; split the file, leave columns "
+                    "out, or take fewer samples a second",
                 )
     except csv.Error as error:
         raise InvalidFile(
-            path, f"not CSV ({error}); expected comma-separated numbers", line=reader.line_num
+            path,
+            f"not CSV ({error}); expected comma-separated numbers",
+            line=start + reader.line_num,
         ) from error
-    if not names:
-        raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
     if len(rows) < 2:
         raise InvalidFile(
             path,
@@ -162,25 +163,6 @@ def read_table(path: Path | str) -> Table:
             "the whole motion",
         )
     return Table(path=str(path), lines=lines, names=names, rows=rows)
-
-
-def _without_comments(text: str, start: int) -> str:
-    """The text with the comments above its header as empty lines: lines keep their number."""
-    comments = re.compile(r"(?:[ \t]*(?:#[^\n]*)?\n)+").match(text, start)
-    if comments is None or "#" not in comments[0]:
-        return text
-    rest = text[comments.end() :]
-    lines = comments[0].split("\n")[:-1]
-    last = max(k for k, line in enumerate(lines) if line.strip())
-    header = lines[last].strip()
-    blank = [""] * (len(lines) + 1)
-    following = rest.partition("\n")[0]
-    delimiter = max(DELIMITERS, key=following.count)
-    cells = following.split(delimiter)
-    numeric = any(_is_number(_with_point(cell)) for cell in cells)
-    if numeric and len(cells) == len(header.split(delimiter)):  # a row as long as the header
-        blank[last] = header[1:].strip() if header[1:2] not in DELIMITERS else header
-    return text[:start] + "\n".join(blank) + rest
 
 
 def write_table(path: Path | str, names: Sequence[str], values: Array) -> None:
@@ -215,7 +197,10 @@ def _is_row(cells: Sequence[str]) -> bool:
     return len(cells) > 1 or any(cell.strip() for cell in cells)
 
 
-def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, ...]:
+def _names_in(path: Path | str, titles: Sequence[str], line: int) -> tuple[str, ...]:
+    """The names in a header, as they were before :func:`csv_text` wrote them."""
+    names = [cell.strip() for cell in titles]
+    names = [each[1:] if each.startswith("'") and _is_formula(each) else each for each in names]
     (name, count), problem = Counter(names).most_common(1)[0], ""
     if len(names) > MOST_COLUMNS:
         problem = (
@@ -223,7 +208,7 @@ def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, 
         )
     elif "" in names:
         problem = f"column {names.index('') + 1} has no name; name or remove it"
-    elif all(map(_is_number, names)):
+    elif not any(map(math.isnan, map(_number, names))):
         problem = (
             f"the first line holds numbers ({_shortened(','.join(names))}), expected names; "
             "put a line of column names above them"
@@ -239,12 +224,12 @@ def _with_point(cell: str) -> str:
     return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
 
 
-def _is_number(cell: str) -> bool:
+def _number(cell: str) -> float:
+    """The number in a cell; NaN where there is none."""
     try:
-        float(cell)
+        return float(cell) if cell.isascii() and "_" not in cell else math.nan
     except ValueError:
-        return False
-    return True
+        return math.nan
 
 
 def _shortened(text: str) -> str:

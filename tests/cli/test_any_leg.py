@@ -11,7 +11,7 @@ import pytest
 from kinematics import urdf_path
 from planner.cli import settings
 from planner.cli.desired import find_leg
-from planner.files.paths import read_foot_path, read_joint_path
+from planner.files.paths import foot_path, path_table, read_joint_path
 from tests.docs.blocks import ROOT
 from tests.docs.shell import commands
 
@@ -65,7 +65,7 @@ def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     millimetres = 10.0 * float(re.search(r"foot: ([\d.]+) cm rms", planned.stderr)[1])
     assert millimetres < 1.2  # an encoder's step in each joint moves the largest foot as far
     requests = read_joint_path(tmp_path / f"{name}_requests.csv")
-    assert requests.values.shape == (len(read_foot_path(tmp_path / f"{name}.csv").values), 3)
+    assert requests.values.shape == (len(foot_path(path_table(tmp_path / f"{name}.csv")).values), 3)
     page = (tmp_path / f"{name}.html").read_text()
     assert "By the model the foot stays within" in page
     assert all(joint in page for joint in requests.names)

@@ -23,7 +23,7 @@ from planner.exceptions import (
     PlannerError,
     SolverFailed,
 )
-from planner.files.paths import read_foot_path, read_joint_path, write_joint_path
+from planner.files.paths import foot_path, path_table, read_joint_path, write_joint_path
 from planner.report import scene as report
 from tests.cli.test_servos import ARM
 
@@ -248,7 +248,7 @@ def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
         for j in range(3):
             answer = planner.simulate(planner.JointModel.ers210a(), sent[:, j])
             assert np.max(np.abs(motion.angles[:, j] - answer)) <= SAME
-    assert np.max(np.abs(desired.foot - read_foot_path(foot).values)) <= SAME
+    assert np.max(np.abs(desired.foot - foot_path(path_table(foot)).values)) <= SAME
     assert np.max(np.abs(same.angles - planned.angles)) <= SAME
     assert np.max(np.abs(other.angles - planned.angles)) > 1e-3
 

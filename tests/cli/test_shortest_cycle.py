@@ -7,7 +7,7 @@ import json
 import pytest
 
 from planner import JointModel
-from planner.files.paths import read_foot_path
+from planner.files.paths import foot_path, path_table
 from planner.gait import stride
 from planner.model.evidence import OPEN_TOP_SPEED, Evidence
 
@@ -48,7 +48,7 @@ def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
     asked = ("--leg", "front-left", "--model", "joint.toml", "--method", "foot-optimal")
     plan = json.loads(run("plan", "foot.csv", *asked, "--norm", "max", "--json").stdout)
     document = json.loads(fastest(TESTED, None, "--json").stdout)
-    found, count = document["fastest"], len(read_foot_path("foot.csv").values)
+    found, count = document["fastest"], len(foot_path(path_table("foot.csv")).values)
     assert plan["foot"]["max_cm"] == pytest.approx(found.pop("max_cm"), rel=1e-3)
     assert plan["foot"]["max_cm"] < 0.2
     whole = json.loads(run(*walk(), "--json").stdout)["stride"]

@@ -21,7 +21,7 @@ from planner.files.paths import (
     foot_path,
     is_foot_path,
     joint_path,
-    read_foot_path,
+    path_table,
     read_joint_path,
     resampled,
     write_curve,
@@ -59,7 +59,7 @@ def test_paths_name_units_as_logs_do(tmp_path):
     assert (path.names, path.units) == (("knee", "hip"), ("deg", "deg"))
     np.testing.assert_allclose(path.values[0], [math.pi / 2.0, math.pi / 4.0])
     (tmp_path / "foot.csv").write_text("x (mm),y_mm,z_mm\n1000,0,0\n0,0,-1000\n")
-    assert read_foot_path(tmp_path / "foot.csv").values[0, 0] == 1.0
+    assert foot_path(path_table(tmp_path / "foot.csv")).values[0, 0] == 1.0
 
 
 @pytest.mark.parametrize("columns", ["requested_deg,actual_deg", "goal_hip_deg,present_hip_deg"])
@@ -174,7 +174,7 @@ def test_a_written_joint_path_is_read_back(tmp_path_factory, angles):
 def test_a_written_foot_path_is_read_back(tmp_path_factory, positions):
     file = tmp_path_factory.mktemp("paths") / "foot.csv"
     write_foot_path(file, positions, period=0.008)
-    path = read_foot_path(file)
+    path = foot_path(path_table(file))
     assert path.times == pytest.approx(0.008 * np.arange(len(positions)), abs=WRITTEN)
     assert np.max(np.abs(path.values - positions)) <= WRITTEN
 
@@ -326,7 +326,7 @@ def test_every_bad_file_says_what_is_wrong(tmp_path, snapshot):
     said = []
     for kind, read, cases in (
         ("joint path", read_joint_path, JOINT_PATHS),
-        ("foot path", read_foot_path, FOOT_PATHS),
+        ("foot path", lambda file: foot_path(path_table(file)), FOOT_PATHS),
         ("model", read_model_file, MODELS),
     ):
         file = tmp_path / "FILE"
@@ -343,8 +343,8 @@ PATH = "t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,4\n"
 
 LIMITS = {
     "columns": ("table.MOST_COLUMNS", 3, "3 columns, expected at most 2; leave out"),
-    "cells": ("table.MOST_CELLS", 6, "more than 5 cells; split the file"),
-    "rows": ("paths.MOST_SAMPLES", 2, "more than 1 rows, expected at most so many samples"),
+    "cells": ("table.MOST_CELLS", 6, "more than 1 rows of 3 columns; split the file"),
+    "rows": ("paths.MOST_SAMPLES", 2, "more than 1 rows of 3 columns; split the file"),
     "joints": ("paths.MOST_JOINTS", 2, "2 joints, expected at most 1; choose some with --joint"),
     "characters": ("text.MOST_BYTES", len(PATH), "longer than 0 MiB; is it the right file?"),
     "size": ("columns.LARGEST", math.radians(4.0), "'hip_deg': got 4, expected at most 3.99"),

@@ -15,7 +15,7 @@ from kinematics import KinematicsError, Leg, urdf_path
 from planner import InvalidInput, LogOptions, read_logs
 from planner.cli.run import read_run
 from planner.files.joint_model import read_model_file
-from planner.files.paths import read_foot_path, read_joint_path
+from planner.files.paths import foot_path, path_table, read_joint_path
 from tests.files.logs.bags import START, Kit, only_file, store, write
 from tests.files.logs.datasets import v21
 
@@ -62,7 +62,7 @@ BAM = json.dumps({"entries": [{"timestamp": 0.01 * k, **ENTRY} for k in range(6)
 
 READERS = {
     "joints.csv": (JOINTS.encode(), read_joint_path),
-    "foot.csv": (FOOT.encode(), read_foot_path),
+    "foot.csv": (FOOT.encode(), lambda path: foot_path(path_table(path))),
     "log.csv": (LOG.replace("_deg", "").encode(), _read_logs),
     "log.json": (BAM.encode(), _read_logs),
     "models.toml": (MODELS.encode(), read_model_file),

@@ -194,7 +194,7 @@ def _pairs(table: Table, options: LogOptions) -> list[Pair]:
             f"{other} one; {every}; name it with --{other}"
         )
     for column in named.values():
-        table.place(column)
+        table.cells(column)
     first = next(iter(named.values()))
     _, joint = meaning(first) or ("", "")
     joint = options.joint if options.joint not in (None, ALL_JOINTS) else joint
@@ -261,7 +261,7 @@ def _clock(table: Table, options: LogOptions) -> tuple[str, str | None]:
             raise table.fault(f"time in '{word}' is unknown; expected one of {units}")
         if stem in table.names:
             return stem, TIME_NAMES[word]
-    table.place(name)
+    table.cells(name)
     return name, None
 
 
@@ -277,13 +277,9 @@ def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]
             f"{len(columns)} columns may say whether the torque is on ({', '.join(columns)}); name "
             "one with --torque"
         )
-    place = table.place(columns[0])
-    switch = np.empty(len(table.rows), dtype=bool)
-    for k, row in enumerate(table.rows):
-        cell = row[place].strip().lower()
-        if cell not in SWITCH:
-            raise table.fault(
-                f"column '{columns[0]}': got '{cell[:20]!s}', expected 0, 1, true or false", k
-            )
-        switch[k] = SWITCH[cell]
-    return f", torque from '{columns[0]}'", switch
+    cells = [cell.lower() for cell in table.cells(columns[0])]
+    for k in [k for k, cell in enumerate(cells) if cell not in SWITCH]:
+        raise table.fault(
+            f"column '{columns[0]}': got '{cells[k][:20]}', expected 0, 1, true or false", k
+        )
+    return f", torque from '{columns[0]}'", np.array([SWITCH[cell] for cell in cells])
