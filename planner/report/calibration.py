@@ -190,11 +190,11 @@ def motion_figure(joint: str, compared: Compared, number: int) -> Figure:
     desired = compared.desired
     timeline = Timeline(compared.model.period, len(desired), cyclic=False)
     shown = (compared.recommended.way, "shift")
-    angles, errors = [timeline.degrees(desired, style.DESIRED)], list[Curve]()
+    angles, errors = [timeline.curve(np.degrees(desired), style.DESIRED)], list[Curve]()
     for each in compared.candidates:
         looks, hidden = ROLES[each.way], each.way not in shown
-        angles.append(timeline.degrees(each.angles, looks, hidden=hidden))
-        errors.append(timeline.degrees(each.angles - desired, looks, hidden=hidden))
+        angles.append(timeline.curve(np.degrees(each.angles), looks, hidden=hidden))
+        errors.append(timeline.curve(np.degrees(each.angles - desired), looks, hidden=hidden))
     panels = [
         Panel(Axis("angle", "deg"), tuple(angles), "measured"),
         Panel(Axis("error", "deg"), tuple(errors), "errors"),

@@ -233,7 +233,7 @@ def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
     plans = [(joint.plans[SHOWN], style.CLOSED_FORM), (joint.plans["optimal"], style.OPTIMAL)]
     look = style.INK._replace(label="difference", width=1.3)
     zero = line((0.0, timeline.step * timeline.last), (0.0, 0.0))
-    difference = (zero, timeline.degrees(joint.difference(SHOWN), look, held=True))
+    difference = (zero, timeline.curve(np.degrees(joint.difference(SHOWN)), look, held=True))
     title = "requests, closed form − optimised"
     return figure.joint_figure(
         timeline,
@@ -258,9 +258,12 @@ def foot_figure(check: CrossCheck, foot: FootComparison) -> Figure:
 
 def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
     """The leg as desired, and under the plans."""
-    desired = np.column_stack([joint.desired for joint in check.joints])
-    others = ((role, foot.plans[method].predicted) for method, role in FOOT_ROLES.items())
-    return _timeline_of(check).leg("leg", words_of("comparison_leg"), leg, desired, others)
+    desired = leg.joint_positions(np.column_stack([joint.desired for joint in check.joints]))
+    others = [
+        (role, leg.joint_positions(foot.plans[method].predicted))
+        for method, role in FOOT_ROLES.items()
+    ]
+    return _timeline_of(check).leg("leg", words_of("comparison_leg"), desired, others)
 
 
 def _timeline_of(check: CrossCheck) -> Timeline:

@@ -12,10 +12,10 @@ from planner.recording.replaying import Replay
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, joined
 from planner.report.page import Page
-from planner.report.replay_page import LOG_UNITS, RESENT, SIGNS
+from planner.report.replay_page import RESENT, SIGNS, sizes_of
 from planner.report.table import NOTHING, Column, Row, Table, by_columns, number
 from planner.report.wording import words_of
-from planner.trajectory import Array, error_norm
+from planner.trajectory import Array
 
 MOST_ROWS = 500
 """Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
@@ -145,21 +145,18 @@ def resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def episode_results(replay: Replay) -> dict[str, Any]:
     """The row of a recording in a table of many: the joint with the largest error of its plan."""
-    worst = max(
-        replay.planned,
-        key=lambda each: LOG_UNITS[each.path.unit][1] * error_norm(each.errors["planned"], "rms"),
-    )
-    unit, factor = LOG_UNITS[worst.path.unit]
+    each = [(sizes_of(joint), joint) for joint in replay.planned]
+    sizes, worst = max(each, key=lambda pair: pair[0].errors["planned"].rms)
     return {
         "recording": replay.path.name,
         "requests": len(replay.moments),
         "duration_s": (len(replay.moments) - 1) * replay.period,
         "speed": replay.speed,
         "worst_joint": worst.name,
-        "unit": unit,
-        **{f"{kind}_rms": factor * error_norm(each, "rms") for kind, each in worst.errors.items()},
-        "expected_on_robot_rms": factor * worst.expected,
-        "lower_bound": factor * worst.lower_bound,
+        "unit": sizes.unit,
+        **{f"{kind}_rms": sizes.errors[kind].rms for kind in worst.errors},
+        "expected_on_robot_rms": sizes.expected,
+        "lower_bound": sizes.bound,
         "recorded_requests_may_serve": worst in replay.resent_may_serve,
         "remarks": list(replay.path.remarks),
     }

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -18,7 +18,6 @@ from planner.report.wording import words_of
 from planner.trajectory import Array, rms
 
 if TYPE_CHECKING:
-    from kinematics.leg import Leg
     from planner.planning.plan import Plan
 
 MARGIN = 0.06
@@ -111,52 +110,6 @@ class Panel:
     height: float = 1.0  # height beside that of a usual panel
 
 
-def moving_leg(
-    desired: Array,
-    others: Iterable[tuple[Role, Array]],
-    period: float,
-    *,
-    cyclic: bool,
-    ground: float | None = None,
-    hidden: Collection[str] = (),
-) -> dict[str, Any]:
-    """Data of a moving leg with a time slider; it may stand on the ground [m].
-
-    It moves as desired and in other ways, by role; later ones lie over earlier ones, and some are
-    ``hidden`` at first. Points are the positions of its joints and, last, its foot [m], all of
-    shape (n, joints + 1, 3).
-    """
-    stride = -(-len(desired) // MOST_FRAMES)
-    motions = []
-    for role, points in ((DESIRED, desired), *others):
-        far = np.linalg.norm(points[::stride, -1] - desired[::stride, -1], axis=1)
-        known = role is not DESIRED
-        motions.append(
-            {
-                "name": role.label,
-                "colour": role.colour,
-                "width": role.pixels,
-                "dashes": role.strokes.replace("solid", "none").replace("px", ""),
-                "hidden": role.label in hidden,
-                "points": _rounded(points[::stride], 100.0),
-                "distances": _rounded(far, 100.0) if known else None,
-                "rms": _rounded(rms(far), 100.0) if known else None,
-            }
-        )
-    return {
-        "kind": "leg",
-        "period": stride * period,
-        "cyclic": cyclic,
-        "ground": None if ground is None else _rounded(ground, 100.0),
-        "motions": motions,
-    }
-
-
-def _rounded(values: Any, factor: float = 1.0) -> Any:
-    """Plain numbers with two decimals, less than a pixel, times a factor: 100 for centimetres."""
-    return (np.round(factor * np.asarray(values), 2) + 0.0).tolist()  # no minus before zero
-
-
 @dataclass(frozen=True, eq=False)
 class Figure:
     """A column of panels over one axis."""
@@ -240,60 +193,47 @@ class Timeline:
         times = self.step * np.arange(float(len(heights)))
         return Curve(role, times, heights, label, held=held, hidden=hidden)
 
-    def degrees(self, angles: Array, role: Role, label: str = "", **more: bool) -> Curve:
-        """An angle per sample [rad], drawn in degrees."""
-        return self.curve(np.degrees(angles), role, label, **more)
-
-    def cycles(
-        self, values: Array, role: Role, label: str = "", *, hidden: bool = False
-    ) -> tuple[Curve, Curve]:
-        """The mean of some cycles, shape (cycles, n), and thin over it each of them."""
-        mean = self.curve(values.mean(axis=0), role, label, hidden=hidden)
-        return mean, thin(mean, [self.curve(row, role) for row in values])
-
     def leg(
         self,
         name: str,
         words: tuple[str, str],
-        leg: Leg,
         desired: Array,
         others: Iterable[tuple[Role, Array]],
-        foot: Array | None = None,
+        *,
+        ground: float | None = None,
+        hidden: Collection[str] = (),
     ) -> Figure:
-        """A leg that moves under a slider: as desired and by role at other angles [rad], (n, k).
+        """A leg that moves under a slider; it may stand on the ground [m].
 
-        ``foot`` [m], (n, 3), are its desired positions, where the leg may not reach them.
+        It moves as desired and in other ways, by role; later ones lie over earlier ones, and some
+        are ``hidden`` at first. Points are the positions of its joints and, last, its foot [m], all
+        of shape (n, joints + 1, 3).
         """
-        points = leg.joint_positions(desired)
-        if foot is not None:
-            points = np.concatenate([points[:, :-1], foot[:, None]], axis=1)
-        moving = ((role, leg.joint_positions(angles)) for role, angles in others)
-        live = moving_leg(points, moving, self.period, cyclic=self.cyclic)
-        return Figure(name, *words, self.axis, live=live)
-
-    def moments(
-        self,
-        name: str,
-        joints: Sequence[str],
-        units: Sequence[str],
-        kinds: Mapping[str, Sequence[Array | None]],
-    ) -> Figure:
-        """The numbers of joints at a moment, under a slider: by quantity (n,) or None for each."""
         stride = -(-self.samples // MOST_FRAMES)
-        live = {
-            "kind": "moment",
-            "period": stride * self.period,
-            "samples": len(range(0, self.samples, stride)),
-            "joints": [{"name": a, "unit": b} for a, b in zip(joints, units, strict=True)],
-            "kinds": [
+        motions = []
+        for role, points in ((DESIRED, desired), *others):
+            far = np.linalg.norm(points[::stride, -1] - desired[::stride, -1], axis=1)
+            known = role is not DESIRED
+            motions.append(
                 {
-                    "name": kind,
-                    "values": [v if v is None else _rounded(v[::stride]) for v in values],
+                    "name": role.label,
+                    "colour": role.colour,
+                    "width": role.pixels,
+                    "dashes": role.strokes.replace("solid", "none").replace("px", ""),
+                    "hidden": role.label in hidden,
+                    "points": rounded(points[::stride], 100.0),
+                    "distances": rounded(far, 100.0) if known else None,
+                    "rms": rounded(rms(far), 100.0) if known else None,
                 }
-                for kind, values in kinds.items()
-            ],
+            )
+        live = {
+            "kind": "leg",
+            "period": stride * self.period,
+            "cyclic": self.cyclic,
+            "ground": None if ground is None else rounded(ground, 100.0),
+            "motions": motions,
         }
-        return Figure(name, *words_of(name), self.axis, live=live)
+        return Figure(name, *words, self.axis, live=live)
 
     def path(self, positions: Array, role: Role) -> Curve:
         """A path of the foot [m], shape (n, 3): x and z in cm, with the time at its points."""
@@ -352,23 +292,19 @@ def joint_figure(
         for limit in limits or ()
         if low <= factor * limit <= high
     ]
-    panels = [
-        Panel(Axis(quantity, sign, at_least(least, drawn)), drawn, about, shades)
-        for quantity, least, drawn, about, shades in (
-            ("angle", 1.0, curves(angles), title, spans),
-            ("error", 0.05, curves(errors), "errors", ()),
-            ("request", 1.0, (*lines, *requested), "requested", ()),
-        )
-        if drawn
-    ]
+    panels = []
+    for quantity, least, drawn, about, shades in (
+        ("angle", 1.0, curves(angles), title, spans),
+        ("error", 0.05, curves(errors), "errors", ()),
+        ("request", 1.0, (*lines, *requested), "requested", ()),
+    ):
+        low, high = around([curve.y for curve in drawn], margin=0.0)
+        middle = 0.5 * (low + high)
+        # so that rounding does not look like a motion
+        ends = (middle - 0.5 * least, middle + 0.5 * least) if high - low < least else None
+        if drawn:
+            panels.append(Panel(Axis(quantity, sign, ends), drawn, about, shades))
     return timeline.figure(name, [*panels, *below], words, clock=clock)
-
-
-def at_least(extent: float, curves: Sequence[Curve]) -> tuple[float, float] | None:
-    """Ends of an axis where curves span less, so that rounding does not look like a motion."""
-    low, high = around([curve.y for curve in curves], margin=0.0)
-    middle = 0.5 * (low + high)
-    return (middle - 0.5 * extent, middle + 0.5 * extent) if high - low < extent else None
 
 
 def foot_figure(timeline: Timeline, feet: Mapping[str, Sequence[Curve]]) -> Figure:
@@ -397,12 +333,6 @@ def around(values: Iterable[Array], *, margin: float = MARGIN) -> tuple[float, f
     return low - room, high + room
 
 
-def thin(mean: Curve, cycles: Sequence[Curve]) -> Curve:
-    """Cycles as one thin line each: dashes of many would fill one another's gaps."""
-    x, y = joined(each.x for each in cycles), joined(each.y for each in cycles)
-    return replace(mean, role=mean.role._replace(width=0.7, dashes="-"), x=x, y=y, notes=())
-
-
 def joined(parts: Iterable[Array]) -> Array:
     """Several curves as one, with gaps between them."""
     return np.concatenate([np.append(part, np.nan) for part in parts])[:-1]
@@ -411,3 +341,8 @@ def joined(parts: Iterable[Array]) -> Array:
 def line(x: Sequence[float], y: Sequence[float], role: Role = MUTED) -> Curve:
     """A line for reference, which no legend has."""
     return Curve(role._replace(width=0.9), np.asarray(x, float), np.asarray(y, float), legend=False)
+
+
+def rounded(values: Any, factor: float = 1.0) -> Any:
+    """Plain numbers with two decimals, less than a pixel, times a factor: 100 for centimetres."""
+    return (np.round(factor * np.asarray(values), 2) + 0.0).tolist()  # no minus before zero

@@ -71,7 +71,7 @@ def fit_figure(name: str, fit: PiecewiseLinearFit) -> Figure:
     heights = np.degrees(fit(cuts))
     shares = np.abs(fit.slope_at(0.5 * (cuts[:-1] + cuts[1:]))) / fit.v_max
     fast = np.flatnonzero(shares >= 0.999)  # rounding
-    curves = [timeline.degrees(fit.desired, DESIRED), Curve(LINES, step * cuts, heights)]
+    curves = [timeline.curve(np.degrees(fit.desired), DESIRED), Curve(LINES, step * cuts, heights)]
     if len(fast):
         pairs = np.stack([fast, fast + 1], axis=1)
         curves.append(Curve(FAST, step * joined(cuts[pairs]), joined(heights[pairs])))

@@ -11,7 +11,7 @@ from planner.identification.judgement import is_loose
 from planner.identification.parameters import TERMS
 from planner.identification.result import Alternative, Identification, Interval
 from planner.report.page import PARAMETERS
-from planner.report.table import NOTHING, Column, Row, Table, raised
+from planner.report.table import NOTHING, Column, Row, Table
 
 ALTERNATIVES = {
     "raw": "the request itself",
@@ -102,7 +102,7 @@ def parameters(identification: Identification) -> list[Parameter]:
         estimate = identification.gain if name == "gain" else getattr(model, name)
         if math.isinf(estimate):  # no limit of the acceleration
             continue
-        unit, ends = raised(PARAMETER_UNITS.get(name, "1/s")), intervals[name]
+        unit, ends = PARAMETER_UNITS.get(name, "1/s").replace("^2", "²"), intervals[name]
         si, factor = None, 1.0
         if unit == "s":
             factor, unit = 1e3, "ms"

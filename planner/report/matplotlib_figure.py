@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,66 +21,56 @@ WIDTH = 4.8
 V_MAX = r"$v_\mathrm{max}$"
 
 
+def pictures_of(figure: Figure) -> tuple[str, bytes]:
+    """The figure as an SVG file, text as text, and as a PNG file, laid out once and not dated.
+
+    Printed by canvases: ``savefig`` draws everything once before, for the layout alone.
+    """
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    svg, png = io.StringIO(), io.BytesIO()
+    with mpl.rc_context(fname=Path(__file__).with_name("paper.mplstyle")):
+        picture = draw(figure)
+        canvas: Any = FigureCanvasSVG(picture)
+        canvas.print_svg(svg, metadata={"Date": None, "Creator": None})
+        picture.set_layout_engine("none")
+        picture.dpi = 200  # dots per inch
+        canvas = FigureCanvasAgg(picture)
+        canvas.print_png(png, metadata={"Software": None})
+    rows = (row.rstrip() for row in svg.getvalue().splitlines())
+    return "\n".join(rows) + "\n", png.getvalue()
+
+
 def draw(figure: Figure) -> Picture:
     """The figure as Matplotlib draws it: the panels, and the legend above them."""
     from matplotlib.figure import Figure as Picture
 
     drawn = [curve for panel in figure.panels for curve in panel.curves if not curve.hidden]
     names = list(dict.fromkeys(curve.name for curve in drawn if curve.legend))
+    # of the words, with the line before each and the blank behind it [inch]
+    widths = [0.062 * len(name) + 0.56 for name in names]
+    columns = len(names) or 1
+    while columns > 1 and sum(map(max, np.array_split(widths, columns))) > WIDTH:
+        columns -= 1
     heights = [panel.height for panel in figure.panels]
-    with _style():
-        columns = _columns(names)
-        # for the panels, the axis, their headings and the rows of the legend [inch]
-        height = 1.5 * sum(heights) + 0.45 + 0.2 * sum(bool(panel.title) for panel in figure.panels)
-        height += 0.22 * -(-len(names) // columns)
-        picture = Picture(figsize=(WIDTH, height), layout="constrained")
-        rows = picture.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
-        handles: dict[str, Any] = {}
-        for axes, panel in zip(rows[:, 0], figure.panels, strict=True):
-            _draw_panel(axes, panel, figure)
-            for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-                handles.setdefault(name, handle)
-        _set_axis(rows[-1, 0].xaxis, figure.x)
-        picture.align_ylabels(list(rows[:, 0]))
-        if names:
-            entries = [handles[name] for name in names]
-            picture.legend(entries, names, loc="outside upper left", ncols=columns)
+    # for the panels, the axis, their headings and the rows of the legend [inch]
+    height = 1.5 * sum(heights) + 0.45 + 0.2 * sum(bool(panel.title) for panel in figure.panels)
+    height += 0.22 * -(-len(names) // columns)
+    picture = Picture(figsize=(WIDTH, height), layout="constrained")
+    rows = picture.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
+    handles: dict[str, Any] = {}
+    for axes, panel in zip(rows[:, 0], figure.panels, strict=True):
+        _draw_panel(axes, panel, figure)
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles.setdefault(name, handle)
+    _set_axis(rows[-1, 0].xaxis, figure.x)
+    picture.align_ylabels(list(rows[:, 0]))
+    if names:
+        entries = [handles[name] for name in names]
+        picture.legend(entries, names, loc="outside upper left", ncols=columns)
     return picture
-
-
-def to_svg(picture: Picture) -> str:
-    """The picture as an SVG file, text as text, without a date.
-
-    Printed by its canvas: ``savefig`` draws everything once before, for the layout alone.
-    """
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    stream = io.StringIO()
-    with _style():
-        canvas: Any = FigureCanvasSVG(picture)
-        canvas.print_svg(stream, metadata={"Date": None, "Creator": None})
-    return "\n".join(row.rstrip() for row in stream.getvalue().splitlines()) + "\n"
-
-
-def pictures_of(figure: Figure) -> tuple[str, bytes]:
-    """The figure as an SVG file and as a PNG file, laid out once."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    picture, stream = draw(figure), io.BytesIO()
-    svg = to_svg(picture)
-    picture.set_layout_engine("none")
-    with _style():
-        picture.dpi = 200  # dots per inch
-        canvas: Any = FigureCanvasAgg(picture)
-        canvas.print_png(stream, metadata={"Software": None})
-    return svg, stream.getvalue()
-
-
-def _style() -> AbstractContextManager[None]:
-    """A context in which Matplotlib draws and saves by ``paper.mplstyle``."""
-    import matplotlib as mpl
-
-    return mpl.rc_context(fname=Path(__file__).with_name("paper.mplstyle"))
 
 
 def _draw_panel(axes: Axes, panel: Panel, figure: Figure) -> None:
@@ -104,7 +93,7 @@ def _draw_panel(axes: Axes, panel: Panel, figure: Figure) -> None:
             color=INK.light,
             zorder=6.0,
         )
-    axes.set_title(panel.title)
+    axes.set_title(panel.title, loc="left")
     _set_axis(axes.yaxis, panel.y)
     if figure.equal:
         axes.set_aspect("equal", adjustable="datalim")
@@ -137,20 +126,3 @@ def _set_axis(axis: Any, description: Axis) -> None:
         axis.set_ticks(list(description.names), labels=words)
         axis.set_tick_params(length=0)
         axis.grid(visible=False)
-
-
-def _columns(names: list[str]) -> int:
-    """Columns of the legend that fit into a figure."""
-    import matplotlib as mpl
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import TextPath
-
-    font = FontProperties(family="DejaVu Sans", size=mpl.rcParams["legend.fontsize"])
-    # widths [inch], with the line before each name and the blank behind it
-    ends = [TextPath((0.0, 0.0), name, prop=font).get_extents().width for name in names]
-    widths = np.array(ends) / 72.0 + 0.56
-    for columns in range(len(names), 1, -1):
-        parts = np.array_split(widths, columns)  # as Matplotlib does
-        if sum(part.max() for part in parts) <= WIDTH:
-            return columns
-    return 1

@@ -20,9 +20,9 @@ from markupsafe import Markup
 
 from planner._version import __version__
 from planner.report.figure import Figure
-from planner.report.plotly_figure import live
+from planner.report.plotly_figure import plot
 from planner.report.style import ROLES
-from planner.report.table import NOTHING, Column, Row, Table, raised, signed
+from planner.report.table import NOTHING, Column, Row, Table, signed
 from planner.report.wording import breakable, environment
 
 if TYPE_CHECKING:
@@ -57,9 +57,9 @@ PARAMETERS: Mapping[str, tuple[str, str]] = {
 class Page:
     """A page: a template that extends ``base.html``, and the values that its blocks show.
 
-    The words of a page are its template's. There ``{{ table }}`` draws a table,
-    ``{{ show(figure) }}`` a figure, and ``{{ figures(several) }}`` several side by side;
-    ``macros.html`` has the parts that pages are made of. Everything is escaped where it is drawn.
+    The words of a page are its template's. There ``{{ table }}`` draws a table and
+    ``{{ show(figure) }}`` a figure, or a list of them side by side; ``macros.html`` has the parts
+    that pages are made of. Everything is escaped where it is drawn.
     """
 
     def __init__(self, template: str, **values: Any) -> None:
@@ -78,21 +78,20 @@ class Page:
         templates, drawn = environment(), dict[str, Mapping[str, Any]]()
         element, downloads = templates.get_template("figure.html"), "files" in self.values
 
-        def show(figure: Figure) -> Markup:
-            data = drawn[figure.name] = live(figure)
-            return Markup(element.render(figure=figure, live=data, downloads=downloads))
-
-        def side_by_side(figures: Sequence[Figure]) -> Markup:
+        def show(figures: Figure | Sequence[Figure]) -> Markup:
+            if isinstance(figures, Figure):
+                data = drawn[figures.name] = figures.live or plot(figures)
+                return Markup(element.render(figure=figures, live=data, downloads=downloads))
             if not figures:
                 return Markup()
             kind = "pictures many" if len(figures) > 5 else "pictures"  # in columns, not in rows
             elements = Markup("\n").join(map(show, figures))
             return Markup('<div class="{}">\n{}\n</div>').format(kind, elements)
 
-        templates.globals |= {"show": show, "figures": side_by_side}
         return templates.get_template(f"{self.template}.html").render(
             sources=sources_of(place, origins, written) if place else [],
             roles=ROLES,
+            show=show,
             live_scripts=lambda: live_scripts(drawn),
             version=__version__,
             **self.values,
@@ -133,7 +132,7 @@ def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
     from planner.model.joint import JointModel
 
     return {
-        each.name: f"{PARAMETERS[each.name][1]} [{raised(each.metadata['unit'])}]"
+        each.name: f"{PARAMETERS[each.name][1]} [{each.metadata['unit'].replace('^2', '²')}]"
         if each.name != "hold"
         else "hold"
         for each in fields(JointModel)

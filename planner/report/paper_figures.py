@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +19,11 @@ from planner.report.figure import (
     Panel,
     Span,
     Timeline,
+    Traces,
     Words,
     around,
     joined,
     line,
-    moving_leg,
-    thin,
 )
 from planner.report.style import Role
 from planner.report.wording import words_of
@@ -50,13 +51,18 @@ FEATURED = ("figure8_foot_paths", "foot_paths", "joints_by_method")
 
 ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
 
+PREDICTED = Role("predicted", style.INK.light, style.INK.dark, width=1.1, dashes=(0, (1, 1.6)))
+
 
 def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
     """Every figure, in the order of the paper's."""
-    timeline, plans, plain = timeline_of(planned), planned.plans, "closed_form_plain"
+    timeline, plans = timeline_of(planned), planned.plans
+    direct, plain, foot = (plans[m] for m in ("direct", "closed_form_plain", "foot_optimal"))
+    angles = {method: plan.predicted for method, plan in plans.items()}
+    feet = {method: plan.foot for method, plan in plans.items()}
 
     def lines(j: int) -> list[Curve]:
-        fit = plans[plain].approximations[j]
+        fit = plain.approximations[j]
         fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
         knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
         role = style.APPROXIMATION
@@ -65,22 +71,16 @@ def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
             Curve(role, timeline.step * knots, values, "knots", marks="rings"),
         ]
 
-    def beyond(name: str, method: str) -> Figure:
-        requested = Drawn(plans[method].requests, style.REQUESTED)
-        actual = Drawn(plans[method].predicted, ROLES[method], "actual")
-        return joints_figure(planned, name, requested, actual)
+    def optimised(name: str, method: str) -> Figure:
+        actual = (angles[method], ROLES[method]._replace(label="actual"))
+        return joints_figure(planned, name, [(plans[method].requests, style.REQUESTED), actual])
 
-    paths = [
-        timeline.path(plans[method].foot, role)
-        for method, role in ROLES.items()
-        if method not in HIDDEN
-    ]
     return (
         direct_foot_figure(planned),
         joints_figure(
             planned,
             "figure2_joints_direct",
-            Drawn(plans["direct"].predicted, style.DIRECT, "actual"),
+            [(direct.predicted, style.DIRECT._replace(label="actual"))],
             desired="requested = desired",
         ),
         *(_step_test(planned, k, each) for k, each in enumerate(STEP_AMPLITUDES, 3)),
@@ -89,23 +89,82 @@ def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
         joints_figure(
             planned,
             "figure7_trajectories",
-            Drawn(plans[plain].requests, style.REQUESTED),
-            Drawn(planned.approximations[plain], style.APPROXIMATION),
-            Drawn(plans[plain].predicted, style.CLOSED_FORM, "actual"),
+            [
+                (plain.requests, style.REQUESTED),
+                (planned.approximations["closed_form_plain"], style.APPROXIMATION),
+                (plain.predicted, style.CLOSED_FORM._replace(label="actual")),
+            ],
         ),
-        foot_paths_figure("figure8_foot_paths", planned, paths, planned.legs),
+        foot_paths_figure("figure8_foot_paths", planned, feet, planned.legs),
+        by_method_figure(
+            planned,
+            angles,
+            feet,
+            (foot.requests, style.REQUESTED._replace(label="requests, foot-optimised")),
+        ),
+        optimised("optimised_trajectories", "optimal"),
+        optimised("foot_optimised_trajectories", "foot_optimal"),
+    )
+
+
+def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
+    """Every figure of the virtual robot with every cycle, in the order of the paper's."""
+    planned, walks, plain = outcome.planned, outcome.walks, "closed_form_plain"
+    first = {method: outcome.legs[method][0] for method in ROLES}
+    cycles = f"actual, {len(walks['direct'])} cycles"
+    return (
+        foot_paths_figure("foot_paths", planned, outcome.foot_paths, first),
+        _step_tests(outcome),
         joints_figure(
             planned,
-            "joints_by_method",
-            *by_method({method: plan.predicted for method, plan in plans.items()}),
-            Drawn(
-                plans["foot_optimal"].requests, style.REQUESTED, "requests, foot-optimised", True
-            ),
-            below=[distance_panel(planned, {method: plan.foot for method, plan in plans.items()})],
+            "joints_direct",
+            [
+                (walks["direct"], style.DIRECT._replace(label=cycles)),
+                (planned.plans["direct"].predicted, PREDICTED),
+            ],
+            desired="requested = desired",
         ),
-        beyond("optimised_trajectories", "optimal"),
-        beyond("foot_optimised_trajectories", "foot_optimal"),
+        joints_figure(
+            planned,
+            "trajectories",
+            [
+                (planned.plans[plain].requests, style.REQUESTED),
+                (planned.approximations[plain], style.APPROXIMATION),
+                (walks[plain], style.PLAIN._replace(label="actual")),
+            ],
+        ),
+        joints_figure(
+            planned,
+            "foot_optimised_trajectories",
+            [
+                (outcome.runs["foot_optimal"].requests, style.REQUESTED),
+                (walks["foot_optimal"], style.FOOT_OPTIMAL._replace(label="actual")),
+                (planned.plans["foot_optimal"].predicted, PREDICTED),
+            ],
+            words="virtual_foot_optimised_trajectories",
+        ),
+        by_method_figure(planned, walks, outcome.foot_paths, words="virtual_joints_by_method"),
+        _learning(outcome),
     )
+
+
+def timeline_of(planned: PlannedWalk) -> Timeline:
+    """The samples of a step of the walk."""
+    return Timeline(planned.models[0].period, len(planned.walk.desired))
+
+
+def with_cycles(
+    draw: Callable[[Array], Curve], values: Array, *, axes: int = 1
+) -> tuple[Curve, ...]:
+    """A curve; of several cycles, along a further axis, their mean and each of them as a thin line.
+
+    Dashes of many would fill one another's gaps.
+    """
+    if values.ndim == axes:
+        return (draw(values),)
+    mean, *each = map(draw, (values.mean(axis=0), *values))
+    x, y = joined(curve.x for curve in each), joined(curve.y for curve in each)
+    return mean, replace(mean, role=mean.role._replace(width=0.7, dashes="-"), x=x, y=y, notes=())
 
 
 # The foot.
@@ -116,121 +175,109 @@ def direct_foot_figure(planned: PlannedWalk) -> Figure:
     desired, actual = planned.walk.desired_foot, planned.plans["direct"].foot
     pairs = 100.0 * np.stack([desired[::8], actual[::8]], axis=1)
     ties = style.GRID._replace(label="the same instants", width=1.2)
-    draw = timeline_of(planned).path
+    draw, name = timeline_of(planned).path, "figure1_foot_direct"
     curves = (
         Curve(ties, joined(pairs[:, :, 0]), joined(pairs[:, :, 2])),
         draw(desired, style.DESIRED),
         draw(actual, style.DIRECT),
     )
-    return Figure(
-        "figure1_foot_direct",
-        *words_of("figure1_foot_direct"),
-        ACROSS,
-        (Panel(UPWARD, curves, height=1.8),),
-        equal=True,
-    )
+    return Figure(name, *words_of(name), ACROSS, (Panel(UPWARD, curves, height=1.8),), equal=True)
 
 
 def foot_paths_figure(
-    name: str, planned: PlannedWalk, paths: Sequence[Curve], legs: Mapping[str, Array]
+    name: str, planned: PlannedWalk, feet: Mapping[str, Array], legs: Mapping[str, Array]
 ) -> Figure:
-    """The foot's paths, with the leg at one instant; on the page the leg moves.
+    """The foot's paths by method, with the leg at one instant; on the page the leg moves.
 
-    ``legs``: joints and foot under each method [m], each of shape (n, joints + 1, 3).
+    ``feet`` [m] are of shape (n, 3), or (cycles, n, 3); ``legs`` are joints and foot under each
+    method [m], each of shape (n, joints + 1, 3).
     """
     # The leg is drawn in files in the middle of the time on the ground, at sample 22.
-    foot, pose = planned.walk.desired_foot, planned.legs["desired"][22]
-    ground = float(foot[:, 2].min())
+    foot, joints = planned.walk.desired_foot, 100.0 * planned.legs["desired"][22]
+    timeline, ground = timeline_of(planned), float(foot[:, 2].min())
     ends = around([100.0 * foot[:, 0]])
-    joints = 100.0 * pose
-    panel = Panel(
-        UPWARD,
-        (
-            line(ends, (100.0 * ground,) * 2),
-            Curve(style.GRID._replace(width=9.0), joints[:, 0], joints[:, 2], "leg", legend=False),
-            timeline_of(planned).path(foot, style.DESIRED),
-            *paths,
-        ),
-        words=(
-            Words("hip", joints[0, 0], joints[0, 2], across="left", upward="bottom"),
-            Words("knee", joints[2, 0], joints[2, 2], across="right", upward="bottom"),
-            Words("ground", ends[1], 100.0 * ground, across="right", upward="top"),
-        ),
-        height=2.5,
+    curves = [
+        line(ends, (100.0 * ground,) * 2),
+        Curve(style.GRID._replace(width=9.0), joints[:, 0], joints[:, 2], "leg", legend=False),
+        timeline.path(foot, style.DESIRED),
+    ]
+    for method, role in ROLES.items():
+        if method not in HIDDEN:
+            curves += with_cycles(partial(timeline.path, role=role), feet[method], axes=2)
+    words = (
+        Words("hip", joints[0, 0], joints[0, 2], across="left", upward="bottom"),
+        Words("knee", joints[2, 0], joints[2, 2], across="right", upward="bottom"),
+        Words("ground", ends[1], 100.0 * ground, across="right", upward="top"),
     )
-    live = moving_leg(
+    moving = timeline.leg(
+        name,
+        words_of(name),
         planned.legs["desired"],
         [(role, legs[method]) for method, role in ROLES.items()],
-        planned.models[0].period,
-        cyclic=True,
         ground=ground,
         hidden=[ROLES[method].label for method in HIDDEN],
     )
-    return Figure(name, *words_of(name), ACROSS, (panel,), equal=True, live=live)
-
-
-def distance_panel(planned: PlannedWalk, paths: Mapping[str, Array]) -> Panel:
-    """The foot's distances, some methods hidden at first; ``paths`` [m]: (n, 3) or of cycles."""
-    timeline, curves = timeline_of(planned), list[Curve]()
-    for method, role in ROLES.items():
-        distances = 100.0 * np.linalg.norm(paths[method] - planned.walk.desired_foot, axis=-1)
-        cycles = np.atleast_2d(distances)
-        curves += timeline.cycles(cycles, role, hidden=method in HIDDEN)[: distances.ndim]
-    axis = Axis("distance", "cm", from_zero=True)
-    return Panel(axis, tuple(curves), "foot, from its desired path")
+    panel = Panel(UPWARD, tuple(curves), words=words, height=2.5)
+    return replace(moving, x=ACROSS, panels=(panel,), equal=True)
 
 
 # The joints.
 
 
-def timeline_of(planned: PlannedWalk) -> Timeline:
-    """The samples of a step of the walk."""
-    return Timeline(planned.models[0].period, len(planned.walk.desired))
+def by_method_figure(
+    planned: PlannedWalk,
+    angles: Mapping[str, Array],
+    paths: Mapping[str, Array],
+    *more: tuple[Array, Role],
+    words: str = "",
+) -> Figure:
+    """The joints under the methods but the best time shift, and the foot's distances [cm].
 
-
-class Drawn(NamedTuple):
-    """A curve of every joint, with its looks; a method may be hidden at first."""
-
-    values: Array  # angles or requests [rad], shape (n, k), or of several cycles, (cycles, n, k)
-    role: Role
-    label: str = ""
-    hidden: bool = False
-
-
-def by_method(angles: Mapping[str, Array]) -> list[Drawn]:
-    """The joints under the methods; the best time shift is left out."""
-    return [
-        Drawn(angles[method], role, hidden=method == "optimal")
-        for method, role in ROLES.items()
-        if method != "shift"
-    ]
+    Angles [rad] and paths of the foot [m], (n, 3), are of a cycle or of several; with ``more``
+    curves of the joints, which are hidden at first.
+    """
+    timeline, curves = timeline_of(planned), list[Curve]()
+    for method, role in ROLES.items():
+        distances = 100.0 * np.linalg.norm(paths[method] - planned.walk.desired_foot, axis=-1)
+        draw = partial(timeline.curve, role=role, hidden=method in HIDDEN)
+        curves += with_cycles(draw, distances)
+    axis = Axis("distance", "cm", from_zero=True)
+    drawn = [(angles[method], role) for method, role in ROLES.items() if method != "shift"]
+    return joints_figure(
+        planned,
+        "joints_by_method",
+        [*drawn, *more],
+        words=words,
+        below=[Panel(axis, tuple(curves), "foot, from its desired path")],
+        hidden=[role.label for role in (style.OPTIMAL, *(role for _, role in more))],
+    )
 
 
 def joints_figure(
     planned: PlannedWalk,
     name: str,
-    *drawn: Drawn,
+    drawn: Traces = (),
+    *,
     desired: str = "",
     words: str = "",
     below: Sequence[Panel] = (),
     more: Callable[[int], Sequence[Curve]] = lambda _: (),
+    hidden: Collection[str] = (),
 ) -> Figure:
     """A panel per joint over one step of the walk, as ``desired`` and as drawn.
 
-    There are ``more`` curves by its index. With panels ``below`` it follows the moving leg.
-    ``words``: the block of its caption, its name by default.
+    Values [rad] are of shape (n, k), or of several cycles (cycles, n, k); some are ``hidden`` at
+    first, by label. There are ``more`` curves of a joint by its index. With panels ``below`` the
+    figure follows the moving leg. ``words``: the block of its caption, its name by default.
     """
     timeline, panels = timeline_of(planned), list[Panel]()
+    wanted = (planned.walk.desired, style.DESIRED._replace(label=desired or "desired"))
     for j, joint in enumerate(planned.walk.joint_names):
         curves: list[Curve] = []
-        wanted = Drawn(planned.walk.desired, style.DESIRED, desired)
-        for values, role, label, hidden in (wanted, *drawn):
-            own = np.degrees(values[..., j])
-            if own.ndim > 1:
-                curves += timeline.cycles(own, role, label, hidden=hidden)
-            else:
-                held = role is style.REQUESTED
-                curves.append(timeline.curve(own, role, label, held=held, hidden=hidden))
+        for values, role in (wanted, *drawn):
+            held = role.light == style.REQUESTED.light
+            draw = partial(timeline.curve, role=role, held=held, hidden=role.label in hidden)
+            curves += with_cycles(draw, np.degrees(values[..., j]))
         panels.append(Panel(Axis("angle", "deg"), (*curves, *more(j)), joint))
     return timeline.figure(name, [*panels, *below], words_of(words or name), clock=bool(below))
 
@@ -250,8 +297,8 @@ def _step_test(planned: PlannedWalk, number: int, amplitude: float) -> Figure:
     panel = Panel(
         Axis("angle", "deg", (-0.12 * amplitude, top)),
         (
-            timeline.degrees(response.requests, style.REQUESTED, held=True),
-            timeline.degrees(response.angles, style.CLOSED_FORM, "actual"),
+            timeline.curve(np.degrees(response.requests), style.REQUESTED, held=True),
+            timeline.curve(np.degrees(response.angles), style.CLOSED_FORM, "actual"),
         ),
         f"top speed {speed:.3g} deg per tick",
         spans=(
@@ -301,27 +348,7 @@ def _speed(planned: PlannedWalk) -> Figure:
     )
 
 
-# The experiment on the virtual robot, every cycle of it drawn.
-
-PREDICTED = Role("predicted", style.INK.light, style.INK.dark, width=1.1, dashes=(0, (1, 1.6)))
-
-
-def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
-    """Every figure, in the order of the paper's."""
-    figures = _virtual_paths(outcome), _step_tests(outcome), *_virtual_joints(outcome)
-    return (*figures, _learning(outcome))
-
-
-def _virtual_paths(outcome: VirtualOutcome) -> Figure:
-    """Figure 8: the path of the foot in every cycle; on the page the first of them walks."""
-    paths = []
-    for method in [method for method in ROLES if method not in HIDDEN]:
-        draw, cycles = timeline_of(outcome.planned).path, outcome.foot_paths[method]
-        mean, *each = (draw(path, ROLES[method]) for path in (cycles.mean(axis=0), *cycles))
-        paths += [mean, thin(mean, each)]
-    return foot_paths_figure(
-        "foot_paths", outcome.planned, paths, {method: outcome.legs[method][0] for method in ROLES}
-    )
+# The virtual robot.
 
 
 def _step_tests(outcome: VirtualOutcome) -> Figure:
@@ -334,8 +361,10 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
         measured, predicted = [], []
         for fit in identification.fits:
             middle = float(np.mean(fit.log.requests[last]))
-            measured.append(once.degrees(fit.log.angles[last] - middle, style.INK))
-            predicted.append(once.degrees(fit.predicted[last] - middle, style.CLOSED_FORM))
+            measured.append(once.curve(np.degrees(fit.log.angles[last] - middle), style.INK))
+            predicted.append(
+                once.curve(np.degrees(fit.predicted[last] - middle), style.CLOSED_FORM)
+            )
         times = joined(curve.x for curve in measured)
         angles, model = (joined(curve.y for curve in each) for each in (measured, predicted))
         curves = (
@@ -347,43 +376,6 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
         title = f"{joint}, residual, {np.degrees(identification.rms):.2f} deg rms"
         panels.append(Panel(Axis("residual", "deg"), (rest,), title, height=0.6))
     return once.figure("step_tests", panels, words_of("step_tests"))
-
-
-def _virtual_joints(outcome: VirtualOutcome) -> list[Figure]:
-    """Figures 2 and 7, the joints under requests for the foot, and under all methods."""
-    planned, plain = outcome.planned, "closed_form_plain"
-    walked = outcome.walks
-    return [
-        joints_figure(
-            planned,
-            "joints_direct",
-            Drawn(walked["direct"], style.DIRECT, f"actual, {len(walked['direct'])} cycles"),
-            Drawn(planned.plans["direct"].predicted, PREDICTED),
-            desired="requested = desired",
-        ),
-        joints_figure(
-            planned,
-            "trajectories",
-            Drawn(planned.plans[plain].requests, style.REQUESTED),
-            Drawn(planned.approximations[plain], style.APPROXIMATION),
-            Drawn(walked[plain], style.PLAIN, "actual"),
-        ),
-        joints_figure(
-            planned,
-            "foot_optimised_trajectories",
-            Drawn(outcome.runs["foot_optimal"].requests, style.REQUESTED),
-            Drawn(walked["foot_optimal"], style.FOOT_OPTIMAL, "actual"),
-            Drawn(planned.plans["foot_optimal"].predicted, PREDICTED),
-            words="virtual_foot_optimised_trajectories",
-        ),
-        joints_figure(
-            planned,
-            "joints_by_method",
-            *by_method(walked),
-            words="virtual_joints_by_method",
-            below=[distance_panel(planned, outcome.foot_paths)],
-        ),
-    ]
 
 
 def _learning(outcome: VirtualOutcome) -> Figure:

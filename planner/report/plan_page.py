@@ -146,10 +146,13 @@ def leg_figure(plan: Plan, role: style.Role) -> Figure:
     """The moving leg, as desired, without a plan and with it."""
     task = plan.task
     assert task.leg is not None, "only a leg moves"
-    others = ((WITHOUT, plan.direct.predicted), (role, plan.predicted))
-    return Timeline.of(plan).leg(
-        "leg", words_of("plan_leg"), task.leg, plan.desired, others, task.desired_foot
+    desired, *others = map(
+        task.leg.joint_positions, (plan.desired, plan.direct.predicted, plan.predicted)
     )
+    # the leg may not reach where its foot should be
+    desired = np.concatenate([desired[:, :-1], task.desired_foot[:, None]], axis=1)
+    drawn = zip((WITHOUT, role), others, strict=True)
+    return Timeline.of(plan).leg("leg", words_of("plan_leg"), desired, drawn)
 
 
 def distances_figure(legs: Mapping[str, Plan], role: style.Role) -> Figure:

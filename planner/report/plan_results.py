@@ -284,7 +284,7 @@ class PlanAnswer:
         step = float(np.min(task.max_step))
         feet = {
             name: {
-                **_named(each.planned, "cm"),
+                **named(each.planned, "cm"),
                 "expected_rms_cm": each.expected,
                 "without_plan_rms_cm": each.direct.rms,
                 "best_shift_rms_cm": each.early.rms,
@@ -317,7 +317,7 @@ class PlanAnswer:
         inversion = plan.inversions[j] if plan.inversions else None
         ends = np.degrees([expected.low, expected.high]).tolist()
         return {
-            **_named(numbers.planned, unit),
+            **named(numbers.planned, unit),
             "norm": inversion and inversion.norm,
             "solver": plan.solver,
             f"expected_rms_{unit}": math.degrees(expected.error),
@@ -347,7 +347,7 @@ class PlanAnswer:
         numbers, bound, inversion = self.foot, self.plan.foot_bound, self.plan.of_foot
         assert numbers is not None, "a foot belongs to a leg"
         return {
-            **_named(numbers.planned, "cm"),
+            **named(numbers.planned, "cm"),
             "expected_rms_cm": numbers.expected,
             "norm": inversion and inversion.norm,
             "best_shift": {
@@ -460,7 +460,8 @@ class PlanAnswer:
         return words
 
 
-def _named(errors: Distance, unit: str) -> dict[str, float]:
+def named(errors: Distance, unit: str) -> dict[str, float]:
+    """The sizes of errors for machines."""
     return {f"rms_{unit}": errors.rms, f"max_{unit}": errors.max}
 
 
@@ -543,11 +544,6 @@ def verdict_results(model: JointModel) -> dict[str, str]:
     return {"verdict": evidence.verdict, "verdict_reason": evidence.reason}
 
 
-def errors_results(errors: Array, unit: str, factor: float = 1.0) -> dict[str, float]:
-    """Root mean square and largest of some errors, times a factor, for machines."""
-    return _named(size(errors, factor), unit)
-
-
 def simulation_answer(
     names: Sequence[str],
     models: Sequence[JointModel],
@@ -571,7 +567,7 @@ def simulation_answer(
             expected.append(each)
             errors, robot = size(angles - goal), math.degrees(each.error)
             joints[name] = {
-                **_named(errors, unit),
+                **named(errors, unit),
                 f"expected_rms_{unit}": robot,
                 "untested": list(each.untested),
             }

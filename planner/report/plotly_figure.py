@@ -7,22 +7,17 @@ Nothing of Plotly's Python package is needed to make them. Colours are written a
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from html import escape
 from typing import Any
 
 import numpy as np
 
-from planner.report.figure import Axis, Curve, Figure, Panel, Span, around
+from planner.report.figure import Axis, Curve, Figure, Panel, around
 from planner.report.style import INK, MUTED
 from planner.trajectory import Array
 
 GAP = 34
 """Between panels, room for a title [px]."""
-
-
-def live(figure: Figure) -> Mapping[str, Any]:
-    """Data for the page's scripts: the plot, or what stands in its place."""
-    return plot(figure) if figure.live is None else figure.live
 
 
 def plot(figure: Figure) -> dict[str, Any]:
@@ -32,23 +27,45 @@ def plot(figure: Figure) -> dict[str, Any]:
     above = 30 + (18 if figure.panels[0].title else 0)  # for the buttons
     below = 8 if figure.x.names == {} else 46  # for the axis
     data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
+    place: dict[str, Any]
+    start, end = figure.x_range
+    across = _axis(figure.x, standoff=8) | {"range": [start, end]}
+    if figure.over_time:
+        across |= {
+            "anchor": f"y{len(heights)}" if len(heights) > 1 else "y",
+            "minallowed": start,
+            "maxallowed": end,
+            "unifiedhovertitle": {"text": f"%{{x:.{figure.x.decimals}f}} {figure.x.unit}"},
+            "showspikes": figure.clock is None,
+            "spikemode": "across",
+            "spikesnap": "cursor",
+            "spikethickness": 1,
+            "spikedash": "solid",
+            "spikecolor": MUTED.colour,
+        }
     if figure.clock is not None:  # the line at the moment of the moving leg; the script moves it
-        ends = {"x0": 0, "x1": 0, "y0": 0, "y1": 1}
+        place = {"xref": "x", "yref": "paper", "x0": 0, "x1": 0, "y0": 0, "y1": 1}
         look = {"line": {"color": INK.colour, "width": 1.2}, "layer": "above"}
-        shapes.append({"type": "line", "xref": "x", "yref": "paper", **ends, **look})
+        shapes.append({"type": "line", **place, **look})
     for number, (panel, height) in enumerate(zip(figure.panels, heights, strict=True), 1):
         axis = "y" if number == 1 else f"y{number}"
         domain = [round(max(top - height, 0.0) / inner, 6), round(top / inner, 6)]
         top -= height + GAP
-        axes[axis.replace("y", "yaxis")] = _y_axis(figure, panel) | {"domain": domain}
+        upward, ends = _axis(panel.y, standoff=6) | {"domain": domain}, panel.y.range
+        if figure.equal:
+            upward["scaleanchor"] = "x"
+            ends = around([curve.y for curve in panel.curves])
+        if panel.y.names is None:
+            upward |= {"nticks": 6, "rangemode": "tozero" if panel.y.from_zero else "normal"}
+        axes[axis.replace("y", "yaxis")] = upward if ends is None else upward | {"range": [*ends]}
         data += [{**_trace(curve, figure, panel), "yaxis": axis} for curve in panel.curves]
         if panel.title:
-            title = {"text": f"<b>{_escaped(panel.title)}</b>", "x": 0, "y": domain[1]}
-            place = {"xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
-            words.append({**title, **place, "showarrow": False})
+            title = {"text": f"<b>{escape(panel.title, False)}</b>", "x": 0, "y": domain[1]}
+            corner = {"xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
+            words.append({**title, **corner, "showarrow": False})
         words += [
             {
-                "text": _escaped(each.text).replace("v_max", "v<sub>max</sub>"),
+                "text": escape(each.text, False).replace("v_max", "v<sub>max</sub>"),
                 "x": each.x,
                 "y": each.y,
                 "xref": "x",
@@ -60,9 +77,16 @@ def plot(figure: Figure) -> dict[str, Any]:
             }
             for each in panel.words
         ]
-        shapes += [_shade(each, axis) for each in panel.spans]
+        for span in panel.spans:  # across the panel
+            place = {"xref": "x", "yref": f"{axis} domain", "x0": span.start, "x1": span.end}
+            place |= {"y0": 0, "y1": 1}
+            if span.along == "y":
+                place = {"xref": "paper", "yref": axis, "x0": 0, "x1": 1}
+                place |= {"y0": span.start, "y1": span.end}
+            fill = {"fillcolor": span.role.colour, "opacity": span.opacity, "line": {"width": 0}}
+            shapes.append({"type": "rect", **place, **fill, "layer": "below"})
     layout = {
-        "xaxis": _x_axis(figure),
+        "xaxis": across,
         **axes,
         "annotations": words,
         "shapes": shapes,
@@ -81,14 +105,14 @@ def plot(figure: Figure) -> dict[str, Any]:
     }
 
 
-def packed(values: Array) -> dict[str, str]:
-    """Numbers as Plotly takes them in the fewest bytes: single precision, little-endian."""
-    content = np.asarray(values, dtype="<f4").tobytes()
-    return {"dtype": "f4", "bdata": base64.b64encode(content).decode()}
-
-
 def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
     """A curve with its looks, and with what is written beside the pointer."""
+
+    def packed(values: Array) -> dict[str, str]:
+        """Numbers as Plotly takes them in the fewest bytes: single precision, little-endian."""
+        content = np.asarray(values, dtype="<f4").tobytes()
+        return {"dtype": "f4", "bdata": base64.b64encode(content).decode()}
+
     colour = curve.role.colour
     trace: dict[str, Any] = {
         "type": "scatter",
@@ -132,56 +156,10 @@ def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
         "gridcolor": "var(--grid)",
         "linecolor": MUTED.colour,
         "zeroline": False,
-        "title": {"text": _escaped(axis.words), "standoff": standoff},
+        "title": {"text": escape(axis.words, False), "standoff": standoff},
     }
     if axis.names is None:
         return layout
-    words = list(map(_escaped, axis.names.values()))
+    words = [escape(name, False) for name in axis.names.values()]
     ticks = {"tickvals": list(axis.names), "ticktext": words}
     return layout | ticks | {"automargin": True, "showgrid": False}
-
-
-def _x_axis(figure: Figure) -> dict[str, Any]:
-    start, end = figure.x_range
-    layout = _axis(figure.x, standoff=8) | {"range": [start, end]}
-    if not figure.over_time:
-        return layout
-    return layout | {
-        "anchor": f"y{len(figure.panels)}" if len(figure.panels) > 1 else "y",
-        "minallowed": start,
-        "maxallowed": end,
-        "unifiedhovertitle": {"text": f"%{{x:.{figure.x.decimals}f}} {figure.x.unit}"},
-        "showspikes": figure.clock is None,
-        "spikemode": "across",
-        "spikesnap": "cursor",
-        "spikethickness": 1,
-        "spikedash": "solid",
-        "spikecolor": MUTED.colour,
-    }
-
-
-def _y_axis(figure: Figure, panel: Panel) -> dict[str, Any]:
-    layout, ends = _axis(panel.y, standoff=6), panel.y.range
-    if figure.equal:
-        layout["scaleanchor"] = "x"
-        ends = around([curve.y for curve in panel.curves])
-    if panel.y.names is None:
-        layout |= {"nticks": 6, "rangemode": "tozero" if panel.y.from_zero else "normal"}
-    return layout if ends is None else layout | {"range": list(ends)}
-
-
-def _shade(span: Span, axis: str) -> dict[str, Any]:
-    """The coloured area of a span, across its panel."""
-    if span.along == "x":
-        place = {"xref": "x", "yref": f"{axis} domain"}
-        ends = {"x0": span.start, "x1": span.end, "y0": 0, "y1": 1}
-    else:
-        place = {"xref": "paper", "yref": axis}
-        ends = {"x0": 0, "x1": 1, "y0": span.start, "y1": span.end}
-    look = {"fillcolor": span.role.colour, "opacity": span.opacity, "line": {"width": 0}}
-    return {"type": "rect", **place, **ends, **look, "layer": "below"}
-
-
-def _escaped(text: str) -> str:
-    """Text without characters that Plotly takes for markup."""
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

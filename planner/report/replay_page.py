@@ -5,19 +5,29 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure, style
-from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, line
+from planner.report.figure import (
+    MOST_FRAMES,
+    Axis,
+    Curve,
+    Figure,
+    Panel,
+    Span,
+    Timeline,
+    line,
+    rounded,
+)
 from planner.report.page import Page, models_table
-from planner.report.plan_results import errors_results, motions_table
+from planner.report.plan_results import motions_table, named, size
 from planner.report.table import NOTHING, Column, Row, Table, number
 from planner.report.wording import phrase, rendered_text, words_of
-from planner.trajectory import Array, Distance, error_norm
+from planner.trajectory import Array, Distance
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -41,6 +51,35 @@ AS_IT_IS = style.DIRECT._replace(label="as it is")
 """The path itself as requests."""
 
 
+class JointSizes(NamedTuple):
+    """The sizes of a joint's errors, in degrees or in percent of its range."""
+
+    name: str
+    label: str  # the name, with the unit where that is not degrees
+    unit: str  # in names of results
+    sign: str  # on pages
+    factor: float  # from the unit of its log
+    errors: dict[str, Distance]  # by kind of requests, and "recorded", of the recorded run
+    expected: float  # of the plan, to expect on the robot, rms; NaN where unknown
+    bound: float  # lower bound on the rms error of any requests; NaN where there is none
+
+
+def sizes_of(joint: JointReplay) -> JointSizes:
+    """The sizes of the errors of a joint; of one without a plan those of the recorded run alone."""
+    (unit, factor), planned = LOG_UNITS[joint.path.unit], joint.inversion is not None
+    errors = {"recorded": joint.recorded_errors, **(joint.errors if planned else {})}
+    return JointSizes(
+        name=joint.name,
+        label=joint.name if unit == "deg" else f"{joint.name} [% of its range]",
+        unit=unit,
+        sign=SIGNS[unit],
+        factor=factor,
+        errors={kind: size(each, factor) for kind, each in errors.items()},
+        expected=factor * joint.expected if planned else math.nan,
+        bound=factor * joint.lower_bound if planned else math.nan,
+    )
+
+
 def replay_page(
     replay: Replay,
     *,
@@ -61,20 +100,8 @@ def replay_page(
         curves.append(factors_figure(fastest))
     there = [joint.path.unit for joint in replay.planned]
     units = {"rad": "degrees", "1": "% of the range"}
-    joints = list[dict[str, Any]]()
-    for each in replay.planned:
-        unit, factor = LOG_UNITS[each.path.unit]
-        bound, expected = factor * each.lower_bound, factor * each.expected
-        joints.append(
-            {
-                "name": each.name,
-                "unit": SIGNS[unit],
-                "sizes": {kind: _sizes(each, error) for kind, error in each.errors.items()},
-                "bound": bound if math.isfinite(bound) else None,
-                "expected": expected if math.isfinite(expected) else None,
-            }
-        )
-    known = [each for each in joints if each["expected"] is not None]
+    joints = [*map(sizes_of, replay.planned)]
+    known = [each for each in joints if math.isfinite(each.expected)]
     fast = {each.name: sum(b - a for a, b in each.too_fast) for each in replay.planned}
     proof, spoken = fastest and fastest.impossible, _spoken(replay, models, fastest)
     return Page(
@@ -84,7 +111,7 @@ def replay_page(
         several=len(joints) > 1,
         unit=" or ".join(words for each, words in units.items() if each in there),
         most={
-            kind: max(each["sizes"][kind].max for each in joints)
+            kind: max(each.errors[kind].max for each in joints)
             for kind in ("planned", "direct", "resent")
         },
         first_line=phrase("replay.txt", "line", **spoken),
@@ -99,8 +126,8 @@ def replay_page(
         unplanned=[each for each in replay.joints if each.inversion is None],
         resent=spoken["resent"] and phrase("replay.txt", "resent", **spoken),
         remarks=remarks,
-        farthest=max(joints, key=lambda each: each["sizes"]["planned"].rms),
-        expected=max(known, key=lambda each: each["expected"], default=None),
+        farthest=max(joints, key=lambda each: each.errors["planned"].rms),
+        expected=max(known, key=lambda each: each.expected, default=None),
         moving=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         speeds=curves,
         of_foot=fastest is not None and fastest.foot,
@@ -119,24 +146,17 @@ def replay_page(
 
 def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms, and how its requests move."""
+    planned = [(sizes_of(each), each.motion) for each in replay.planned]
     return rendered_text(
         "replay.txt",
         **_spoken(replay, models, fastest),
         joints=replace(joints_table(replay), about="rms [deg]"),
-        requests=motions_table(
-            (_label(each), each.motion, LOG_UNITS[each.path.unit][1]) for each in replay.planned
-        ),
+        requests=motions_table((each.label, motion, each.factor) for each, motion in planned),
     )
 
 
 def _spoken(replay: Replay, models: str, fastest: Fastest | None) -> dict[str, Any]:
     """What the sentences about a replay say."""
-    resent = []
-    for each in replay.resent_may_serve:
-        unit, factor = LOG_UNITS[each.path.unit]
-        sizes = (each.expected, error_norm(each.error_of("resent"), "rms"))
-        expected, error = (factor * size for size in sizes)
-        resent.append({"name": each.name, "expected": expected, "resent": error, "unit": unit})
     fast = {each.name for each in replay.planned if each.too_fast}
     return {
         "replay": replay,
@@ -147,7 +167,7 @@ def _spoken(replay: Replay, models: str, fastest: Fastest | None) -> dict[str, A
         "unknown": sorted(replay.path.open_top_speeds & fast),
         "open": OPEN_TOP_SPEED,
         "better": RESENT,
-        "resent": resent,
+        "resent": [*map(sizes_of, replay.resent_may_serve)],
     }
 
 
@@ -170,48 +190,52 @@ def joints_table(replay: Replay) -> Table:
         Column("faster than the joint", words=True),
     )
     for joint in replay.joints:
-        factor = LOG_UNITS[joint.path.unit][1]
-        cells: list[str | tuple[str, ...]] = [_pair(joint, joint.recorded_errors)]
+        sizes, fast = sizes_of(joint), "nowhere"
+        pairs = {
+            kind: tuple(f"{each:.3f}" for each in error) for kind, error in sizes.errors.items()
+        }
+        cells: list[str | tuple[str, ...]] = [pairs["recorded"]]
         if joint.inversion is None:
             cells += [(NOTHING,) * len(column.parts) or NOTHING for column in columns[1:-1]]
             cells.append(f"{joint.path.reason}: recorded requests, re-timed")
         else:
-            pairs = {kind: _pair(joint, error) for kind, error in joint.errors.items()}
-            fast = "nowhere"
             if spans := joint.too_fast:
                 widest = max(spans, key=lambda span: span[1] - span[0])
                 fast = f"{widest[0]:.2f} to {widest[1]:.2f} s"
                 if len(spans) > 1:
                     total = sum(last - first for first, last in spans)
                     fast = f"{total:.2g} s in {len(spans)} parts, such as {fast}"
-            cells += [
-                pairs["resent"],
-                pairs["direct"],
-                (*pairs["shifted"], f"{1e3 * joint.lead:.0f}"),
-                pairs["planned"],
-                number(factor * joint.expected, 3),
-                number(factor * joint.lower_bound, 3),
-                fast,
-            ]
-        rows.append(Row(_label(joint), tuple(cells)))
+            cells += [pairs["resent"], pairs["direct"]]
+            cells += [(*pairs["shifted"], f"{1e3 * joint.lead:.0f}"), pairs["planned"]]
+            cells += [number(sizes.expected, 3), number(sizes.bound, 3), fast]
+        rows.append(Row(sizes.label, tuple(cells)))
     return Table("joint [deg]", columns, tuple(rows), label="Joints")
 
 
-def _label(joint: JointReplay) -> str:
-    return joint.name if joint.path.unit == "rad" else f"{joint.name} [% of its range]"
+# The figures.
 
 
 def moment_figure(replay: Replay) -> Figure:
     """The slider through the episode, with the numbers of its moment."""
-
-    def values(kind: str) -> list[Array | None]:
-        arrays = ((LOG_UNITS[each.path.unit][1], getattr(each, kind)) for each in replay.joints)
-        return [None if array is None else np.asarray(factor * array) for factor, array in arrays]
-
-    kinds = {"path": "desired", "request": "requests", "predicted": "predicted"}
-    units = tuple(SIGNS[LOG_UNITS[each.path.unit][0]] for each in replay.joints)
-    numbers = {name: values(kind) for name, kind in kinds.items()}
-    return _timeline_of(replay).moments("moment", replay.names, units, numbers)
+    timeline, joints = _timeline_of(replay), replay.joints
+    stride = -(-timeline.samples // MOST_FRAMES)
+    units = [LOG_UNITS[each.path.unit] for each in joints]
+    kinds = []
+    for name, kind in (("path", "desired"), ("request", "requests"), ("predicted", "predicted")):
+        arrays = ((getattr(each, kind), unit) for each, unit in zip(joints, units, strict=True))
+        values = [None if a is None else rounded(a[::stride], by) for a, (_, by) in arrays]
+        kinds.append({"name": name, "values": values})
+    live = {
+        "kind": "moment",
+        "period": stride * timeline.period,
+        "samples": len(range(0, timeline.samples, stride)),
+        "joints": [
+            {"name": each.name, "unit": SIGNS[unit]}
+            for each, (unit, _) in zip(joints, units, strict=True)
+        ],
+        "kinds": kinds,
+    }
+    return Figure("moment", *words_of("moment"), timeline.axis, live=live)
 
 
 def arm_figure(replay: Replay, arm: Leg) -> Figure:
@@ -219,13 +243,16 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
     by_name = {each.name: each for each in replay.joints}
     joints = [by_name[name] for name in arm.joint_names]
 
-    def angles(kind: str) -> Array:
-        kinds = ("recorded_angles" if each.inversion is None else kind for each in joints)
-        return np.column_stack([getattr(*each) for each in zip(joints, kinds, strict=True)])
+    def points(kind: str) -> Array:
+        kinds = (
+            "recorded_angles" if each.inversion is None and kind != "desired" else kind
+            for each in joints
+        )
+        angles = [getattr(*each) for each in zip(joints, kinds, strict=True)]
+        return arm.joint_positions(np.column_stack(angles))
 
-    others = ((AS_IT_IS, angles("direct")), (style.OPTIMAL, angles("predicted")))
-    desired = np.column_stack([each.desired for each in joints])
-    return _timeline_of(replay).leg("arm", words_of("arm"), arm, desired, others)
+    others = ((AS_IT_IS, points("direct")), (style.OPTIMAL, points("predicted")))
+    return _timeline_of(replay).leg("arm", words_of("arm"), points("desired"), others)
 
 
 def joint_figure(replay: Replay, j: int) -> Figure:
@@ -297,16 +324,6 @@ def factors_figure(fastest: Fastest) -> Figure:
     return timeline.figure("factors", [panel], words_of("factors"), clock=True)
 
 
-def _sizes(joint: JointReplay, errors: Array) -> Distance:
-    """Errors in the joint's unit, in two numbers."""
-    factor = LOG_UNITS[joint.path.unit][1]
-    return Distance(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
-
-
-def _pair(joint: JointReplay, errors: Array) -> tuple[str, ...]:
-    return tuple(f"{size:.3f}" for size in _sizes(joint, errors))
-
-
 def _timeline_of(replay: Replay) -> Timeline:
     return Timeline(replay.period, len(replay.moments), cyclic=False)
 
@@ -318,23 +335,24 @@ def replay_results(replay: Replay, models: str, remarks: Sequence[str]) -> dict[
     """A replay with ``models`` for machines, in degrees or percent; missing values are null."""
     joints = {}
     for joint in replay.joints:
-        unit, factor = LOG_UNITS[joint.path.unit]
-        plan = joint.inversion
+        sizes, plan = sizes_of(joint), joint.inversion
+        unit, factor = sizes.unit, sizes.factor
+        errors = {kind: named(each, unit) for kind, each in sizes.errors.items()}
         entry: dict[str, Any] = {
             "planned": plan is not None,
             "reason": joint.path.reason or None,
             "unit": unit,
-            "recorded": errors_results(joint.recorded_errors, unit, factor),
+            "recorded": errors.pop("recorded"),
             f"requests_{unit}": (factor * joint.requests).tolist(),
         }
         if plan is not None:
             assert joint.predicted is not None, "a planned joint is simulated"
             entry |= {
-                **{kind: errors_results(each, unit, factor) for kind, each in joint.errors.items()},
+                **errors,
                 "best_shift_s": joint.lead,
-                f"expected_on_robot_rms_{unit}": factor * joint.expected,
+                f"expected_on_robot_rms_{unit}": sizes.expected,
                 "norm": plan.norm,
-                f"lower_bound_{unit}": factor * joint.lower_bound,
+                f"lower_bound_{unit}": sizes.bound,
                 f"largest_step_{unit}": factor * plan.largest_step,
                 "recorded_requests_may_serve": joint in replay.resent_may_serve,
                 "untested": list(joint.untested),

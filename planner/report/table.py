@@ -164,11 +164,6 @@ def signed(text: str) -> str:
     return text.replace("-", "−")
 
 
-def raised(unit: str) -> str:
-    """A unit as a page writes it, with its square raised."""
-    return unit.replace("^2", "²")
-
-
 def percent(share: float, digits: int = 2) -> str:
     """A share as a percentage; there is none of a lower bound of zero, which the words say."""
     return "lower bound is 0" if math.isinf(share) else f"{100.0 * share:.{digits}f} %"

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import jinja2
 
 
+@cache
 def environment(*, plain: bool = False) -> jinja2.Environment:
     """Environment of the templates: their folder, filters and, of pages, macros; it draws tables.
 
@@ -42,7 +43,7 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
         "digits": lambda value, digits=3: f"{value:.{digits}g}",
         "fixed": lambda value, digits=2: f"{value:.{digits}f}",
         "heading": heading,
-        "line": _line,
+        "line": lambda words: " ".join(words.split()),
         "noted": _noted,
         "number": number,
         "percent": percent,
@@ -57,30 +58,19 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
 
 def rendered_text(template: str, **values: Any) -> str:
     """A template of plain text, for a terminal."""
-    return _plain().get_template(template).render(values).rstrip()
-
-
-@cache
-def _plain() -> jinja2.Environment:
-    return environment(plain=True)
+    return environment(plain=True).get_template(template).render(values).rstrip()
 
 
 def phrase(template: str, block: str, **values: Any) -> str:
-    """A block of a template of plain text, in one line."""
-    of = _plain().get_template(template)
-    return _line("".join(of.blocks[block](of.new_context(values))))
+    """A block of a template of plain text."""
+    of = environment(plain=True).get_template(template)
+    return "".join(of.blocks[block](of.new_context(values))).strip()
 
 
 def words_of(figure: str, **values: Any) -> tuple[str, str]:
     """Title and caption of a figure: the first line of its block in ``captions.txt``, the rest."""
-    template = _plain().get_template("captions.txt")
-    words = "".join(template.blocks[figure](template.new_context(values)))
-    title, _, caption = words.strip().partition("\n")
-    return title, _line(caption)
-
-
-def _line(words: str) -> str:
-    return " ".join(words.split())
+    title, _, caption = phrase("captions.txt", figure, **values).partition("\n")
+    return title, " ".join(caption.split())
 
 
 def heading(name: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from functools import partial
 
 import numpy as np
 import plotly.graph_objects as go
@@ -20,10 +21,10 @@ from planner.report.figure import (
     Words,
     around,
     joint_figure,
-    moving_leg,
 )
 from planner.report.matplotlib_figure import draw
 from planner.report.page import Page
+from planner.report.paper_figures import with_cycles
 from planner.report.plotly_figure import plot
 from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED
 
@@ -117,7 +118,8 @@ def test_a_cycle_ends_where_it_begins_and_cycles_do_not_touch():
     one = timeline.curve(np.array([10.0, 20.0]), DIRECT)
     np.testing.assert_array_equal(one.y, [10.0, 20.0, 10.0])
     np.testing.assert_array_equal(one.x, [0.0, 8.0, 16.0])
-    mean, two = timeline.cycles(np.array([[1.0, 2.0], [3.0, 4.0]]), DIRECT)
+    draw = partial(timeline.curve, role=DIRECT)
+    mean, two = with_cycles(draw, np.array([[1.0, 2.0], [3.0, 4.0]]))
     np.testing.assert_array_equal(mean.y, [2.0, 3.0, 2.0])
     assert mean.role == DIRECT
     assert (two.name, two.role.dashes) == (DIRECT.label, "-")
@@ -155,7 +157,8 @@ def motion(samples):
 
 
 def test_a_leg_is_shown_in_centimetres_with_its_ground_and_its_error():
-    told = moving_leg(*motion(3), 0.008, cyclic=True, ground=-0.0501)
+    leg = Timeline(0.008, 3).leg("leg", ("", ""), *motion(3), ground=-0.0501)
+    told = leg.live
     desired, only = told["motions"]
     assert only["points"][1] == [[0.0, 0.0, 0.0], [0.0, 0.0, -5.01], [5.0, 0.0, -5.01]]
     assert only["distances"] == [0.0, 5.0, 10.0]
