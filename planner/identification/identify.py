@@ -555,30 +555,11 @@ def _answer(
 
 
 def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogFit, ...]:
-    grid = fit.grid
-    rows = np.zeros(len(grid.angles), dtype=bool) if held is None else held.rows
-    by_held = np.full(len(grid.angles), np.nan)
+    grid, by_held = fit.grid, np.full(len(fit.grid.angles), np.nan)
     if held is not None:
-        by_held[rows] = held.predicted
-    columns = zip(
-        logs,
-        grid.places,
-        grid.per_log(fit.predicted),
-        grid.per_log(rows.astype(float), fill=0.0),
-        grid.per_log(by_held),
-        grid.per_log(fit.weights, fill=0.0),
-        grid.per_log(fit.residuals),
-        strict=True,
-    )
+        by_held[held.rows] = held.predicted
+    columns = (grid.per_log(fit.predicted), grid.per_log(by_held), grid.per_log(fit.weights, 0.0))
     return tuple(
-        LogFit(
-            log=log,
-            used=used,
-            predicted=predicted,
-            held_out=out > 0.0,
-            held_out_predicted=out_predicted,
-            weights=weights,
-            rms=rms(residuals[used]),
-        )
-        for log, used, predicted, out, out_predicted, weights, residuals in columns
+        LogFit(log=log, predicted=predicted, held_out_predicted=out, weights=weights)
+        for log, predicted, out, weights in zip(logs, *columns, strict=True)
     )

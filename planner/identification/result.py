@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.exceptions import ANGLE_UNIT
 from planner.identification.grid import sound_rows
@@ -23,7 +23,7 @@ from planner.model.evidence import (
     under_moving_requests,
 )
 from planner.model.joint import JointModel
-from planner.trajectory import Array
+from planner.trajectory import Array, Indices, Mask, rms
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 
 
@@ -133,25 +133,35 @@ class LogFit(ReadOnly):
 
     Attributes:
         log: The log.
-        used: Rows that were fitted: torque on, and the requests that act on them known.
         predicted: Angle by the model fitted to all rows [rad]; NaN where not used.
-        held_out: Rows that the validation left out of its fit.
-        held_out_predicted: Angle by the model fitted without them [rad]; NaN elsewhere.
+        held_out_predicted: Angle by a model fitted without the rows that the validation held out
+            [rad]; NaN elsewhere.
         weights: Weight that the robust loss left to each row, 0 to 1; 0 where not used.
-        rms: Error over the used rows [rad].
     """
 
     log: Log
-    used: npt.NDArray[np.bool_]
     predicted: Array
-    held_out: npt.NDArray[np.bool_]
     held_out_predicted: Array
     weights: Array
-    rms: float
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
-        freeze(self.used, self.predicted, self.held_out, self.held_out_predicted, self.weights)
+        freeze(self.predicted, self.held_out_predicted, self.weights)
+
+    @cached_property
+    def used(self) -> Mask:
+        """Rows that were fitted: torque on, and the requests that act on them known."""
+        return ~np.isnan(self.predicted)
+
+    @cached_property
+    def held_out(self) -> Mask:
+        """Rows that the validation left out of its fit."""
+        return ~np.isnan(self.held_out_predicted)
+
+    @property
+    def rms(self) -> float:
+        """Error over the used rows [rad]."""
+        return rms(self.residuals[self.used])
 
     @property
     def left_out(self) -> dict[str, int]:
@@ -230,8 +240,8 @@ class SpeedPoints(NamedTuple):
     speeds: Array
     predicted_errors: Array
     predicted_speeds: Array
-    off: npt.NDArray[np.bool_]
-    saturated: npt.NDArray[np.bool_]
+    off: Mask
+    saturated: Mask
 
 
 class HeldOut(NamedTuple):
@@ -247,7 +257,7 @@ class HeldOut(NamedTuple):
             speed: it then is that of the fit to all rows.
     """
 
-    rows: npt.NDArray[np.bool_]
+    rows: Mask
     predicted: Array
     rms: float
     sound_rms: float
@@ -470,9 +480,7 @@ def runs_of_fits(fits: Sequence[LogFit], *, held_out: bool) -> list[Run]:
     return found
 
 
-def at_even_times(
-    log: Log, rows: slice | npt.NDArray[np.int64], angles: Array
-) -> tuple[Array, float]:
+def at_even_times(log: Log, rows: slice | Indices, angles: Array) -> tuple[Array, float]:
     """Angles of rows of a log as they were at even times [rad], and the time between these [s].
 
     Rows come early or late. Differences as if they did not make accelerations of that: of an arm

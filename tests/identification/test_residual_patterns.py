@@ -74,16 +74,8 @@ def seen(angles, predicted, requests=None, *, name="log", period=0.02):
     log = planner.Log(
         times=times, requests=angles if requests is None else requests, angles=angles, name=name
     )
-    used = np.ones(len(angles), dtype=bool)
-    return LogFit(
-        log=log,
-        used=used,
-        predicted=predicted,
-        held_out=~used,
-        held_out_predicted=predicted,
-        weights=used.astype(float),
-        rms=0.01,
-    )
+    none, ones = np.full(len(angles), np.nan), np.ones(len(angles))
+    return LogFit(log=log, predicted=predicted, held_out_predicted=none, weights=ones)
 
 
 WAVE = np.sin(2.0 * np.pi * np.arange(300) / 100)

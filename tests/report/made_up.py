@@ -44,15 +44,11 @@ def made_up_fit(log, model):
     held_out = used & (np.arange(len(used)) > 0.6 * len(used))
     angles = simulate(model, log.requests, cyclic=False)
     predicted = np.where(used, angles, np.nan)
-    residuals = (log.angles - predicted)[used]
     return LogFit(
         log=log,
-        used=used,
         predicted=predicted,
-        held_out=held_out,
         held_out_predicted=np.where(held_out, angles + 0.004, np.nan),
         weights=np.where(used, np.where(np.arange(len(used)) % 97 == 0, 0.3, 1.0), 0.0),
-        rms=float(np.sqrt(np.mean(residuals**2))),
     )
 
 
