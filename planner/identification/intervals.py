@@ -114,114 +114,95 @@ def intervals_of(
     They hold the parameters of ``others``, which the data does not refute.
     """
     possible = [other.parameters for other in others]
-    ends = {name: _Profile(fit, uncertainty, name).interval(possible) for name in fit.free_names}
+    ends = {name: _interval(fit, uncertainty, name, possible) for name in fit.free_names}
     for name, end in ends.items():  # it holds what the profiles of other parameters did not refute
         values = [float(getattr(each, name)) for each in possible]
         ends[name] = Interval(min([end.lower, *values]), max([end.upper, *values]))
     return ends
 
 
-def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
-    """95 % interval of a term, by the covariance, in the unit of :class:`planner.JointModel`."""
-    index = Parameters._fields.index(name)
-    open_end = float(box_of(fit.grid).open_ends[index])
-    value = float(getattr(fit.parameters.model(tick=fit.grid.tick, hold=1), TERMS[name]))
-    known = np.isfinite(np.diag(uncertainty.covariance))
-    way = model_derivatives(fit.grid, fit.parameters)[index, known]
-    variance = float(way @ uncertainty.covariance[np.ix_(known, known)] @ way)
-    half = uncertainty.quantile * math.sqrt(max(variance, 0.0))
-    return Interval(max(value - half, open_end), value + half)
+def _interval(
+    fit: Fit, uncertainty: Uncertainty, name: str, possible: list[Parameters]
+) -> Interval:
+    """The interval of a parameter, open where its search ended: the covariance does not hold there.
 
-
-class _Profile:
-    """The loss by one parameter of a fit, the others being fitted again.
-
-    Half the width of the parameter's interval by the covariance, and the shortest and the longest
-    first step of a search, are those of its logarithm where it is counted by that.
+    What its profile does not refute is added to ``possible``. Widths and steps are those of the
+    logarithm where the parameter is counted by that.
     """
+    box, index = box_of(fit.grid), Parameters._fields.index(name)
+    unit, lower, upper = (float(each[index]) for each in box)
+    value, reported = float(fit.parameters[index]), (float(box.open_ends[index]), math.inf)
+    delay = fit.parameters.whole_delay
+    sizes = dict.fromkeys(("lag", "acceleration_time", "time_constant"), delay)
+    sizes |= dict.fromkeys(("integral_rate", "position_integral_rate"), 1.0 / delay)
+    half = uncertainty.quantile * float(uncertainty.deviations[index]) * (unit or 1.0)
+    least, most = 0.25 * unit or 0.02, 0.3 * sizes.get(name, unit or 1.0)
+    limits = (lower if unit else 0.0), (math.inf if name == "v_max" else upper)
+    allowed = fit.cost + rise_allowed(fit, uncertainty, name)
 
-    def __init__(self, fit: Fit, uncertainty: Uncertainty, name: str) -> None:
-        box, index = box_of(fit.grid), Parameters._fields.index(name)
-        unit, lower, upper = (float(each[index]) for each in box)
-        delay = fit.parameters.whole_delay
-        sizes = dict.fromkeys(("lag", "acceleration_time", "time_constant"), delay)
-        sizes |= dict.fromkeys(("integral_rate", "position_integral_rate"), 1.0 / delay)
-        self.fit, self.name, self.value = fit, name, float(fit.parameters[index])
-        self.logarithmic, self.upper = unit == 0.0, upper
-        deviation = uncertainty.quantile * float(uncertainty.deviations[index])
-        self.half = deviation * (unit or 1.0)
-        self.certain = self.logarithmic and self.half <= CERTAIN
-        self.least, self.most = 0.25 * unit or 0.02, 0.3 * sizes.get(name, unit or 1.0)
-        self.allowed = fit.cost + rise_allowed(fit, uncertainty, name)
-        self.limits = 0.0 if self.logarithmic else lower, math.inf if name == "v_max" else upper
-        self.open_ends = float(box.open_ends[index]), math.inf
+    def moved(by: float) -> float:
+        return value + by if unit else value * math.exp(by)
 
-    def interval(self, possible: list[Parameters]) -> Interval:
-        """The interval, open where the search ended: the covariance does not hold there.
-
-        What is not refuted on the way is added to ``possible``.
-        """
-        value, width = self.value, self.half
-        if self.certain:
-            low, high = value * math.exp(-width), value * math.exp(width)
-        elif not self.logarithmic and width <= max(4.0 * self.least, self.most):
-            # so narrow that the slopes at its middle hold at its ends
-            low, high = max(value - width, self.open_ends[0]), value + width
-        else:
-            low, high = (self.end(side, possible) for side in (0, 1))
-        if at_edge(self.fit, self.name):
-            if value >= self.upper * (1.0 - EDGE):
-                return Interval(low, math.inf)
-            return Interval(self.open_ends[0], high)
-        return Interval(low, high)
-
-    def end(self, side: int, possible: list[Parameters]) -> float:
+    def end(side: int) -> float:
         """Where the profile has risen as far as the interval reaches, below (0) or above (1).
 
         The end is sought from where the covariance puts it outwards, so an interval may come out
         wider than its profile but not narrower.
         """
-        free, last = self.fit.free & ~only(self.name), self.fit
+        last = fit
 
         def refutes(value: float) -> bool:
-            """Whether nothing with the parameter at this value fits well enough."""
             nonlocal last
-            held = least_squares(
-                last.grid,
-                last.parameters._replace(**{self.name: value}),
-                free=free,
-                starts=last.starts,
-                scale=last.scale,
-                effort=PROFILE,
-                enough=self.allowed,
-            )
+            held = _held_at(last, name, value, allowed)
             if math.isfinite(value):
                 last = held
-            if held.cost <= self.allowed:
+            if held.cost <= allowed:
                 possible.append(held.parameters)
-            return held.cost > self.allowed
+            return held.cost > allowed
 
-        value, way = self.value, 2 * side - 1
-        limit, reported = self.limits[side], self.open_ends[side]
+        limit, way = limits[side], 2 * side - 1
         if limit == value or (math.isinf(limit) and not refutes(limit)):
-            return reported
-        inner = value
-        step = self.most if self.certain else min(max(self.half, self.least), self.most)
+            return reported[side]
+        inner, step = value, min(max(half, least), most)
         for _ in range(4):
-            outer = value * math.exp(way * step) if self.logarithmic else value + way * step
+            outer = moved(way * step)
             beyond = (outer - limit) * way >= 0.0
             if beyond and not refutes(limit):
-                return reported
+                return reported[side]
             outer = limit if beyond else outer
             if beyond or refutes(outer):
                 break
             inner, step = outer, WIDENING * step
         else:
-            return reported
-        for _ in range(BISECTIONS if inner != value or step > self.half else 0):
-            middle = math.sqrt(inner * outer) if self.logarithmic else (inner + outer) / 2.0
+            return reported[side]
+        for _ in range(BISECTIONS if inner != value or step > half else 0):
+            middle = (inner + outer) / 2.0 if unit else math.sqrt(inner * outer)
             inner, outer = (inner, middle) if refutes(middle) else (middle, outer)
         return outer
+
+    if half <= (max(unit, most) if unit else CERTAIN):
+        # so narrow that the slopes at its middle hold at its ends
+        low, high = max(moved(-half), reported[0]), moved(half)
+    else:
+        low, high = end(0), end(1)
+    if at_edge(fit, name):
+        at_top = value >= upper * (1.0 - EDGE)
+        return Interval(low, math.inf) if at_top else Interval(reported[0], high)
+    return Interval(low, high)
+
+
+def _held_at(fit: Fit, name: str, value: float, enough: float) -> Fit:
+    """The fit with a parameter at a value, no better than is enough."""
+    at, free = fit.parameters._replace(**{name: value}), fit.free & ~only(name)
+    return least_squares(
+        fit.grid, at, free=free, starts=fit.starts, scale=fit.scale, effort=PROFILE, enough=enough
+    )
+
+
+def speed_bounded(fit: Fit) -> bool:
+    """Whether the data bounds the top speed from above."""
+    allowed = fit.cost + rise_allowed(fit, uncertainty_of(fit), "v_max")
+    return _held_at(fit, "v_max", math.inf, allowed).cost > allowed
 
 
 ROUGH, ROUGH_FRICTION = 2.0, 1.2
@@ -251,11 +232,6 @@ def rise_allowed(fit: Fit, uncertainty: Uncertainty, name: str) -> float:
     """Rise of the loss from which on a value of a parameter is refuted: (18) [rad^2]."""
     threshold = float(uncertainty.threshold[Parameters._fields.index(name)])
     return max(threshold, MISFIT * fit.cost)
-
-
-def speed_bounded(fit: Fit) -> bool:
-    """Whether the data bounds the top speed from above."""
-    return math.isfinite(_Profile(fit, uncertainty_of(fit), "v_max").end(1, []))
 
 
 class Uncertainty(NamedTuple):
@@ -386,15 +362,16 @@ def all_intervals(
     known = dict(bounds)
     for name in ("asymmetry", "slowing"):
         if name in bounds:
-            known[TERMS[name]] = model_interval(fit, uncertainty, name)
-            if not (bounds[name].bounded and bounds["v_max"].bounded):
-                known[TERMS[name]] = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
+            determined = bounds[name].bounded and bounds["v_max"].bounded
+            least = -math.inf if name == "asymmetry" else 0.0
+            of_model = model_interval(fit, uncertainty, name)
+            known[TERMS[name]] = of_model if determined else Interval(least, math.inf)
     limit = known.pop("acceleration", None)
     if limit is not None:
-        known["max_acceleration"] = limit
         if fit.parameters.dead_band > 0.0:
             ends = model_interval(fit, uncertainty, "acceleration")
-            known["max_acceleration"] = ends if limit.bounded else Interval(ends.lower, math.inf)
+            limit = ends if limit.bounded else Interval(ends.lower, math.inf)
+        known["max_acceleration"] = limit
     known["theta_0"] = _theta_0(fit, bounds, uncertainty)
     known = {name: known[name] for name in (*PARAMETERS, "gain") if name in known}
     if ticks is None:
@@ -441,37 +418,51 @@ def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty)
     """theta_0 = v_max / gain: by their covariance where it holds, else from their ends."""
     gain, v_max = bounds["gain"], bounds["v_max"]
     if v_max.bounded and gain.bounded:
-        way = np.array([-1.0, 1.0])
-        half = uncertainty.quantile * float(np.sqrt(way @ uncertainty.covariance[:2, :2] @ way))
         value = fit.parameters.v_max / fit.parameters.gain
+        variance = float(model_covariance(fit, uncertainty)[1, 1])
+        half = uncertainty.quantile * math.sqrt(variance) / value
         if half < 1.0:
             return Interval(value * math.exp(-half), value * math.exp(half))
     upper = v_max.upper / gain.lower if gain.lower > 0.0 else math.inf
     return Interval(v_max.lower / gain.upper, upper)
 
 
+def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
+    """95 % interval of a term, by the covariance, in the unit of :class:`planner.JointModel`."""
+    index = Parameters._fields.index(name)
+    open_end = float(box_of(fit.grid).open_ends[index])
+    value = float(getattr(fit.parameters.model(tick=fit.grid.tick, hold=1), TERMS[name]))
+    variance = float(model_covariance(fit, uncertainty)[index, index])
+    half = uncertainty.quantile * math.sqrt(max(variance, 0.0))
+    return Interval(max(value - half, open_end), value + half)
+
+
+def model_covariance(fit: Fit, uncertainty: Uncertainty) -> Array:
+    """Covariance of :data:`PARAMETERS`, of the play and of the gain, in SI units.
+
+    What the log does not show at all counts as known.
+    """
+    known = np.isfinite(np.diag(uncertainty.covariance))
+    change = model_derivatives(fit.grid, fit.parameters)[:, known]
+    return np.asarray(change @ uncertainty.covariance[np.ix_(known, known)] @ change.T)
+
+
 def covariance_of(
     fit: Fit, intervals: Mapping[str, Interval], uncertainty: Uncertainty
 ) -> Array | None:
     """Covariance of what was fitted of :data:`PARAMETERS`, in SI units, shape (p, p)."""
-    fitted = np.ix_(fit.free, fit.free)
-    known = uncertainty.covariance[fitted]
-    if not (all(each.bounded for each in intervals.values()) and np.isfinite(known).all()):
+    fitted = np.flatnonzero(fit.free)
+    known = np.isfinite(np.diag(uncertainty.covariance)[fitted]).all()
+    if not (known and all(each.bounded for each in intervals.values())):
         return None
-    change = model_derivatives(fit.grid, fit.parameters)[fitted]
-    covariance = change @ known @ change.T
-    covariance.setflags(write=False)
-    return np.asarray(covariance)
+    return model_covariance(fit, uncertainty)[np.ix_(fitted, fitted)]
 
 
 def correlations_of(fit: Fit, uncertainty: Uncertainty) -> tuple[tuple[float, ...], ...]:
     """Correlations of the fitted :data:`PARAMETERS`, the gain instead of theta_0."""
-    change = model_derivatives(fit.grid, fit.parameters)
-    theta_0, gain = PARAMETERS.index("theta_0"), Parameters._fields.index("gain")
-    change[theta_0] = np.eye(len(change))[gain]
-    known = fit.free & np.isfinite(np.diag(uncertainty.covariance))
-    change = change[np.ix_(fit.free, known)]
-    covariance = change @ uncertainty.covariance[np.ix_(known, known)] @ change.T
+    rows = np.flatnonzero(fit.free)
+    rows[rows == PARAMETERS.index("theta_0")] = -1
+    covariance = model_covariance(fit, uncertainty)[np.ix_(rows, rows)]
     size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     shares = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
     found = np.clip(covariance * np.outer(shares, shares), -1.0, 1.0)

@@ -245,7 +245,7 @@ def units(grid: Grid, parameters: Parameters) -> Array:
 
 
 def model_derivatives(grid: Grid, parameters: Parameters) -> Array:
-    """Derivatives of :data:`PARAMETERS` by the coordinates, shape (p, p)."""
+    """Derivatives of :data:`PARAMETERS`, the play and the gain by the coordinates, (p + 1, p)."""
     v_max, theta_0 = parameters.v_max, parameters.v_max / parameters.gain
     change = np.diag(units(grid, parameters))
     change[:2, :2] = [[0.0, v_max], [-theta_0, theta_0]]
@@ -258,7 +258,7 @@ def model_derivatives(grid: Grid, parameters: Parameters) -> Array:
         for name, value in by_friction(parameters, grid.tick).items():
             index = Parameters._fields.index(name)
             change[row, index] = value * by[index]
-    return change
+    return np.vstack([change, parameters.gain * np.eye(1, COUNT)])
 
 
 def by_friction(at: Parameters, tick: float) -> dict[str, float]:
