@@ -43,30 +43,23 @@ MEANING: Mapping[str, str] = {
 """The kinds of signals, and what each makes identifiable."""
 
 PARTS = (
-    ("slow triangle", 0.4, "dead band, static sag, sag by the angle"),
-    ("sum of sines", 0.4, "v_max / theta_0, lag, acceleration time, time constant"),
+    ("slow_triangle", 0.4, "dead band, static sag, sag by the angle"),
+    ("multisine", 0.4, "v_max / theta_0, lag, acceleration time, time constant"),
     ("steps", 0.2, "top speed, theta_0, acceleration limit, delay of jumps"),
 )
-"""Of each half of the combined signal: what each is, its share, what it makes identifiable."""
+"""Of each half of the combined signal: kinds, their shares, what each makes identifiable."""
 
 SWELL = 0.08
 """Share of a sum of sines, or of a chirp, in which it, or one of its sines, swells."""
 
 
 class Part(NamedTuple):
-    """A part of a combined signal.
-
-    Attributes:
-        name: What it is.
-        begin: When it begins [s].
-        end: When it ends [s].
-        determines: What it makes identifiable.
-    """
+    """A part of a combined signal."""
 
     name: str
-    begin: float
-    end: float
-    determines: str
+    begin: float  # [s]
+    end: float  # [s]
+    determines: str  # what it makes identifiable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,40 +192,44 @@ def excite(
             f"highest: got {fastest:g} Hz, expected more than 0 and at most {0.5 / period:g}, half "
             "the rate of the requests"
         )
-    if cycles is None:
-        cycles = 1 if kind == "combined" else 3
+    both = kind == "combined"
+    cycles = (1 if both else 3) if cycles is None else cycles
     if cycles < 1:
         raise InvalidInput(f"cycles: got {cycles}, expected 1 or more")
-    heights = _heights(amplitudes, reach) if kind in ("combined", "steps") else ()
-    tests = [height / (2.0 * reach) for height in heights]
-    parts = 2 * PARTS if kind == "combined" else ()
-    ends = np.round(0.5 * moving * np.cumsum([0.0] + [share for _, share, _ in parts])).astype(int)
-    lengths = np.diff(ends).tolist()
-
-    def combined() -> Array:
-        made = []
-        for half in (0, 1):
-            slow, waves, jumps = lengths[3 * half : 3 * half + 3]
-            made += [
-                _slow_triangle(slow, cycles=1),
-                _multisine(waves, period, fastest, 2 * seed + half, quickens=True),
-                _steps(jumps, tests, cycles),
-            ]
-        return np.concatenate(made)
-
-    make: Mapping[str, Callable[[], Array]] = {
-        "combined": combined,
-        "steps": lambda: _steps(moving, tests, cycles),
-        "multisine": lambda: _multisine(moving, period, fastest, seed),
-        "chirp": lambda: _chirp(moving, period, fastest),
-        "random_steps": lambda: _random_steps(moving, period, seed),
-        "triangle": lambda: _triangle(moving, (1, 2, 4, 8)),  # the speed doubles from part to part
-        "slow_triangle": lambda: _slow_triangle(moving),
+    if amplitudes is None:  # well inside theta_0 of most joints, and far beyond it
+        amplitudes = [2.0 * reach * share for share in (0.125, 0.5, 1.0)]
+    if not len(amplitudes):
+        raise InvalidInput("amplitudes: got none, expected at least one [rad]")
+    for amplitude in amplitudes:
+        if not 0.0 < amplitude <= 2.0 * reach * (1.0 + 1e-12):
+            raise InvalidInput(
+                f"amplitudes: got a step of {angle_text(amplitude)}, expected more than 0 and at "
+                f"most {angle_text(2.0 * reach)}, what the limits allow about the centre"
+            )
+    tests = [height / (2.0 * reach) for height in amplitudes]
+    make: Mapping[str, Callable[[int, int], Array]] = {  # of a length, with a seed
+        "steps": lambda n, _: _steps(n, tests, cycles),
+        "multisine": lambda n, own: _multisine(n, period, fastest, own, quickens=both),
+        "chirp": lambda n, _: _chirp(n, period, fastest),
+        "random_steps": lambda n, own: _random_steps(n, period, own),
+        "triangle": lambda n, _: _triangle(n, (1, 2, 4, 8)),  # the speed doubles from part to part
+        "slow_triangle": lambda n, _: _triangle(n, 2 * ((1,) if both else (2,)), (1.0, 0.25)),
     }
-    deflection = np.pad(make[kind](), rest)
-    requests = np.clip(middle + reach * deflection, *limits)  # rounding may not leave the limits
+    parts = 2 * PARTS if both else ((kind, 2.0, ""),)
+    ends = np.round(0.5 * moving * np.cumsum([0.0, *(share for _, share, _ in parts)])).astype(int)
+    deflection = np.concatenate(
+        [
+            make[name](length, 2 * seed + k // len(PARTS) if both else seed)
+            for k, ((name, _, _), length) in enumerate(
+                zip(parts, np.diff(ends).tolist(), strict=True)
+            )
+        ]
+    )
+    # rounding may not leave the limits
+    requests = np.clip(middle + reach * np.pad(deflection, rest), *limits)
     times = np.arange(samples, dtype=np.float64) * period
     edges = (period * (rest + ends)).tolist()
+    names = {"multisine": "sum of sines"}
     freeze(times, requests)
     return Excitation(
         kind=kind,
@@ -241,26 +238,13 @@ def excite(
         period=period,
         centre=middle,
         reach=reach,
-        amplitudes=heights,
+        amplitudes=tuple(map(float, amplitudes)) if kind in ("combined", "steps") else (),
         parts=tuple(
-            Part(name, begin, end, determines)
+            Part(names.get(name, name.replace("_", " ")), begin, end, determines)
             for (name, _, determines), begin, end in zip(parts, edges[:-1], edges[1:], strict=True)
+            if both
         ),
     )
-
-
-def _heights(amplitudes: Sequence[float] | None, reach: float) -> tuple[float, ...]:
-    if amplitudes is None:  # well inside theta_0 of most joints, and far beyond it
-        return tuple(2.0 * reach * share for share in (0.125, 0.5, 1.0))
-    for amplitude in amplitudes:
-        if not 0.0 < amplitude <= 2.0 * reach * (1.0 + 1e-12):
-            raise InvalidInput(
-                f"amplitudes: got a step of {angle_text(amplitude)}, expected more than 0 and at "
-                f"most {angle_text(2.0 * reach)}, what the limits allow about the centre"
-            )
-    if not len(amplitudes):
-        raise InvalidInput("amplitudes: got none, expected at least one [rad]")
-    return tuple(float(amplitude) for amplitude in amplitudes)
 
 
 def _steps(samples: int, shares: Sequence[float], cycles: int) -> Array:
@@ -328,22 +312,14 @@ def _random_steps(samples: int, period: float, seed: int) -> Array:
     return made
 
 
-def _slow_triangle(samples: int, *, cycles: int = 2) -> Array:
-    """So many slow cycles over the whole range, and as many over a quarter of it."""
-    far = (samples + 1) // 2
-    near = 0.25 * _triangle(samples - far, (cycles,))
-    return np.concatenate([_triangle(far, (cycles,)), near])
-
-
-def _triangle(samples: int, parts_cycles: Sequence[int]) -> Array:
-    """To and fro between -1 and 1 at constant speeds, so many cycles in each of equal parts."""
+def _triangle(samples: int, cycles: Sequence[int], heights: Sequence[float] | None = None) -> Array:
+    """To and fro at constant speeds, so many cycles in each of equal parts, of these heights."""
     parts = []
-    lengths = map(len, np.array_split(np.empty(samples), len(parts_cycles)))
-    for cycles, length in zip(parts_cycles, lengths, strict=True):
-        phase = np.mod(cycles * np.arange(length) / length + 0.75, 1.0)
-        parts.append(1.0 - 4.0 * np.abs(phase - 0.5))
-    made: Array = -np.concatenate(parts)
-    return made
+    lengths = map(len, np.array_split(np.empty(samples), len(cycles)))
+    for often, height, length in zip(cycles, heights or len(cycles) * [1.0], lengths, strict=True):
+        phase = np.mod(often * np.arange(length) / length + 0.75, 1.0)
+        parts.append(height * (4.0 * np.abs(phase - 0.5) - 1.0))
+    return np.concatenate(parts)
 
 
 def _swell(samples: int) -> Array:
