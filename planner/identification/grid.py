@@ -40,19 +40,12 @@ Place = tuple[int, int]
 
 
 class Timing(NamedTuple):
-    """Ticks and periods.
+    """Ticks and periods."""
 
-    Attributes:
-        period: Time between the rows of all logs [s].
-        tick: Time step of the model [s].
-        hold: Ticks in a period.
-        reach: Longest lag plus acceleration time of the search [s].
-    """
-
-    period: float
-    tick: float
-    hold: int
-    reach: float
+    period: float  # between the rows of all logs [s]
+    tick: float  # time step of the model [s]
+    hold: int  # ticks in a period
+    reach: float  # longest lag plus acceleration time of the search [s]
 
     def ticking(self, tick: float) -> Timing:
         """The same with ticks of about this length [s], a whole number in a period."""
@@ -183,47 +176,27 @@ class Grid:
     first request of a piece is taken to have been in force for ``reach`` before it. A run of T
     ticks has T + 1 states, the first of which is its start.
 
-    Attributes:
-        tick: Time step [s].
-        reach: Longest lag plus acceleration time that the axis leaves room for [s].
-        edges: Times at which another request comes into force [s], increasing, shape (e,).
-        requests: Request in force from each of them on [rad], shape (e,).
-        ticks: Time of every tick after a start [s], shape (t,).
-        states: Which state each tick leads to, shape (t,).
-        starts: State in which each run starts, shape (runs,).
-        before: State at or before each used row, shape (rows,).
-        share: Weight of the state after it, in [0, 1), shape (rows,).
-        run: Number of the run of each used row, shape (rows,).
-        angles: Actual angle at each used row [rad], shape (rows,).
-        weights: Weight of its error in the loss, from 0 to 1, shape (rows,).
-        firsts: For each run the first of its used rows in its log.
-        places: For each log, which of its rows are used, in the same order, shape (n,) each.
-        loads: Torque on the joint at every tick [N m], shape (t,); 0 where none is known.
-        unloaded: Whether no log has a torque, and all have angles: gravity may then be a sag by
-            the angle.
-        burn_in: How much of a piece is left out at its start [s].
-        settled: Pieces of which nothing is left out.
-        logs: The logs.
     """
 
-    tick: float
-    reach: float
-    edges: Array
-    requests: Array
-    ticks: Array
-    states: Indices
-    starts: Indices
-    before: Indices
-    share: Array
-    run: Indices
-    angles: Array
-    weights: Array
-    firsts: tuple[Place, ...]
-    places: tuple[Mask, ...]
-    loads: Array
-    unloaded: bool
-    burn_in: float
-    settled: frozenset[Place]
+    tick: float  # time step [s]
+    reach: float  # longest lag plus acceleration time that the axis leaves room for [s]
+    edges: Array  # times at which another request comes into force [s], increasing, (e,)
+    requests: Array  # request in force from each of them on [rad], (e,)
+    ticks: Array  # time of every tick after a start [s], (t,)
+    states: Indices  # which state each tick leads to, (t,)
+    starts: Indices  # state in which each run starts, (runs,)
+    before: Indices  # state at or before each used row, (rows,)
+    share: Array  # weight of the state after it, in [0, 1), (rows,)
+    run: Indices  # number of the run of each used row, (rows,)
+    times: Array  # of each used row on the axis [s], (rows,)
+    angles: Array  # actual angle at each used row [rad], (rows,)
+    weights: Array  # of its error in the loss, from 0 to 1, (rows,)
+    firsts: tuple[Place, ...]  # for each run the first of its used rows in its log
+    places: tuple[Mask, ...]  # for each log which of its rows are used, in the same order, (n,)
+    loads: Array  # torque on the joint at every tick [N m], 0 where none is known, (t,)
+    unloaded: bool  # no log has a torque, all have angles: gravity may be a sag by the angle
+    burn_in: float  # how much of a piece is left out at its start [s]
+    settled: frozenset[Place]  # pieces of which nothing is left out
     logs: tuple[Log, ...]
 
     @cached_property
@@ -232,15 +205,6 @@ class Grid:
         from planner.model.kernel import Track
 
         return Track(*(getattr(self, name) for name in Track._fields))
-
-    @cached_property
-    def times(self) -> Array:
-        """Time of each used row on the axis [s], shape (rows,)."""
-        at_states = np.zeros(len(self.ticks) + len(self.starts))
-        at_states[self.states] = self.ticks
-        at_states[self.starts] = at_states[self.starts + 1] - self.tick
-        after = at_states[np.minimum(self.before + 1, len(at_states) - 1)]
-        return np.asarray((1.0 - self.share) * at_states[self.before] + self.share * after)
 
     @cached_property
     def first_rows(self) -> Indices:
@@ -439,7 +403,7 @@ def resampled(
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
     sound = [sound_rows(log) for log in logs]
     firsts: list[Place] = []
-    runs = []  # of each its ticks, the torques there, the tick before each row, how far after it
+    runs = []  # ticks, torques there, tick before each row, share after it, time of the row
     for number, rows in runs_of(logs, burn_in, settled):
         kept = np.flatnonzero(sound[number][rows]) + rows.start
         if len(kept) < FEWEST_USED:
@@ -459,12 +423,10 @@ def resampled(
         ending = np.searchsorted(shifted[number], ticks - ON_A_TICK * tick)  # the row of a torque
         ending = np.minimum(ending, len(shifted[number]) - 1)
         torques = np.zeros(count) if torque is None else torque[ending]
-        runs.append((ticks, torques, below, places))
-    lengths = [len(run[0]) + 1 for run in runs]
-    states = np.cumsum([0, *lengths])
+        runs.append((ticks, torques, below, places - below, times))
+    states = np.cumsum([0, *(len(run[0]) + 1 for run in runs)])
     starts = states[:-1]
-    number_of = np.repeat(np.arange(len(runs)), [len(run[2]) for run in runs])
-    below = _joined([run[2] for run in runs]).astype(int)
+    run = np.repeat(np.arange(len(runs)), [len(run[2]) for run in runs])
     return Grid(
         tick=tick,
         reach=reach,
@@ -473,9 +435,10 @@ def resampled(
         ticks=_joined([run[0] for run in runs]),
         states=np.delete(np.arange(states[-1]), starts),
         starts=starts,
-        before=starts[number_of] + below,
-        share=_joined([run[3] for run in runs]) - below,
-        run=number_of,
+        before=starts[run] + _joined([run[2] for run in runs]).astype(int),
+        share=_joined([run[3] for run in runs]),
+        run=run,
+        times=_joined([run[4] for run in runs]),
         angles=_joined([log.angles[rows] for log, rows in zip(logs, used, strict=True)]),
         weights=_joined([log.weights[rows] for log, rows in zip(logs, used, strict=True)]),
         firsts=tuple(firsts),

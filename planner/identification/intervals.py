@@ -235,20 +235,14 @@ def rise_allowed(fit: Fit, uncertainty: Uncertainty, name: str) -> float:
 
 
 class Uncertainty(NamedTuple):
-    """Second moments of the estimate, by ``parameters.coordinates_of``.
+    """Second moments of the estimate, by ``parameters.coordinates_of``."""
 
-    Attributes:
-        covariance: Shape (p, p), infinite on the diagonal where a parameter has no effect at all.
-        inflation: By how much residuals that are correlated, or largest where the parameter acts,
-            raise each variance, at least 1, (p,).
-        variance: Of one residual [rad^2].
-        quantile: Standard deviations to either side of the estimate.
-    """
-
-    covariance: Array
+    covariance: Array  # infinite on the diagonal where a parameter has no effect at all, (p, p)
+    # by how much residuals that are correlated, or largest where the parameter acts, raise each
+    # variance, at least 1, (p,)
     inflation: Array
-    variance: float
-    quantile: float
+    variance: float  # of one residual [rad^2]
+    quantile: float  # standard deviations to either side of the estimate
 
     @property
     def deviations(self) -> Array:

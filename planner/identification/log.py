@@ -44,23 +44,14 @@ ONE_LOG = (
 
 
 class Written(NamedTuple):
-    """How a file writes the angles of a log: angle = factor * number + shift.
+    """How a file writes the angles of a log: angle = factor * number + shift."""
 
-    Attributes:
-        path: The file, or the dataset or bag.
-        episode: The episode of a dataset; None for a file of one recording.
-        column: The column of the requested angles; "" where there are no columns by joint.
-        unit: What the numbers are in, such as "deg", "ticks" or "percent".
-        factor: What one of them is [rad, or shares of a range].
-        shift: What their zero is [rad, or shares of a range].
-    """
-
-    path: str
-    episode: int | None
-    column: str
-    unit: str
-    factor: float
-    shift: float
+    path: str  # the file, or the dataset or bag
+    episode: int | None  # of a dataset; None for a file of one recording
+    column: str  # of the requested angles; "" where there are no columns by joint
+    unit: str  # what the numbers are in, such as "deg", "ticks" or "percent"
+    factor: float  # what one of them is [rad, or shares of a range]
+    shift: float  # what their zero is [rad, or shares of a range]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

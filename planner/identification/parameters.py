@@ -150,17 +150,11 @@ class Parameters(NamedTuple):
 
 
 class Box(NamedTuple):
-    """How the search counts each of :class:`Parameters`, and where it looks for it, (p,) each.
+    """How the search counts each of :class:`Parameters`, and where it looks for it, (p,) each."""
 
-    Attributes:
-        unit: What its coordinate counts it in; 0 where that is its logarithm.
-        lower: Least value.
-        upper: Largest value.
-    """
-
-    unit: Array
-    lower: Array
-    upper: Array
+    unit: Array  # what its coordinate counts it in; 0 where that is its logarithm
+    lower: Array  # least value
+    upper: Array  # largest value
 
     @property
     def open_ends(self) -> Array:

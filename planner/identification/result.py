@@ -245,23 +245,15 @@ class SpeedPoints(NamedTuple):
 
 
 class HeldOut(NamedTuple):
-    """The prediction of the rows that were held out.
+    """The prediction of the rows that were held out, by the model fitted to the others."""
 
-    Attributes:
-        rows: Which of the grid's rows were held out.
-        predicted: Angle at them by the model fitted to the others [rad].
-        rms: Its error [rad].
-        sound_rms: The same without gross outliers [rad].
-        alternatives: Error of each simpler description, fitted to the others too [rad].
-        beyond: Whether they call for faster motion than the other rows, which do not bound the top
-            speed: it then is that of the fit to all rows.
-    """
-
-    rows: Mask
-    predicted: Array
-    rms: float
-    sound_rms: float
-    alternatives: dict[str, float]
+    rows: Mask  # which of the grid's rows were held out
+    predicted: Array  # angle at them [rad]
+    rms: float  # its error [rad]
+    sound_rms: float  # the same without gross outliers [rad]
+    alternatives: dict[str, float]  # error of each simpler description, fitted to the others [rad]
+    # they call for faster motion than the other rows, which do not bound the top speed: it then is
+    # that of the fit to all rows
     beyond: bool
 
 
