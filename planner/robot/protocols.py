@@ -1,8 +1,8 @@
 """Packets and registers of servo buses: Feetech STS/SMS, and Dynamixel protocol 2.0.
 
 Both protocols know the same instructions, and write numbers with the low byte first; they differ in
-their frames, in the width of addresses and in the sign of numbers. The control tables of servos are
-in ``registers.toml``. Nothing here opens a port or keeps a state.
+their frames, in the width of addresses and in the sign of numbers. The servos that speak them, with
+their control tables, are in ``protocols.toml``. Nothing here opens a port or keeps a state.
 """
 
 from __future__ import annotations
@@ -10,12 +10,16 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
 """Instructions, the same in both protocols."""
+
+LOAD_UNIT = 1e-3
+"""Share of the largest load of a load of 1."""
 
 BROADCAST = 0xFE
 """The identifier that all servos listen to, and none answers."""
@@ -57,27 +61,34 @@ class Packet(NamedTuple):
     content: bytes  # parameters, or the answer's data
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ServoProtocol:
     """A protocol and the control table of servos; the subclasses have the frames."""
 
     name: str  # its name for users
-    registers: Mapping[str, Register]  # by name; the same names in both protocols
-    feedback: tuple[str, ...]  # registers of one sync read, beside one another
-    speed_unit: float  # speed of a profile speed of 1 [rad/s]
-    acceleration_unit: float  # acceleration of a profile acceleration of 1 [rad/s²]
-    load_unit: float  # share of the largest load of a load of 1
-    errors: Mapping[int, str]  # meaning of each bit of an answer's error
-    address_size: int  # bytes of an address
+    registers: Mapping[str, Register]  # by name; the same names in all protocols
+    feedback: Sequence[str]  # registers of one sync read, beside one another
+    speed_rpm: float  # speed of a profile speed of 1 [turns/min]
+    acceleration_rpm2: float  # acceleration of a profile acceleration of 1 [turns/min²]
     ticks_per_turn: float = 4096  # counts of the angle in a turn
     # count in the middle of the range, which is angle 0 unless one says otherwise
     middle: int = 2048
+    fastest_acceleration: int = 0  # profile acceleration that limits nothing, beside 0
+
+    address_size: ClassVar[int]  # bytes of an address
+    errors: ClassVar[Mapping[int, str]]  # meaning of each bit of an answer's error
     # by an answer's error without these bits, why the instruction was not carried out
-    refusals: Mapping[int, str] = field(default_factory=dict)
-    # profile acceleration that limits nothing, beside 0. Of a Feetech 254, the most, which LeRobot
-    # writes: recorded steps of an SO-101 at LeRobot's gain contradict a profile of 39 rad/s²
-    # (joints fit to 5 mrad rms without it, to 10 to 16 with it)
-    fastest_acceleration: int = 0
+    refusals: ClassVar[Mapping[int, str]] = {}
+
+    @property
+    def speed_unit(self) -> float:
+        """Speed of a profile speed of 1 [rad/s]."""
+        return self.speed_rpm * 2.0 * math.pi / 60.0
+
+    @property
+    def acceleration_unit(self) -> float:
+        """Acceleration of a profile acceleration of 1 [rad/s²]."""
+        return self.acceleration_rpm2 * 2.0 * math.pi / 3600.0
 
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         """The frame of an instruction."""
@@ -119,6 +130,15 @@ class ServoProtocol:
 class _Feetech(ServoProtocol):
     """FF FF, servo, length, instruction or error, content, inverted sum."""
 
+    address_size = 1
+    errors: ClassVar = {
+        0x01: "a wrong voltage",
+        0x02: "a fault of its angle sensor",
+        0x04: "overheating",
+        0x08: "too much current",
+        0x20: "overload",
+    }
+
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         body = bytes([servo, len(content) + 2, code]) + content
         return b"\xff\xff" + body + bytes([~sum(body) & 0xFF])
@@ -149,6 +169,18 @@ class _Dynamixel(ServoProtocol):
 
     FF FF FD inside is followed by a stuffed FD.
     """
+
+    address_size = 2
+    errors: ClassVar = {0x80: "a hardware error: overload, overheating or a wrong voltage"}
+    refusals: ClassVar = {
+        1: "that it could not carry out the instruction",
+        2: "an unknown instruction",
+        3: "an instruction with a wrong checksum",
+        4: "a value beyond its range",
+        5: "a value of another length",
+        6: "a value beyond its limits",
+        7: "a register that cannot be read or written now",
+    }
 
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         body = (bytes([code]) + content).replace(b"\xff\xff\xfd", b"\xff\xff\xfd\xfd")
@@ -182,17 +214,12 @@ class _Dynamixel(ServoProtocol):
         return None
 
 
-def _crc_table() -> tuple[int, ...]:
-    table = []
-    for byte in range(256):
-        value = byte << 8
-        for _ in range(8):
-            value = (value << 1 ^ (0x8005 if value & 0x8000 else 0)) & 0xFFFF
-        table.append(value)
-    return tuple(table)
-
-
-_CRC = _crc_table()
+_CRC = [
+    reduce(
+        lambda value, _: (value << 1 ^ (0x8005 if value & 0x8000 else 0)) & 0xFFFF, range(8), top
+    )
+    for top in range(0, 1 << 16, 1 << 8)
+]
 
 
 def _crc(content: bytes) -> int:
@@ -203,67 +230,17 @@ def _crc(content: bytes) -> int:
     return value
 
 
-_REGISTERS: Mapping[str, Mapping[str, Register]] = {
-    name: {register: Register(*place) for register, place in table.items()}
-    for name, table in tomllib.loads(
-        Path(__file__).with_name("registers.toml").read_text("utf-8")
-    ).items()
-}
+def _read_protocols() -> dict[str, ServoProtocol]:
+    protocols: dict[str, ServoProtocol] = {}
+    text = Path(__file__).with_name("protocols.toml").read_text("utf-8")
+    for name, table in tomllib.loads(text).items():
+        registers = {key: Register(*place) for key, place in table.pop("registers").items()}
+        frames = _Feetech if name == "feetech" else _Dynamixel
+        protocols[name] = frames(name=name, registers=registers, **table)
+    return protocols
 
-FEETECH = _Feetech(
-    name="feetech",
-    registers=_REGISTERS["feetech"],
-    feedback=("position", "speed", "load", "temperature"),
-    speed_unit=2.0 * math.pi / 4096,
-    acceleration_unit=100.0 * 2.0 * math.pi / 4096,
-    load_unit=1e-3,
-    errors={
-        0x01: "a wrong voltage",
-        0x02: "a fault of its angle sensor",
-        0x04: "overheating",
-        0x08: "too much current",
-        0x20: "overload",
-    },
-    address_size=1,
-    fastest_acceleration=254,
-)
 
-_ALERT = {0x80: "a hardware error: overload, overheating or a wrong voltage"}
-_REFUSALS = {
-    1: "that it could not carry out the instruction",
-    2: "an unknown instruction",
-    3: "an instruction with a wrong checksum",
-    4: "a value beyond its range",
-    5: "a value of another length",
-    6: "a value beyond its limits",
-    7: "a register that cannot be read or written now",
-}
-
-DYNAMIXEL = _Dynamixel(
-    name="dynamixel",
-    registers=_REGISTERS["dynamixel"],
-    feedback=("load", "speed", "position"),
-    speed_unit=0.229 * 2.0 * math.pi / 60.0,
-    acceleration_unit=214.577 * 2.0 * math.pi / 3600.0,
-    load_unit=1e-3,
-    errors=_ALERT,
-    address_size=2,
-    refusals=_REFUSALS,
-)
-
-XL320 = _Dynamixel(
-    name="xl320",
-    registers=_REGISTERS["xl320"],
-    feedback=("position", "speed", "load"),
-    speed_unit=0.111 * 2.0 * math.pi / 60.0,
-    acceleration_unit=0.0,
-    load_unit=1e-3,
-    errors=_ALERT,
-    address_size=2,
-    ticks_per_turn=1228.8,  # 1024 counts in 300 degrees
-    middle=512,
-    refusals=_REFUSALS,
-)
-
-PROTOCOLS: Mapping[str, ServoProtocol] = {each.name: each for each in (FEETECH, DYNAMIXEL, XL320)}
+PROTOCOLS: Mapping[str, ServoProtocol] = _read_protocols()
 """By the name that users give."""
+
+FEETECH, DYNAMIXEL = PROTOCOLS["feetech"], PROTOCOLS["dynamixel"]

@@ -25,6 +25,7 @@ from planner.exceptions import BusError
 from planner.robot.protocols import (
     BROADCAST,
     FEETECH,
+    LOAD_UNIT,
     PING,
     PROTOCOLS,
     READ,
@@ -219,7 +220,7 @@ class VirtualServos:
         values = {
             "position": protocol.middle + motors.angles[k] / self._tick_angle,
             "speed": motors.speeds[k] / protocol.speed_unit,
-            "load": motors.duties[k] / protocol.load_unit,
+            "load": motors.duties[k] / LOAD_UNIT,
             "temperature": motors.temperatures[k],
         }
         self._set(servo, values)

@@ -10,10 +10,10 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from benchmark.pendulum import Pendulum, Sts3215
 
 from planner.robot.bus import Bus
-from planner.robot.protocols import PROTOCOLS
-from planner.virtual.pendulum import Pendulum, Sts3215
+from planner.robot.protocols import LOAD_UNIT, PROTOCOLS
 from planner.virtual.robot import Constants
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 
@@ -38,8 +38,12 @@ def test_control_tables_and_what_errors_are_called(snapshot):
     for protocol in PROTOCOLS.values():
         content = asdict(protocol)
         lines += [f"{key} {content.pop(key)}" for key in ("name", "feedback")]
-        for table in ("registers", "errors", "refusals"):
-            lines += [f"{table} {key}: {value}" for key, value in content.pop(table).items()]
+        tables = {"registers": content.pop("registers")}
+        tables |= {"errors": protocol.errors, "refusals": protocol.refusals}
+        for name, table in tables.items():
+            lines += [f"{name} {key}: {value}" for key, value in table.items()]
+        for name in ("speed_unit", "acceleration_unit", "address_size"):
+            content[name] = getattr(protocol, name)
         lines += [f"{key} {value}" for key, value in content.items()]
     snapshot.check("protocols", "\n".join(lines) + "\n")
 
@@ -83,7 +87,7 @@ def moved(kind, registers, faults):
             for name, text in {
                 "deg": f"{(values['position'] - protocol.middle) / degree:.1f}",
                 "deg/s": f"{speed:.1f}",
-                "load": f"{values['load'] * protocol.load_unit:.2f}",
+                "load": f"{values['load'] * LOAD_UNIT:.2f}",
                 "C": f"{servos.motors.temperatures[servo - 1]:.1f}",
                 "error": f"{error}",
             }.items():
