@@ -3,32 +3,31 @@
     python examples/stream_100_hz.py
 
 Every 1.5 s the user chooses another angle. A quintic leads there; its next 0.2 s are known. The arm
-is a simulated servo with friction and a load (extra `mujoco`).
+is a simulated servo with friction and a load.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 import planner
-from planner.virtual.pendulum import Pendulum, Sts3215
-from planner.virtual.robot import VirtualRobot
+from planner.virtual.motors import Motor, Motors
 
 PERIOD = 0.01  # [s]
 PREVIEW = 20  # rows, 0.2 s
 TICKS = 900
 
 MODEL = planner.JointModel(  # as request-planner identify finds it from a log of this servo
-    v_max=4.59,
-    theta_0=0.384,
-    lag=0.0,
-    acceleration_time=0.108,
-    tick=0.005,
-    offset=-0.043,
-    dead_band=0.032,
-    v_offset=-0.61,
+    v_max=4.77,
+    theta_0=0.531,
+    lag=0.011,
+    acceleration_time=0.002,
+    time_constant=0.024,
+    max_acceleration=101.0,
+    tick=0.001,
+    dead_band=0.034,
+    v_offset=-0.32,
+    sag_sin=-0.068,
 ).requested_every(PERIOD)
 
 
@@ -56,9 +55,9 @@ class Target:
 
 def error(*, streamed: bool) -> float:
     """Error of the arm to the target, sent as it is or by a stream [rad, rms]."""
-    servo = replace(Sts3215(), request_period=PERIOD)
-    robot = VirtualRobot([0.6], constants=servo, model=Pendulum().model(servo))
-    robot.rest(1.0, [0.6])
+    servo = Motors([Motor(dry_friction=0.3, gravity=0.6)], [0.6])
+    servo.powered[:], servo.gains[:] = 1.0, (16.0, 0.0, 32.0)
+    servo.run(1.0)  # rests on its first request
     target, clock, desired_angles, angles = Target(), [0.0], [], []
 
     def desired(tick: int) -> np.ndarray | None:
@@ -68,7 +67,9 @@ def error(*, streamed: bool) -> float:
         return stretch
 
     def send(requests: np.ndarray) -> None:
-        angles.append(robot.play(requests[np.newaxis]).angles[0, 0])
+        angles.append(servo.angles[0])
+        servo.goals[:] = requests
+        servo.run(servo.time + PERIOD)
 
     def sleep(seconds: float) -> None:
         clock[0] += seconds
@@ -81,7 +82,7 @@ def error(*, streamed: bool) -> float:
             stream,
             desired,
             send=send,
-            measure=robot.sense,
+            measure=servo.angles.copy,
             now=lambda: clock[0],  # leave now and sleep out on hardware
             sleep=sleep,
         )

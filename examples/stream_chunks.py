@@ -3,18 +3,15 @@
     python examples/stream_chunks.py
 
 An artificial policy gives chunks of 50 actions and is called again after 25 of them; the new chunk
-differs from the old one. The arm is a simulated servo with friction and a load (extra `mujoco`).
+differs from the old one. The arm is a simulated servo with friction and a load.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 import planner
-from planner.virtual.pendulum import Pendulum, Sts3215
-from planner.virtual.robot import VirtualRobot
+from planner.virtual.motors import Motor, Motors
 
 PERIOD = 0.033  # [s]
 CHUNK, USED = 50, 25  # actions in a chunk, and actions used before the next one
@@ -26,18 +23,20 @@ class Arm:
     """The virtual servo, with a clock that only it advances; yours has send and measure, too."""
 
     def __init__(self, start: float) -> None:
-        servo = replace(Sts3215(), request_period=PERIOD)
-        self.robot = VirtualRobot([start], constants=servo, model=Pendulum().model(servo))
-        self.robot.rest(1.0, [start])
-        self.time, self.angles = 0.0, []
+        self.servo = Motors([Motor(dry_friction=0.3, gravity=0.6)], [start])
+        self.servo.powered[:], self.servo.gains[:] = 1.0, (16.0, 0.0, 32.0)
+        self.servo.run(1.0)  # rests on its first request
+        self.time, self.angles = self.servo.time, []
 
     def measure(self) -> np.ndarray:
         """The measured angles [rad]."""
-        return self.robot.sense()
+        return self.servo.angles.copy()
 
     def send(self, requests: np.ndarray) -> None:
         """One row of goal positions [rad]; the servo moves for a period."""
-        self.angles.append(self.robot.play(requests[np.newaxis]).angles[0, 0])
+        self.angles.append(self.servo.angles[0])
+        self.servo.goals[:] = requests
+        self.servo.run(self.servo.time + PERIOD)
 
     def sleep(self, seconds: float) -> None:
         """Wait by the arm's clock."""

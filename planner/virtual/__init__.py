@@ -1,1 +1,1 @@
-"""Robots in simulation on physical servos, in MuJoCo: the ERS-210A's front leg, a pendulum."""
+"""Physical servos in simulation: the ERS-210A's front leg in MuJoCo, and servos on a bus."""

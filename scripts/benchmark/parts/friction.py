@@ -16,12 +16,12 @@ import numpy.typing as npt
 import planner
 from benchmark.parts import Options
 from benchmark.parts.pairs import errors_of
+from benchmark.pendulum import Pendulum, Sts3215
 from benchmark.table import Table
 from kinematics import Leg
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.trajectory import rms
-from planner.virtual.pendulum import Pendulum, Sts3215
 from planner.virtual.robot import VirtualRobot
 
 Array = npt.NDArray[np.float64]
