@@ -13,13 +13,12 @@ from planner.cli import options
 from planner.cli.console import complain
 from planner.cli.options import Command
 from planner.exceptions import BusError, InvalidFile
+from planner.robot import BUSES
 
 if TYPE_CHECKING:
     from planner.robot.arm import Arm, Servo
     from planner.robot.bus import Bus
 
-
-BUSES = ("virtual", "feetech", "dynamixel", "xl320", "lerobot")
 
 KINDS = ("sts3215", "xl430", "xl330", "mx-64", "mx-106", "xl-320")
 """Virtual servos: those of ``planner.virtual.servo_bus``, which takes longer to import."""

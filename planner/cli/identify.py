@@ -68,7 +68,7 @@ def identify(*, logs: tuple[str, ...], output: str, **choices: Any) -> Answer:
     try:
         if has_content(output):
             file = read_model_file(output)
-            others, above = list(file.by_joint), file.joint
+            others, above = [name for name in file.models if name], file.joint
     except InvalidFile as error:
         words = "remove the file to replace it, or choose another name for the model"
         raise InvalidFile(output, f"is no valid model file ({error}); {words}") from error

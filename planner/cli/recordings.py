@@ -159,10 +159,10 @@ def _models_of(
     if model.file == settings.FROM_LOG:
         return models_from(recordings, joints, progress)
     file = read_model_file(model.file)
-    models = {**({} if file.common is None else {"": file.common}), **file.by_joint}
+    models = file.models
     recorded = [log.joint for log in first_logs(recordings)]
     used = joints or [name for name in recorded if not is_gripper(name)] or recorded
-    of_joints = {name: models.get(name, file.common) for name in used}
+    of_joints = {name: models.get(name, models.get("")) for name in used}
     words = refusal({name: each.evidence for name, each in of_joints.items() if each})
     return JointModels(
         by_joint=models, words=f"model: {file.path}", remarks=(words,) if words else ()

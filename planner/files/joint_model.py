@@ -5,10 +5,9 @@ A file may hold the robot, too: its legs, its bus and its servos.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
@@ -18,6 +17,7 @@ from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
 from planner.files.text import Toml, key_name, read_toml, toml_value
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
+from planner.robot import BUSES
 from planner.trajectory import LARGEST
 from planner.validation import as_number, as_reals, as_whole, is_one_of, shown
 
@@ -26,13 +26,14 @@ if TYPE_CHECKING:
 
 
 class Key(NamedTuple):
-    """A key of a table: what is expected, in words, and the value as it is used or else None."""
+    """A key of a table: the value as it is used, or None, and what is expected, in words."""
 
-    words: str
     fitted: Callable[[Any], Any]
+    words: str = ""
+    comment: str = ""  # beside the key in a file
 
 
-def _numbers(words: str, *shape: int, least: float = 0.0) -> Key:
+def _numbers(comment: str, *shape: int, least: float = 0.0) -> Key:
     """Numbers of this shape, of which the first axis of pairs may have any length."""
 
     def fitted(value: Any) -> Any:
@@ -45,7 +46,7 @@ def _numbers(words: str, *shape: int, least: float = 0.0) -> Key:
         return _tuples(numbers.tolist()) if fits else None
 
     kinds = ("a number from 0 to 1e9", "two numbers up to 1e9", "pairs of numbers from 0 to 1e9")
-    return Key(f"{kinds[len(shape)]}: {words}", fitted)
+    return Key(fitted, f"{kinds[len(shape)]}: {comment}", comment)
 
 
 def _tuples(value: Any) -> Any:
@@ -65,6 +66,11 @@ def _pose(value: Any) -> dict[str, float] | None:
     if not isinstance(value, dict) or any(_number(each) is None for each in value.values()):
         return None
     return {joint: math.radians(angle) for joint, angle in value.items()}
+
+
+def _one_of(names: Sequence[str]) -> Callable[[Any], str | None]:
+    """One of these names, to which a part after a colon may be added."""
+    return lambda value: value if is_one_of(str(value).partition(":")[0], names) else None
 
 
 PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
@@ -88,6 +94,14 @@ TESTED = {
 }
 """Keys beside the parameters, for the first fields of Evidence."""
 
+EVIDENCE = {
+    **dict(zip(TESTED, Evidence._fields, strict=False)),
+    "verdict": "verdict",
+    "verdict_reason": "reason",
+    "correlations": "correlations",
+}
+"""The field of Evidence for each of its keys but the intervals."""
+
 INTERVALS = {
     f"{name}_interval": (name, unit)
     for name, unit in {**PARAMETER_UNITS, GAIN: "1/s"}.items()
@@ -96,40 +110,57 @@ INTERVALS = {
 """Keys of intervals: the parameter of each, and its unit."""
 
 MODEL = {
-    **dict.fromkeys([*PARAMETER_UNITS, *INTERVALS], Key("", lambda value: value)),  # checked later
+    # parameters and intervals are checked when all are known
+    **{name: Key(_tuples, comment=f"[{unit}]") for name, unit in PARAMETER_UNITS.items()},
+    **{
+        key: Key(lambda value: value, comment="95 % [1/s]" if name == GAIN else "95 %")
+        for key, (name, _) in INTERVALS.items()
+    },
     **TESTED,
-    "correlations": Key("", _tuples),  # of the parameters that have intervals, in their order
+    "correlations": Key(_tuples, comment="of the intervals above"),
     "verdict": Key(
+        _one_of(get_args(Verdict)),
         f"one of {', '.join(map(repr, get_args(Verdict)))}",
-        lambda value: value if is_one_of(value, get_args(Verdict)) else None,
+        f"to plan with only if {' or '.join(map(toml_value, ACCEPTED))}",
     ),
-    "verdict_reason": Key(
-        "the reason in words", lambda value: value if isinstance(value, str) else None
-    ),
+    "verdict_reason": Key(_text, "the reason in words"),
 }
 """Every key of a model."""
 
 BUS = {
-    "bus": Key("a text in quotes, without null characters", _text),
-    "port": Key("a text in quotes, without null characters", _text),
-    "baud_rate": Key("a whole number", as_whole),
+    "bus": Key(_one_of(BUSES), f"one of {', '.join(BUSES)}"),
+    "port": Key(_text, "a text in quotes, without null characters"),
+    "baud_rate": Key(as_whole, "a whole number"),
 }
 """Keys above all tables for the place and the type of the servos."""
 
+ABOVE = {
+    "joint": Key(
+        _text, "the name of a joint", "was identified; this model holds for joints of any name"
+    ),
+    **MODEL,
+    **BUS,
+}
+"""Every key above all tables."""
+
 LEG_KEYS = {
-    "urdf": Key("the description of the robot, a file beside this one", _text),
-    "base": Key("the frame at the leg's upper end", _text),
-    "foot": Key("the frame at its lower end", _text),
-    "near_deg": Key("a table of angles of the standing pose [deg]", _pose),
-    "lock_deg": Key("a table of joints that are held, with their angles [deg]", _pose),
+    "urdf": Key(_text, "the description of the robot, a file beside this one"),
+    "base": Key(_text, "the frame at the leg's upper end"),
+    "foot": Key(_text, "the frame at its lower end"),
+    "near_deg": Key(_pose, "a table of angles of the standing pose [deg]"),
+    "lock_deg": Key(_pose, "a table of joints that are held, with their angles [deg]"),
 }
 
 SERVO_KEYS = {
-    "id": Key("a whole number, the servo's identifier on the bus", as_whole),
-    "zero_tick": Key("a whole number", as_whole),
-    "direction": Key("a whole number", as_whole),
-    "ticks_per_turn": Key("a number", _number),
-    "limits": Key("two angles [rad]", _numbers("", 2, least=-LARGEST).fitted),
+    "id": Key(as_whole, "a whole number, the servo's identifier on the bus"),
+    "zero_tick": Key(as_whole, "a whole number", "count at angle 0"),
+    "direction": Key(as_whole, "a whole number", "-1 where it is mounted the other way round"),
+    "ticks_per_turn": Key(_number, "a number"),
+    "limits": Key(
+        _numbers("", 2, least=-LARGEST).fitted,
+        "two angles [rad]",
+        "[rad] least and largest request",
+    ),
 }
 """Keys of a servo, beside those of its settings."""
 
@@ -147,40 +178,34 @@ class LegPlace(NamedTuple):
     near: Mapping[str, float] | None = None
 
 
-@dataclass(frozen=True)
-class ModelFile:
-    """Models of joints: one for every joint without a table of its own, and those in tables."""
+class ModelFile(NamedTuple):
+    """Models of joints; the key "" holds the model of every joint without a table of its own."""
 
     path: str
-    common: JointModel | None
-    by_joint: Mapping[str, JointModel]
+    models: dict[str, JointModel]
     joint: str = ""  # the joint from whose logs the model for every joint is; "" where unknown
 
     def one(self) -> JointModel:
-        """The only model of the file."""
-        models = [*self.by_joint.values()] if self.common is None else [self.common]
-        if len(models) != 1:
+        """The only model of the file, or the one for every joint."""
+        if "" not in self.models and len(self.models) != 1:
             raise InvalidFile(
-                self.path,
-                f"holds models of {', '.join(self.by_joint)}, expected one; name the joint",
+                self.path, f"holds models of {', '.join(self.models)}, expected one; name the joint"
             )
-        return models[0]
+        return next(iter(self.models.values()))
 
     def for_joints(self, names: Sequence[str]) -> tuple[JointModel, ...]:
         """The model of each named joint."""
-        models = []
-        for name in names:
-            model = self.by_joint.get(name, self.common)
-            hint = nearest(name, [table for table in self.by_joint if table not in names])
-            if model is None or (hint and name not in self.by_joint):
-                tables = ", ".join(f"[{table}]" for table in self.by_joint) or "none"
+        tables = [name for name in self.models if name]
+        for name in [name for name in names if name not in tables]:
+            hint = nearest(name, [table for table in tables if table not in names])
+            if hint or "" not in self.models:
+                listed = ", ".join(f"[{table}]" for table in tables) or "none"
                 raise InvalidFile(
                     self.path,
-                    f"no table for the joint '{name}'{hint}; tables: {tables}; add [{name}], or "
+                    f"no table for the joint '{name}'{hint}; tables: {listed}; add [{name}], or "
                     "write the parameters above all tables to have them for every joint",
                 )
-            models.append(model)
-        return tuple(models)
+        return tuple(self.models[name if name in tables else ""] for name in names)
 
 
 def read_models(path: Path | str) -> dict[str, JointModel]:
@@ -216,8 +241,7 @@ def read_models(path: Path | str) -> dict[str, JointModel]:
     """
     if not isinstance(path, Path | str):
         raise InvalidInput(f"path: got {shown(path)}, expected the name of a model file")
-    file = read_model_file(path)
-    models = ({} if file.common is None else {"": file.common}) | dict(file.by_joint)
+    models = read_model_file(path).models
     warn_of_refused({joint: model.evidence for joint, model in models.items()})
     return models
 
@@ -225,29 +249,19 @@ def read_models(path: Path | str) -> dict[str, JointModel]:
 def read_model_file(path: Path | str) -> ModelFile:
     """Read joint models, and where they came from; see :func:`read_models`."""
     file = read_toml(path, example="v_max = 5.45")
-    legs = _legs(file)
-    common, tables = dict[str, Any](), dict[str, dict[str, Any]]()
-    for key, value in file.content.items():
-        if isinstance(value, dict) and value is not legs:
-            own = {
-                name: each for name, each in value.items() if (name, type(each)) != ("servo", dict)
-            }
-            tables[key] = _checked(file, (key,), own, MODEL)
-        elif value is not legs and key not in BUS:
-            common[key] = value
-    of_joint = common.pop("joint", "")
-    if not isinstance(of_joint, str):
-        problem = f"joint: got {shown(of_joint)}, expected the name of a joint"
-        raise file.fault(problem, ("joint",))
-    common = _checked(file, (), common, MODEL)
-    complete = not tables or all(key in common for key in REQUIRED)
-    # A table that changes parameters is another model: its evidence is in the table.
-    return ModelFile(
-        file.path,
-        _model(file, common, common) if complete else None,
-        {table: _model(file, common | own, own, table) for table, own in tables.items()},
-        of_joint,
-    )
+    legs, tables = _legs(file), dict[str, dict[str, Any]]()
+    above = {key: each for key, each in file.content.items() if not isinstance(each, dict)}
+    common = _checked(file, (), above, ABOVE)
+    for table, keys in file.content.items():
+        if isinstance(keys, dict) and keys is not legs:
+            own = {n: each for n, each in keys.items() if (n, type(each)) != ("servo", dict)}
+            tables[table] = _checked(file, (table,), own, MODEL)
+    models = {}
+    if not tables or all(key in common for key in REQUIRED):
+        models[""] = _model(file, common, common)
+    for table, own in tables.items():  # one that changes parameters has evidence of its own
+        models[table] = _model(file, common | own, own, table)
+    return ModelFile(file.path, models, common.get("joint", ""))
 
 
 def models_text(
@@ -275,44 +289,30 @@ def models_text(
     if has_content(beside):
         file = read_model_file(beside)
         above = file.joint if file.joint not in ("", of_joint) else ""
-        kept = {} if file.common is None else {above: file.common}
-        for joint, model in file.by_joint.items():
-            kept[joint] = models.get("", model) if model == file.common else model
+        kept = dict[str, JointModel]()
+        for joint, model in file.models.items():
+            same = joint and model == file.models.get("")
+            kept[joint or above] = models.get("", model) if same else model
         models, servos = kept | models, read_servos(beside, optional=True) | servos
         bus, legs = read_bus(beside) if bus is None else bus, legs_text(beside)
     # A table inherits the keys above all tables, unless it sets them.
     inherited = models[""].parameters() if "" in models else {}
-    blocks = ["\n".join(_comment(remark) for remark in remarks)] if remarks else []
-    if bus:
-        blocks.append("\n".join(f"{key} = {toml_value(value)}" for key, value in bus.items()))
+    blocks = [[_comment(remark) for remark in remarks], _lines(bus or {})]
     for joint, model in models.items():
         comments = (about or {}).get(joint, {})
         lines = [f"[{key_name((joint,))}]"] if joint else []
         lines += [_comment(line) for line in comments.get("", "").splitlines()]
-        if of_joint and not joint:
-            words = "this model holds for joints of any name"
-            lines.append(f"joint = {toml_value(of_joint)}  # was identified; {words}")
-        lines += [
-            f"{name} = {getattr(model, name)!r}  "
-            + _comment(comments.get(name, f"[{PARAMETER_UNITS[name]}]"))
-            for name in model.parameters() | inherited
-        ]
+        values = {"joint": of_joint} if of_joint and not joint else dict[str, Any]()
+        values |= {name: getattr(model, name) for name in model.parameters() | inherited}
         if model.evidence is not None:
-            lines += _evidence_lines(model.evidence)
+            values |= _evidence(model.evidence)
+        lines += _lines(values, ABOVE, comments)
         if joint in servos:
-            servo = servos[joint]
-            lines += [
-                "",
-                f"[{key_name((joint,))}.servo]",
-                f"id = {servo.id}",
-                f"zero_tick = {servo.zero_tick}  # count at angle 0",
-                f"direction = {servo.direction}  # -1 where it is mounted the other way round",
-                f"ticks_per_turn = {servo.ticks_per_turn}",
-                f"limits = {list(servo.limits)}  # [rad] least and largest request",
-                *(f"{name} = {value}" for name, value in servo.settings.items()),
-            ]
-        blocks.append("\n".join(lines))
-    return "\n\n".join(blocks) + "\n" + legs
+            own = vars(servos[joint])
+            values = {name: own[name] for name in SERVO_KEYS} | own["settings"]
+            lines += ["", f"[{key_name((joint,))}.servo]", *_lines(values, SERVO_KEYS)]
+        blocks.append(lines)
+    return "\n\n".join("\n".join(lines) for lines in blocks if lines) + "\n" + legs
 
 
 def has_content(path: Path | str) -> bool:
@@ -325,29 +325,30 @@ def _comment(text: str) -> str:
     return "# " + "".join(mark if mark.isprintable() else " " for mark in text)
 
 
-def _evidence_lines(evidence: Evidence) -> list[str]:
-    """The evidence of a model: its test, verdict, intervals and their correlations."""
-    tested: tuple[Any, ...] = evidence
-    lines = [
-        f"{key} = {json.dumps(value)}  # {words.partition(': ')[2]}"
-        for (key, (words, _)), value in zip(TESTED.items(), tested, strict=False)
-        if np.size(value) and np.isfinite(value).all()
+def _lines(
+    values: Mapping[str, Any], keys: Mapping[str, Key] = BUS, own: Mapping[str, str] = {}
+) -> list[str]:
+    """Keys and their values, with comments: their own, or as declared."""
+    comments = {key: each.comment for key, each in keys.items() if each.comment} | {**own}
+    return [
+        f"{key} = {toml_value(value)}" + (f"  {_comment(comments[key])}" if key in comments else "")
+        for key, value in values.items()
     ]
-    if evidence.verdict is not None:
-        accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
-        verdict = toml_value(evidence.verdict)
-        lines.append(f"verdict = {verdict}  # to plan with only if {accepted}")
-        if evidence.reason:
-            lines.append(f"verdict_reason = {toml_value(evidence.reason)}")
-    lines += [
-        f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
-        for name, (least, most) in evidence.intervals.items()
-    ]
-    if evidence.correlations:
-        lines.append(
-            f"correlations = {json.dumps(evidence.correlations)}  # of the intervals above"
-        )
-    return lines
+
+
+def _evidence(evidence: Evidence) -> dict[str, Any]:
+    """The known evidence of a model by key: its test, verdict, intervals and correlations."""
+    known = dict[str, Any]()
+    for key, field in EVIDENCE.items():
+        value = getattr(evidence, field)
+        if not isinstance(value, str):
+            numbers = np.array(value, dtype=float)  # NaN for None
+            value = numbers.tolist() if numbers.size and np.isfinite(numbers).all() else ""
+        if value != "":
+            known[key] = value
+    correlations = {key: known.pop(key) for key in ("correlations",) if key in known}
+    intervals = {f"{name}_interval": ends for name, ends in evidence.intervals.items()}
+    return {**known, **intervals, **correlations}
 
 
 def _model(
@@ -403,10 +404,8 @@ def _model(
                 key,
             )
         intervals[name] = (least, most)
-    tested = zip(TESTED, Evidence._fields, strict=False) if "expected_error" in own else ()
-    names = {"correlations": "correlations", "verdict": "verdict", "verdict_reason": "reason"}
-    names |= dict(tested)
-    evidence = {field: own[key] for key, field in names.items() if key in own}
+    untested = () if "expected_error" in own else TESTED
+    evidence = {f: own[key] for key, f in EVIDENCE.items() if key in own and key not in untested}
     evidence |= {"intervals": intervals} if intervals else {}
     try:
         return model.with_evidence(Evidence(**evidence)) if evidence else model
@@ -435,11 +434,9 @@ def read_legs(path: Path | str) -> dict[str, LegPlace]:
 
 def legs_text(path: Path | str) -> str:
     """The tables of the legs of a model file as TOML, as they are, but for comments."""
-    return "".join(
-        f"\n[leg.{key_name((name,))}]\n"
-        + "".join(f"{key} = {toml_value(value)}\n" for key, value in table.items())
-        for name, table in _legs(read_toml(path, example='urdf = "robot.urdf"')).items()
-    )
+    legs = _legs(read_toml(path, example='urdf = "robot.urdf"'))
+    tables = ([f"\n[leg.{key_name((name,))}]", *_lines(table)] for name, table in legs.items())
+    return "".join("\n".join([*lines, ""]) for lines in tables)
 
 
 def read_bus(path: Path | str) -> dict[str, Any]:
@@ -458,7 +455,7 @@ def read_servos(
     """
     from planner.robot.arm import SETTINGS, Servo  # imports the drivers of the buses
 
-    keys = SERVO_KEYS | dict.fromkeys(SETTINGS, Key("a whole number", as_whole))
+    keys = SERVO_KEYS | dict.fromkeys(SETTINGS, Key(as_whole, "a whole number"))
     file, servos = read_toml(path, example="id = 1"), {}
     for joint, joint_table in file.content.items():
         table = joint_table.get("servo") if isinstance(joint_table, dict) else None
@@ -497,7 +494,7 @@ def _checked(
     where, values = f"[{'.'.join(place)}]: " if place else "", dict[str, Any]()
     for key, value in table.items():
         if key not in keys:
-            known = ", ".join(PARAMETER_UNITS if keys is MODEL else keys)
+            known = ", ".join(PARAMETER_UNITS if "v_max" in keys else keys)
             problem = f"unknown key '{key}'{nearest(key, [*keys])}; keys: {known}"
             raise file.fault(f"{where}{problem}", (*place, key))
         values[key] = keys[key].fitted(value)

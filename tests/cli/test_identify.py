@@ -46,7 +46,7 @@ def test_a_joint_that_says_nothing_is_left_out_of_all_and_ends_with_status_1(run
     assert result.stderr.endswith(
         "request-planner: no model of knee, toe; the others are written\n"
     )
-    assert list(read_model_file(tmp_path / "all.toml").by_joint) == ["hip"]
+    assert list(read_model_file(tmp_path / "all.toml").models) == ["hip"]
     alone = run("identify", "still.csv", "--joint", "knee")
     assert alone.exit_code == 2
     assert alone.stdout == ""
@@ -120,5 +120,5 @@ def test_a_model_for_any_joint_keeps_the_name_of_its_own_beside_another_joint(ru
     result = run("identify", "hip.csv", "-o", "arm.toml")
     assert "arm.toml: the models of knee stay" in result.stderr
     after = read_model_file("arm.toml")
-    assert (after.common, list(after.by_joint)) == (None, ["knee", "hip"])
+    assert list(after.models) == ["knee", "hip"]
     assert after.for_joints(["knee"]) == knee

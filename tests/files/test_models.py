@@ -170,18 +170,21 @@ def test_a_leg_that_is_none_is_refused_with_its_line(file, snapshot):
     snapshot.check("legs", refusals(read_legs, BAD_LEGS, file))
 
 
+@pytest.mark.parametrize("read", [read_bus, read_model_file])
 @pytest.mark.parametrize(
     ("port", "message"),
     [
-        ("3", "port: got 3, expected a text in quotes, without null characters"),
-        (r'"a\u0000b"', r"port: got 'a\x00b', expected a text in quotes, without null characters"),
+        ("port = 3", "port: got 3, expected a text in quotes, without null characters"),
+        (r'port = "a\u0000b"', r"port: got 'a\x00b', expected a text in quotes, without null"),
+        ('bus = "feetec"', "bus: got 'feetec', expected one of virtual, feetech, dynamixel"),
+        ("baud_rate = 1e6", "baud_rate: got 1000000.0, expected a whole number"),
     ],
 )
-def test_a_port_that_is_none_is_refused_with_its_line(file, port, message):
-    file.write_text(ROBOT.replace('"/dev/ttyUSB0"', port))
+def test_a_bus_that_is_none_is_refused_with_its_line_also_by_a_plan(file, read, port, message):
+    file.write_text(ROBOT.replace('bus = "feetech"', "").replace('port = "/dev/ttyUSB0"', port))
     with pytest.raises(InvalidFile) as caught:
-        read_bus(file)
-    assert str(caught.value) == f"{file}, line 3: {message}"
+        read(file)
+    assert str(caught.value).startswith(f"{file}, line 3: {message}")
 
 
 def test_joints_called_leg_and_port_are_joints(file):
@@ -189,7 +192,7 @@ def test_joints_called_leg_and_port_are_joints(file):
     file.write_text(f"[leg]\n{model}[port]\n{model}")
     assert read_legs(file) == read_bus(file) == {}
     assert legs_text(file) == ""
-    assert list(read_model_file(file).by_joint) == ["leg", "port"]
+    assert list(read_model_file(file).models) == ["leg", "port"]
 
 
 @given(models(friction=True, inertia=True, poses=True))
