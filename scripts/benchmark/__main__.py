@@ -3,58 +3,37 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import planner
-from benchmark import record
 from benchmark.machine import circumstances
-from benchmark.parts import (
-    Options,
-    Part,
-    calibrated,
-    faults,
-    fit,
-    foot,
-    friction,
-    identify,
-    inversion,
-    learning,
-    length,
-    models,
-    pairs,
-    quality,
-    scale,
-    servos,
-    smooth,
-    stream,
-)
+from benchmark.parts import Options
 from benchmark.table import Table
 
-PARTS: dict[str, Part] = {
-    "inversion": inversion.measure,
-    "quality": quality.measure,
-    "length": length.measure,
-    "foot": foot.measure,
-    "fit": fit.measure,
-    "identify": identify.measure,
-    "models": models.measure,
-    "servos": servos.measure,
-    "calibrated": calibrated.measure,
-    "faults": faults.measure,
-    "friction": friction.measure,
-    "smooth": smooth.measure,
-    "stream": stream.measure,
-    "pairs": pairs.measure,
-    "scale": scale.measure,
-    "learning": learning.measure,
-}
+PARTS = (
+    *("inversion", "quality", "length", "foot", "fit", "identify", "models", "servos"),
+    *("calibrated", "faults", "friction", "smooth", "stream", "pairs", "scale", "learning"),
+)
 
 QUICK = Options(instances=3, repeats=1, lengths=(88, 880), fit_lengths=(88, 880))
 
 TEN_MINUTES = 75_000
 """Samples in ten minutes at 125 Hz."""
+
+OPENING = """# Benchmark
+
+Written by `scripts/bench --markdown docs/benchmark.md`. Times are wall-clock, after a
+warm-up and on one thread; compare their ratios, since machines differ. Every error is that of the
+exact model.
+
+Measured: {}.
+
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -65,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if unknown:
         parser.error(f"no part {', '.join(unknown)}; there are {', '.join(PARTS)}")
     try:
-        earlier = record.load(options.compare) if options.compare else None
+        earlier = load(options.compare) if options.compare else None
     except ValueError as error:
         parser.error(str(error))
     where = circumstances()
@@ -77,12 +56,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     if earlier is not None:
         print("Against", ", ".join(f"{k} {v}" for k, v in earlier["circumstances"].items()))
-        for table in record.compared(tables, earlier):
-            print(f"\n{table}")
+        for table in tables:
+            if table.title in earlier["tables"]:
+                print(f"\n{table.against(earlier['tables'][table.title])}")
     if options.save:
-        record.save(options.save, record.as_json(where, tables))
+        run = {"circumstances": where, "tables": {each.title: each.as_json() for each in tables}}
+        kept = json.dumps(run, indent=1, ensure_ascii=False)
+        options.save.write_text(f"{kept}\n", encoding="utf-8")
     if options.markdown:
-        options.markdown.write_text(record.markdown(where, tables), encoding="utf-8")
+        page = OPENING.format(", ".join(f"{name} {value}" for name, value in where.items()))
+        page += "\n".join(table.markdown() for table in tables)
+        options.markdown.write_text(page, encoding="utf-8")
     return 0
 
 
@@ -93,24 +77,29 @@ def described() -> argparse.ArgumentParser:
         description="Measure the planner, side by side with what else one could write.",
         epilog=f"parts: {', '.join(PARTS)}; all of them where none is named",
     )
-    parser.add_argument("parts", nargs="*", metavar="part", help="what to measure")
-    parser.add_argument("--save", type=Path, metavar="FILE", help="keep the run as JSON")
-    parser.add_argument("--compare", type=Path, metavar="FILE", help="print new over a kept run")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables as a page")
-    parser.add_argument("--quick", action="store_true", help="few instances, short lengths")
-    parser.add_argument("--instances", type=int, metavar="N", help="random instances of each kind")
-    parser.add_argument(
-        "--samples", type=int, metavar="N", help="samples in a random instance (88)"
-    )
-    parser.add_argument("--long", action="store_true", help=f"also {TEN_MINUTES} samples")
-    parser.add_argument(
-        "--exact",
-        type=float,
-        default=0.0,
-        metavar="SECONDS",
-        help="also gaps over exact bounds, each given so long",
-    )
+    add = parser.add_argument
+    add("parts", nargs="*", metavar="part", help="what to measure")
+    add("--save", type=Path, metavar="FILE", help="keep the run as JSON")
+    add("--compare", type=Path, metavar="FILE", help="print new over a kept run")
+    add("--markdown", type=Path, metavar="FILE", help="write the tables as a page")
+    add("--quick", action="store_true", help="few instances, short lengths")
+    add("--instances", type=int, metavar="N", help="random instances of each kind")
+    add("--samples", type=int, metavar="N", help="samples in a random instance (88)")
+    add("--long", action="store_true", help=f"also {TEN_MINUTES} samples")
+    effort = {"type": float, "default": 0.0, "metavar": "SECONDS"}
+    add("--exact", **effort, help="also gaps over exact bounds, each given so long")
     return parser
+
+
+def load(path: Path) -> dict[str, Any]:
+    """A run that was kept; ValueError where the file is none."""
+    try:
+        run = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: not a run kept by --save: {error}") from error
+    if not isinstance(run, dict) or not isinstance(run.get("tables"), dict):
+        raise ValueError(f"{path}: not a run kept by --save: it holds no tables")
+    return run
 
 
 def measured(parts: Sequence[str], arguments: argparse.Namespace) -> list[Table]:
@@ -123,7 +112,7 @@ def measured(parts: Sequence[str], arguments: argparse.Namespace) -> list[Table]
         options = options._replace(lengths=(*options.lengths, TEN_MINUTES))
     tables = []
     for part in parts:
-        for table in PARTS[part](options):
+        for table in import_module(f"benchmark.parts.{part}").measure(options):
             print(table, end="\n\n", flush=True)
             tables.append(table)
     return tables

@@ -118,27 +118,16 @@ def _run(
 
 @dataclass(frozen=True)
 class CompiledServo:
-    """A servo.
-
-    Attributes:
-        name: Its name.
-        law: :func:`cascaded`, :func:`integrating`, :func:`proportional` or :func:`hobby`.
-        numbers: Its constants.
-        delay: Before a request arrives [s].
-        period: Between requests [s].
-        play: Of the gear, between the motor and the sensor [rad].
-        slew: Largest speed of the goal that the controller follows [rad/s].
-        pendulum: Torque of gravity at 90 degrees that logs and plans know [N m]; 0 for none.
-    """
+    """A servo by one of the laws above."""
 
     name: str
     law: Any
     numbers: tuple[float, ...]
-    delay: float
-    period: float = 0.02
-    play: float = 0.0
-    slew: float = math.inf
-    pendulum: float = 0.0
+    delay: float  # before a request arrives [s]
+    period: float = 0.02  # between requests [s]
+    play: float = 0.0  # of the gear, between the motor and the sensor [rad]
+    slew: float = math.inf  # largest speed of the goal that the controller follows [rad/s]
+    pendulum: float = 0.0  # torque of gravity at 90 degrees that logs and plans know [N m]
 
     def angles(self, requests: Array, *, before: int = 0) -> Array:
         """True angles [rad], (n,), after so many cycles of the same requests."""
@@ -162,14 +151,8 @@ class CompiledServo:
         """The default motion of ``excite``, a minute, as its sensor reports it."""
         signal = excite("combined", limits=(-0.85, 0.85), period=self.period, duration=60.0)
         angles = self.seen(self.angles(signal.requests), np.random.default_rng(seed))
-        return [
-            planner.Log(
-                times=signal.times,
-                requests=signal.requests,
-                angles=angles,
-                load=self.load(angles),
-            )
-        ]
+        rows = {"times": signal.times, "requests": signal.requests, "angles": angles}
+        return [planner.Log(**rows, load=self.load(angles))]
 
 
 CASCADED = CompiledServo(
@@ -212,95 +195,30 @@ def with_friction(degrees: float) -> CompiledServo:
 
 
 def with_pendulum(
-    name: str,
-    *,
-    gain: float,
-    supply: float,
-    constant: float,
-    resistance: float,
-    inertia: float,
-    coulomb: float,
-    weight: float,
-    slew: float = math.inf,
+    name: str, numbers: tuple[float, ...], weight: float, *, slew: float = math.inf
 ) -> CompiledServo:
     """A servo by its data sheet, P control, with a pendulum whose load is logged.
 
-    Args:
-        name: Of its kind.
-        gain: Voltage per error [V/rad].
-        supply: Voltage [V].
-        constant: Of motor and gear, torque per current [N m/A]; the stall torque of the data sheet
-            over its stall current, and a tenth for losses.
-        resistance: Supply over stall current [Ohm].
-        inertia: Of motor, gear and pendulum [kg m^2].
-        coulomb: Friction without load [N m]; rest adds a half, and a tenth of the torque adds to
-            it: gears of such servos lose that much.
-        weight: Torque of the pendulum at 90 degrees [N m].
-        slew: Largest speed of the goal [rad/s].
+    Its numbers are the voltage per error [V/rad]; the supply [V]; the torque per current [N m/A],
+    the stall torque of the data sheet over its stall current, and a tenth for losses; the supply
+    over the stall current [Ohm]; the inertia of motor, gear and pendulum [kg m^2]; and the friction
+    without load [N m], to which rest adds a half, and a tenth of the torque adds: gears of such
+    servos lose that much. The weight is the torque of the pendulum at 90 degrees [N m].
     """
-    numbers = (gain, supply, constant, resistance, math.inf, inertia, coulomb, weight)
-    return CompiledServo(
-        name,
-        proportional,
-        (*numbers, 0.5, 0.3, 0.1),
-        0.01,
-        slew=slew,
-        pendulum=weight,
-    )
+    *motor, inertia, coulomb = numbers
+    known = (*motor, math.inf, inertia, coulomb, weight, 0.5, 0.3, 0.1)
+    return CompiledServo(name, proportional, known, 0.01, slew=slew, pendulum=weight)
 
 
+STS3215 = "STS3215, gain 16, no D, goal at 3,400 counts/s"
 PENDULUMS = (
+    with_pendulum("XL330, gain 400, overloaded", (11.5, 5.0, 0.39, 3.4, 0.0035, 0.03), 0.24),
     with_pendulum(
-        "XL330, gain 400, overloaded",
-        gain=11.5,
-        supply=5.0,
-        constant=0.39,
-        resistance=3.4,
-        inertia=0.0035,
-        coulomb=0.03,
-        weight=0.24,
+        STS3215, (20.0, 7.4, 0.8, 2.8, 0.035, 0.07), 1.0, slew=3400.0 * 2.0 * math.pi / 4096.0
     ),
-    with_pendulum(
-        "STS3215, gain 16, no D, goal at 3,400 counts/s",
-        gain=20.0,
-        supply=7.4,
-        constant=0.8,
-        resistance=2.8,
-        inertia=0.035,
-        coulomb=0.07,
-        weight=1.0,
-        slew=3400.0 * 2.0 * math.pi / 4096.0,
-    ),
-    with_pendulum(
-        "MX-64",
-        gain=30.0,
-        supply=12.0,
-        constant=1.6,
-        resistance=2.9,
-        inertia=0.06,
-        coulomb=0.1,
-        weight=1.2,
-    ),
-    with_pendulum(
-        "MX-106",
-        gain=30.0,
-        supply=12.0,
-        constant=1.8,
-        resistance=2.3,
-        inertia=0.1,
-        coulomb=0.15,
-        weight=1.8,
-    ),
-    with_pendulum(
-        "XL-320",
-        gain=5.7,
-        supply=7.4,
-        constant=0.39,
-        resistance=6.7,
-        inertia=0.0009,
-        coulomb=0.01,
-        weight=0.06,
-    ),
+    with_pendulum("MX-64", (30.0, 12.0, 1.6, 2.9, 0.06, 0.1), 1.2),
+    with_pendulum("MX-106", (30.0, 12.0, 1.8, 2.3, 0.1, 0.15), 1.8),
+    with_pendulum("XL-320", (5.7, 7.4, 0.39, 6.7, 0.0009, 0.01), 0.06),
 )
 
 

@@ -30,6 +30,11 @@ class Instance(NamedTuple):
     desired: Array  # (n,) [rad]
     limits: tuple[float, float]  # [rad]
 
+    @property
+    def asked_limits(self) -> tuple[float, float] | None:
+        """The limits as a plan takes them: None for none."""
+        return None if self.limits == FREE else self.limits
+
 
 def reference() -> list[Instance]:
     """The joints of the reference walk, within the leg's limits."""

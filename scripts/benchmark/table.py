@@ -3,55 +3,44 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any
 
 
-@dataclass
 class Table:
     """Rows of numbers under a heading each.
 
-    Attributes:
+    Args:
         title: Title of the table.
-        columns: Meaning of each number, with its unit.
+        columns: Meaning of each number, with its unit, between vertical bars.
         note: How it was measured.
-        rows: Numbers by name; nan where there is none.
         stub: Heading of the names.
     """
 
-    title: str
-    columns: tuple[str, ...]
-    note: str = ""
-    rows: dict[str, tuple[float, ...]] = field(default_factory=dict)
-    stub: str = ""
+    def __init__(self, title: str, columns: str, note: str = "", *, stub: str = "") -> None:
+        self.title, self.columns, self.note, self.stub = title, columns.split(" | "), note, stub
+        self.rows: dict[str, Sequence[float]] = {}
 
     def add(self, name: str, *numbers: float) -> None:
-        """Append a row."""
-        if len(numbers) != len(self.columns):
-            raise ValueError(f"row {name!r}: got {len(numbers)}, expected {len(self.columns)}")
-        self.rows[name] = tuple(float(number) for number in numbers)
+        """Append a row; nan where there is no number."""
+        self.rows[name] = [float(n) for n, _ in zip(numbers, self.columns, strict=True)]
 
     def __str__(self) -> str:
         """The table in columns of equal width."""
-        lines = [(self.stub, *self.columns), *self._written_rows()]
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        padded = [
+        widths = [max(map(len, column)) for column in zip(*self._written(), strict=True)]
+        lines = [
             "  ".join(
-                [
-                    name.ljust(widths[0]),
-                    *(c.rjust(w) for c, w in zip(cells, widths[1:], strict=True)),
-                ]
+                cell.rjust(width) if k else cell.ljust(width)
+                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
             ).rstrip()
-            for name, *cells in lines
+            for row in self._written()
         ]
-        note = [self.note] if self.note else []
-        return "\n".join([self.title, *note, *padded])
+        return "\n".join([self.title, *filter(None, [self.note]), *lines])
 
     def markdown(self) -> str:
         """The table under a heading of its own."""
-        head = f"| {' | '.join([self.stub, *self.columns])} |"
+        head, *rows = (f"| {' | '.join(row)} |" for row in self._written())
         rule = f"|{'---|' * (1 + len(self.columns))}"
-        rows = [f"| {' | '.join(row)} |" for row in self._written_rows()]
         note = [self.note, ""] if self.note else []
         return "\n".join([f"## {self.title}", "", *note, head, rule, *rows, ""])
 
@@ -67,19 +56,17 @@ class Table:
 
     def against(self, earlier: dict[str, Any]) -> Table:
         """New over old, wherever both have a number."""
-        ratios = Table(f"{self.title}: new over old", self.columns, stub=self.stub)
+        ratios = Table(f"{self.title}: new over old", " | ".join(self.columns), stub=self.stub)
         for name, numbers in self.rows.items():
-            old = earlier.get(name, {})
-            row = [
-                _ratio(number, old.get(column))
-                for column, number in zip(self.columns, numbers, strict=True)
-            ]
+            old = map(earlier.get(name, {}).get, self.columns)
+            row = [*map(_ratio, numbers, old)]
             if not all(map(math.isnan, row)):
                 ratios.add(name, *row)
         return ratios
 
-    def _written_rows(self) -> list[tuple[str, ...]]:
-        return [(name, *map(written, numbers)) for name, numbers in self.rows.items()]
+    def _written(self) -> list[list[str]]:
+        rows = ([name, *map(written, numbers)] for name, numbers in self.rows.items())
+        return [[self.stub, *self.columns], *rows]
 
 
 def written(number: float) -> str:

@@ -1,11 +1,17 @@
-"""Wall-clock times."""
+"""Wall-clock times, memory, and processes of their own for both."""
 
 from __future__ import annotations
 
+import json
+import os
+import resource
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from statistics import median
 from time import perf_counter
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Answer = TypeVar("Answer")
 
@@ -20,3 +26,28 @@ def timed(call: Callable[[], Answer]) -> tuple[Answer, float]:
 def median_time(call: Callable[[], object], repeats: int) -> float:
     """Median time of several calls [s]; the caller has to warm up."""
     return median(timed(call)[1] for _ in range(repeats))
+
+
+def peak_memory() -> float:
+    """Most memory that this process has held [MB]."""
+    status = Path("/proc/self/status")
+    if status.is_file():  # Linux counts what the parent held before exec into ru_maxrss
+        fields = dict(line.split(":", 1) for line in status.read_text().splitlines())
+        if "VmHWM" in fields:
+            return int(fields["VmHWM"].split()[0]) / 1024.0
+    unit = 1024.0**2 if sys.platform == "darwin" else 1024.0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+
+
+def in_child(module: str, *arguments: object) -> Any:
+    """The JSON that a module prints in a process of its own, so that its memory is its own too."""
+    command = [sys.executable, "-P", "-m", module, *map(str, arguments)]
+    child = subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)
+    if child.returncode:
+        raise RuntimeError(f"{module}, {arguments}: {child.stderr.strip()}")
+    return json.loads(child.stdout)
+
+
+def environment() -> dict[str, str]:
+    """Of other processes, which import the benchmark."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -1,31 +1,24 @@
-"""Parts of the benchmark, each a function from its options to tables."""
+"""Parts of the benchmark, each a module whose ``measure`` makes tables of options."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from pathlib import Path
 from typing import NamedTuple
-
-from benchmark.table import Table
 
 
 class Options(NamedTuple):
-    """How much is measured.
+    """How much is measured."""
 
-    Attributes:
-        instances: Random instances of each kind.
-        repeats: Calls of which the median time is taken.
-        samples: Length of the random instances.
-        lengths: Lengths of the long trajectories.
-        fit_lengths: Lengths of the approximated trajectories.
-        exact: Seconds for each exact bound; 0 for none.
-    """
-
-    instances: int = 20
-    repeats: int = 5
-    samples: int = 88
-    lengths: tuple[int, ...] = (88, 880, 8800)
-    fit_lengths: tuple[int, ...] = (88, 10_000, 100_000)
-    exact: float = 0.0
+    instances: int = 20  # random ones of each kind
+    repeats: int = 5  # calls of which the median time is taken
+    samples: int = 88  # of the random instances
+    lengths: tuple[int, ...] = (88, 880, 8800)  # of the long trajectories
+    fit_lengths: tuple[int, ...] = (88, 10_000, 100_000)  # of those that are approximated
+    exact: float = 0.0  # seconds for each exact bound; 0 for none
 
 
-Part = Callable[[Options], list[Table]]
+def recordings() -> Path | None:
+    """The folder with recordings of real servos, where it is at hand."""
+    folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
+    return Path(folder) if folder and Path(folder).is_dir() else None

@@ -29,29 +29,14 @@ from planner.trajectory import rms
 from planner.virtual.motors import Motor
 from planner.virtual.servo_bus import KINDS, Kind, VirtualPort, VirtualServos
 
-HOBBY = Kind(
-    FEETECH,
-    Motor(
-        voltage=6.0,
-        resistance=2.4,
-        torque_constant=0.82,
-        inertia=0.012,
-        dry_friction=0.06,
-        rest_friction=0.03,
-        rest_speed=0.5,
-        viscous_friction=0.01,
-        gravity=0.2,
-        current_limit=2.5,
-        duty_steps=255.0,
-        duty_dead_band=0.07,
-        proportional=14.0,
-        integral=0.0,
-        derivative=0.0,
-        delay=0.02,
-        counts=1024.0,
-    ),
-    {"model": 0, "largest_position": 4095, "p_gain": 1, "torque_limit": 1000},
-)
+HOBBY_MOTOR = Motor(
+    voltage=6.0, resistance=2.4, torque_constant=0.82, inertia=0.012, dry_friction=0.06,
+    rest_friction=0.03, rest_speed=0.5, viscous_friction=0.01, gravity=0.2, current_limit=2.5,
+    duty_steps=255.0, duty_dead_band=0.07, proportional=14.0, integral=0.0, derivative=0.0,
+    delay=0.02, counts=1024.0,
+)  # fmt: skip
+HOBBY_REGISTERS = {"model": 0, "largest_position": 4095, "p_gain": 1, "torque_limit": 1000}
+HOBBY = Kind(FEETECH, HOBBY_MOTOR, HOBBY_REGISTERS)
 """A hobby servo of 20 kg cm and 0.16 s for 60 degrees at 6 V, as data sheets of such give them: an
 8-bit PWM with a dead band, a pulse every 20 ms, a potentiometer at a converter of ten bits."""
 
@@ -78,24 +63,18 @@ FAIR = 0.3
 
 
 class Joint(NamedTuple):
-    """A calibrated joint.
-
-    Attributes:
-        calibration: Result of the calibration.
-        limits: Least and largest request [rad].
-        play: Plays cycles of requests [rad], (n,), and returns the measured angles, (cycles n,).
-    """
+    """A calibrated joint."""
 
     calibration: Compared
-    limits: tuple[float, float]
-    play: Callable[[Array, int], Array]
+    limits: tuple[float, float]  # least and largest request [rad]
+    play: Callable[[Array, int], Array]  # cycles of requests to measured angles, (cycles n,) [rad]
 
 
 def measure(_: Options) -> list[Table]:
     """One row for each kind and motion."""
     table = Table(
         "Kinds of servos, calibrated, and three motions that calibration had not seen",
-        ("direct, deg", "shift, deg", "recommended", "told/met"),
+        "direct, deg | shift, deg | recommended | told/met",
         note="Virtual servos behind their real protocol, in lock step, each with a load; "
         "parameters from Rhoban/bam and data sheets (planner/virtual/servos.toml). Each is "
         f"calibrated as request-planner calibrate does, at {RATE:g} Hz; a cycle is then planned "
@@ -132,7 +111,7 @@ def loops() -> Table:
     """One row for each protocol: six servos at 100 Hz behind a pseudo-terminal, in real time."""
     table = Table(
         f"A loop of {LOOP_SERVOS} servos at {RATE:g} Hz in real time",
-        ("driver, ms", "late, ms", "latest, ms", "skipped", "lost, %"),
+        "driver, ms | late, ms | latest, ms | skipped | lost, %",
         note="Virtual servos in another process, behind a pseudo-terminal; a tick is one sync "
         "write and one sync read. Driver: processor time of this process for each tick. Late: of "
         "requests behind their times, mean and most. Skipped: requests that were not sent in time.",
@@ -156,10 +135,8 @@ def _loop(port: SerialPort, protocol: str) -> tuple[float, ...]:
     count = round(RATE * LOOP_SECONDS)
     phase = 2.0 * np.pi * np.arange(count) / count
     rows = np.radians(20.0) * np.sin(phase)[:, None] * np.ones(LOOP_SERVOS)
-    arm = Arm(
-        Bus(port, PROTOCOLS[protocol]),
-        {f"joint {k}": Servo(id=k) for k in range(1, LOOP_SERVOS + 1)},
-    )
+    servos = {f"joint {k}": Servo(id=k) for k in range(1, LOOP_SERVOS + 1)}
+    arm = Arm(Bus(port, PROTOCOLS[protocol]), servos)
     with arm.powered():
         arm.perform(rows[:1], period=1.0 / RATE)  # to where it begins
         begin = time.process_time()
@@ -167,7 +144,7 @@ def _loop(port: SerialPort, protocol: str) -> tuple[float, ...]:
         seconds = time.process_time() - begin
     lost = 100.0 * arm.bus.lost / arm.bus.asked
     late = 1e3 * played.mean_lateness, 1e3 * played.latest
-    return 1e3 * seconds / count, *late, float(played.skipped), lost
+    return 1e3 * seconds / count, *late, played.skipped, lost
 
 
 def calibrated(kind: Kind, folder: Path) -> Joint:
@@ -186,11 +163,9 @@ def calibrated(kind: Kind, folder: Path) -> Joint:
 
     def play(requests: Array, cycles: int) -> Array:
         angles = list[float]()
-        rows = np.clip(requests, *limits)[:, None]
+        keep = {"keep": lambda _, __, row: angles.append(row[0])}
         with arm.powered():
-            arm.perform(
-                rows, period=period, cycles=cycles, keep=lambda _, __, row: angles.append(row[0])
-            )
+            arm.perform(np.clip(requests, *limits)[:, None], period=period, cycles=cycles, **keep)
         return np.array(angles)
 
     with arm.powered():

@@ -54,7 +54,7 @@ def measure(options: Options) -> list[Table]:
     count = MOMENTS * options.instances
     table = Table(
         "Commands on servos, with a fault at a random moment",
-        ("cases", "not in one line", "wrong status", "log not whole", "torque not as it was"),
+        "cases | not in one line | wrong status | log not whole | torque not as it was",
         note="Virtual servos in lock step. Lost packets: the command goes on. Any other fault ends "
         "it with status 1 or, Ctrl-C, 130 and one line of message, where it comes before the end; "
         "record ends well by Ctrl-C, and moves no servo that could stall. Every row that was "
@@ -65,16 +65,12 @@ def measure(options: Options) -> list[Table]:
         time = 0.01 * np.arange(150)
         angles = 20.0 * np.sin(2.0 * np.pi * time / 1.5)
         CliRunner().invoke(cli, CALIBRATE)
-        rows = np.column_stack([time, angles])
-        np.savetxt(
-            "requests.csv", rows, "%.6f", delimiter=",", header="t_s,joint_1_deg", comments=""
-        )
+        kept = {"fmt": "%.6f", "delimiter": ",", "header": "t_s,joint_1_deg", "comments": ""}
+        np.savetxt("requests.csv", np.column_stack([time, angles]), **kept)
         for command in COMMANDS:  # calibrate, which writes the model anew, is the last one
             for fault in FAULTS:
-                wrong = np.zeros(4, dtype=int)
-                for seed in range(count):
-                    wrong += case(command, fault, seed)
-                table.add(f"{command}, {fault}", count, *map(int, wrong))
+                wrong = np.sum([case(command, fault, seed) for seed in range(count)], axis=0)
+                table.add(f"{command}, {fault}", count, *wrong)
     return [table]
 
 
@@ -129,11 +125,7 @@ def in_one_line(result: Result) -> bool:
 def right_status(result: Result, command: str, fault: str, since: float) -> bool:
     """Whether a fault ended the command in good time, and nothing else did.
 
-    Args:
-        result: Result of the command.
-        command: Its name.
-        fault: The fault.
-        since: For how long the command went on afterwards [s]; negative where it had ended before.
+    The command went on ``since`` afterwards [s], negative where it had ended before.
     """
     harmless = fault.startswith("5 %") or (command == "record" and fault == "servo stalls")
     if fault == "Ctrl-C" and since >= 0.0:

@@ -15,6 +15,7 @@ from benchmark.parts import Options
 from benchmark.rivals import piecewise_linear
 from benchmark.table import Table
 from benchmark.timing import median_time, timed
+from planner.trajectory import rms
 
 SHORT = 1000
 """Samples up to which a time is the median of several."""
@@ -49,40 +50,33 @@ Call = Callable[[], piecewise_linear.Knots]
 FASTER = 5.0
 """A joint so much faster than the ERS-210A's can keep the tolerance."""
 
+SIDE_BY_SIDE = "rms, deg | steepest over v_max | ends apart, deg | time, ms | time over fit_pwl"
+
 
 def measure(options: Options) -> list[Table]:
     """Times by length, and the rivals that can be imported."""
-    return [
-        times(options),
-        fewest(options),
-        beside(options),
-        speed(options),
-        loose(options),
-        known_curves(options),
-    ]
+    tables = (times, fewest, beside, speed, loose, known_curves)
+    return [table(options) for table in tables]
 
 
 def times(options: Options) -> Table:
     """One row for each length."""
     table = Table(
         "Approximation, time by length",
-        ("chosen, s", "6 segments, s", "within 2 deg, s", "segments chosen", "within 2 deg"),
+        "chosen, s | 6 segments, s | within 2 deg, s | segments chosen | within 2 deg",
         note="The reference rotator's cycle over and over, its stroke changing slowly, for a joint "
         f"of {FASTER:g} times the ERS-210A's v_max.",
         stub="samples",
     )
     for samples in options.fit_lengths:
         instance = long_walk(samples)
-        calls = [
-            partial(ours, instance, faster=FASTER, **choice)
-            for choice in ({}, {"segments": SEGMENTS}, {"max_error": TOLERANCE})
-        ]
-        answers, first = zip(*map(timed, calls), strict=True)
-        again = [
-            median_time(call, options.repeats) if samples <= SHORT else seconds
-            for call, seconds in zip(calls, first, strict=True)
-        ]
-        table.add(f"{samples}", *again, answers[0].segments, answers[2].segments)
+        fits, seconds = [], []
+        for choice in ({}, {"segments": SEGMENTS}, {"max_error": TOLERANCE}):
+            call = partial(ours, instance, faster=FASTER, **choice)
+            fit, first = timed(call)
+            fits.append(fit)
+            seconds.append(median_time(call, options.repeats) if samples <= SHORT else first)
+        table.add(f"{samples}", *seconds, fits[0].segments, fits[2].segments)
     return table
 
 
@@ -90,7 +84,7 @@ def fewest(options: Options) -> Table:
     """One row for each kind of samples, each a path and a cycle, of every length."""
     table = Table(
         "Approximation, fewest segments for a largest error",
-        ("segments", "lower bound", "rms error over the largest", "time, s"),
+        "segments | lower bound | rms error over the largest | time, s",
         note=f"Samples of a range of one, for a largest error of {WITHIN:g} and slopes of the "
         "samples' own at most, or a hundredth of the range where that is less.",
         stub="samples",
@@ -98,15 +92,9 @@ def fewest(options: Options) -> Table:
     for samples in options.fit_lengths:
         for kind, desired in series(samples).items():
             step = max(float(np.max(np.abs(np.diff(desired)))), 0.01)
+            asked = {"v_max": step, "tick": 1.0, "max_error": WITHIN}
             for cyclic in (False, True):
-                call = partial(
-                    planner.fit_pwl,
-                    desired,
-                    v_max=step,
-                    tick=1.0,
-                    cyclic=cyclic,
-                    max_error=WITHIN,
-                )
+                call = partial(planner.fit_pwl, desired, cyclic=cyclic, **asked)
                 fit, first = timed(call)
                 seconds = median_time(call, options.repeats) if samples <= SHORT else first
                 name = f"{samples}, {kind}, {'cycle' if cyclic else 'path'}"
@@ -142,7 +130,7 @@ def beside(options: Options) -> Table:
     """Every method on the reference joints, with the same number of segments."""
     table = Table(
         f"Approximation, {SEGMENTS} segments, side by side",
-        ("rms, deg", "steepest over v_max", "ends apart, deg", "time, ms", "time over fit_pwl"),
+        SIDE_BY_SIDE,
         note=f"The reference joints' cycle, its first sample once more at its end.{left_out()}",
         stub="joint and method",
     )
@@ -156,39 +144,33 @@ def loose(options: Options) -> Table:
     """The same samples as a path with free ends and no bound on slopes, as pwlf takes them."""
     table = Table(
         "Approximation, ends free and slopes unbounded",
-        ("rms, deg", "steepest over v_max", "ends apart, deg", "time, ms", "time over fit_pwl"),
+        SIDE_BY_SIDE,
         note=f"The reference joints' cycle, its first sample once more at its end.{left_out()}",
         stub="joint, segments and method",
     )
     for instance in reference():
         for segments in LOOSE_SEGMENTS:
             methods: dict[str, Call] = {"fit_pwl": partial(our_path, instance, segments)}
-            fit = rivals(instance, segments).get("pwlf fit")
-            if fit is not None:
-                methods["pwlf fit"] = fit
-            add_all(table, instance, methods, options.repeats, f", {segments}")
+            both = methods | rivals(instance, segments, "pwlf fit")
+            add_all(table, instance, both, options.repeats, f", {segments}")
     return table
 
 
 def speed(options: Options) -> Table:
     """Our time for each number of segments, and how many times longer pwlf takes."""
+    joints = reference()
     table = Table(
         "Approximation, fit_pwl and pwlf.fit by number of segments",
-        tuple(
-            f"{instance.name}, {figure}"
-            for instance in reference()
-            for figure in ("ms", "pwlf over it")
-        ),
+        " | ".join(f"{joint.name}, ms | {joint.name}, pwlf over it" for joint in joints),
         note=f"The reference joints' cycle, slopes bounded in fit_pwl.{left_out()}",
         stub="segments",
     )
     for segments in LOOSE_SEGMENTS:
         row = []
-        for instance in reference():
-            own = typical_time(partial(our_cycle, instance, segments), options.repeats)
-            fit = rivals(instance, segments).get("pwlf fit")
-            rival = math.nan if fit is None else typical_time(fit, 1)
-            row += [1e3 * own, rival / own]
+        for joint in joints:
+            own = typical_time(partial(our_cycle, joint, segments), options.repeats)
+            fits = rivals(joint, segments, "pwlf fit").values()
+            row += [1e3 * own, sum(typical_time(fit, 1) for fit in fits) / own or math.nan]
         table.add(f"{segments}", *row)
     return table
 
@@ -197,7 +179,7 @@ def known_curves(options: Options) -> Table:
     """Requests from curves, many at once."""
     table = Table(
         "Closed form of known curves, microseconds per cycle",
-        tuple(f"rule {rule!r}" for rule in RULES),
+        " | ".join(f"rule {rule!r}" for rule in RULES),
         note=f"The reference rotator's {SEGMENTS} segments, scaled at random, {SAMPLES} samples "
         "a cycle, by closed_form_requests.",
         stub="curves at once",
@@ -206,18 +188,15 @@ def known_curves(options: Options) -> Table:
     fit = ours(rotator, segments=SEGMENTS)
     rng = np.random.default_rng(0)
     for curves in CURVES:
-        stack = planner.CurveStack(
-            knots=fit.knots,
-            values=fit.values * rng.uniform(0.5, 1.0, size=(curves, 1)),
-            samples=fit.samples,
-            tick=fit.tick,
-            cyclic=True,
-        )
-        calls = [
+        values = fit.values * rng.uniform(0.5, 1.0, size=(curves, 1))
+        grid = {"samples": fit.samples, "tick": fit.tick, "cyclic": True}
+        stack = planner.CurveStack(knots=fit.knots, values=values, **grid)
+        calls = (
             partial(planner.closed_form_requests, rotator.model, stack, rule=rule) for rule in RULES
-        ]
-        seconds = [typical_time(call, options.repeats) for call in calls]
-        table.add(f"{curves}", *(1e6 * each / curves for each in seconds))
+        )
+        table.add(
+            f"{curves}", *(1e6 * typical_time(each, options.repeats) / curves for each in calls)
+        )
     return table
 
 
@@ -229,12 +208,13 @@ def left_out() -> str:
     return f" Not installed, so left out: {', '.join(missing)} (the extra 'bench' has them)."
 
 
-def rivals(instance: Instance, segments: int) -> dict[str, Call]:
+def rivals(instance: Instance, segments: int, *only: str) -> dict[str, Call]:
     """The other methods that can be imported."""
     step = instance.model.v_max * instance.model.period
     return {
         name: partial(method, instance.desired, segments, step)
         for name, method in piecewise_linear.available().items()
+        if name in only or not only
     }
 
 
@@ -249,11 +229,8 @@ def our_cycle(instance: Instance, segments: int = SEGMENTS) -> piecewise_linear.
 
 def our_path(instance: Instance, segments: int) -> piecewise_linear.Knots:
     """Knots and values of our own approximation where the ends are free and slopes unbounded."""
-    model = instance.model
-    closed = np.append(instance.desired, instance.desired[0])
-    fit = planner.fit_pwl(
-        closed, v_max=LOOSE * model.v_max, tick=model.period, segments=segments, cyclic=False
-    )
+    closed = instance._replace(desired=np.append(instance.desired, instance.desired[0]))
+    fit = ours(closed, faster=LOOSE, segments=segments, cyclic=False)
     return fit.knots, fit.values
 
 
@@ -271,9 +248,9 @@ def add_all(
         steepest = np.max(np.abs(np.diff(values) / np.diff(knots))) / instance.model.period
         table.add(
             f"{instance.name}{more}: {name}",
-            math.degrees(float(np.sqrt(np.mean(errors**2)))),
-            float(steepest / instance.model.v_max),
-            math.degrees(abs(float(values[-1] - values[0]))),
+            math.degrees(rms(errors)),
+            steepest / instance.model.v_max,
+            math.degrees(abs(values[-1] - values[0])),
             1e3 * seconds,
             seconds / ours_took,
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,12 +15,10 @@ import numpy.typing as npt
 
 import planner
 from benchmark.parts import Options
-from benchmark.parts.pairs import errors_of
+from benchmark.parts.pairs import errors_of, four_numbers
 from benchmark.pendulum import Pendulum, Sts3215
 from benchmark.table import Table
 from kinematics import Leg
-from planner.identification.fit import fit_joint
-from planner.identification.grid import timing_of
 from planner.trajectory import rms
 from planner.virtual.robot import VirtualRobot
 
@@ -55,17 +53,18 @@ MOTIONS: Mapping[str, tuple[float, Callable[[Array], Array]]] = {
 
 
 class Rig(NamedTuple):
-    """A virtual servo with a pendulum, and the description of its load.
-
-    Attributes:
-        pendulum: Its load.
-        constants: Constants of the servo.
-        leg: The pendulum's description, for its load.
-    """
+    """A virtual servo with a pendulum, and the description of its load."""
 
     pendulum: Pendulum
-    constants: Sts3215
     leg: Leg
+    constants: Sts3215 = Sts3215()
+
+    def robot(self, angle: Array) -> VirtualRobot:
+        """The servo at rest at an angle [rad], shape (1,)."""
+        model = self.pendulum.model(self.constants)
+        robot = VirtualRobot(angle, constants=self.constants, model=model)
+        robot.rest(1.0, angle)
+        return robot
 
     def load(self, angles: Array) -> Array:
         """Torque of gravity on the joint [N m], shape (n,), in poses [rad], shape (n,)."""
@@ -73,41 +72,27 @@ class Rig(NamedTuple):
 
     def execute(self, requests: Array, cycles: int = 1) -> tuple[Array, Array]:
         """Sensed and true angles in the last of some cycles [rad], shape (n,), from rest."""
-        model = self.pendulum.model(self.constants)
-        robot = VirtualRobot(requests[:1], constants=self.constants, model=model)
-        robot.rest(1.0, requests[:1])
-        recording = robot.play(np.tile(requests, cycles)[:, np.newaxis])
+        recording = self.robot(requests[:1]).play(np.tile(requests, cycles)[:, np.newaxis])
         last = len(requests)
         return recording.sensed[-last:, 0], recording.angles[-last:, 0]
 
-
-class Models(NamedTuple):
-    """Models of the joint from one log.
-
-    Attributes:
-        four: The paper's four numbers and a static offset.
-        friction: Model without recorded load.
-        all: Model with recorded load.
-    """
-
-    four: planner.JointModel
-    friction: planner.JointModel
-    all: planner.JointModel
+    def log(self, requests: Array) -> planner.Log:
+        """What the sensor reads under requests, from rest, with the load of these angles."""
+        sensed, _ = self.execute(requests)
+        times = PERIOD * np.arange(len(requests))
+        return planner.Log(times=times, requests=requests, angles=sensed, load=self.load(sensed))
 
 
 class Answers(NamedTuple):
-    """Angles of the joint in the last cycle [rad], shape (n,), by method.
-
-    ``expected`` is the expected error of the plan with all terms [rad], rms.
-    """
+    """Angles of the joint in the last cycle [rad], shape (n,), by method."""
 
     desired: Array
     direct: Array
     shift: Array
-    four: Array
-    friction: Array
-    all: Array
-    expected: float
+    four: Array  # the paper's four numbers and a static offset
+    friction: Array  # a model without recorded load
+    all: Array  # with recorded load
+    expected: float  # error of the plan with all terms [rad], rms
 
 
 def measure(options: Options) -> list[Table]:  # noqa: ARG001
@@ -117,15 +102,8 @@ def measure(options: Options) -> list[Table]:  # noqa: ARG001
         models = fit_models(rig)
     table = Table(
         "Plans for a virtual servo with friction and a load",
-        (
-            "direct",
-            "time shift",
-            "four numbers",
-            "load unknown",
-            "load known",
-            "over four numbers, %",
-            "expected error",
-        ),
+        "direct | time shift | four numbers | load unknown | load known | over four numbers, %"
+        " | expected error",
         note="Root mean square of the error in the fifth cycle on a simulated Feetech STS3215 with "
         "a pendulum, mrad, and the error to expect that the last plan tells. The models are fitted "
         "to one log of 74 s.",
@@ -141,31 +119,24 @@ def measure(options: Options) -> list[Table]:  # noqa: ARG001
 def between_loads() -> Table:
     """Models fitted at the lightest and the heaviest of eight masses, on the six between."""
     requests = excitation()[: round(22.0 / PERIOD)]
-    times = PERIOD * np.arange(len(requests))
     logs = []
     for mass in MASSES:
         with TemporaryDirectory() as folder:
-            rig = make_rig(Path(folder), Pendulum(mass=mass))
-            sensed, _ = rig.execute(requests)
-            load = rig.load(sensed)
-        logs.append(planner.Log(times=times, requests=requests, angles=sensed, load=load))
+            logs.append(make_rig(Path(folder), Pendulum(mass=mass)).log(requests))
     table = Table(
         "Models of a virtual servo fitted at its lightest and heaviest load, at other loads",
-        ("load unknown", "load known"),
+        "load unknown | load known",
         note=f"Root mean square error, degrees. Fitted to 22 s each with {MASSES[0]:g} and "
         f"{MASSES[-1]:g} kg at 0.2 m.",
         stub="mass, kg",
     )
+    ends = logs[0], logs[-1]
     models = [
-        planner.identify([replace(log, load=load) for log, load in ends], hold_out=False).model
-        for ends in (
-            [(log, None) for log in (logs[0], logs[-1])],
-            [(log, log.load) for log in (logs[0], logs[-1])],
-        )
+        planner.identify(fitted, hold_out=False).model
+        for fitted in ([replace(log, load=None) for log in ends], ends)
     ]
     for mass, log in zip(MASSES[1:-1], logs[1:-1], strict=True):
-        errors = [math.degrees(errors_of(model, log)[0]) for model in models]
-        table.add(f"{mass:g}", *errors)
+        table.add(f"{mass:g}", *(math.degrees(errors_of(model, log)[0]) for model in models))
     return table
 
 
@@ -174,24 +145,14 @@ def make_rig(folder: Path, pendulum: Pendulum | None = None) -> Rig:
     pendulum = pendulum or Pendulum()
     (folder / "pendulum.urdf").write_text(pendulum.urdf(), encoding="utf-8")
     leg = Leg.from_urdf(folder / "pendulum.urdf", base="base", foot="tip")
-    return Rig(pendulum, Sts3215(), leg)
+    return Rig(pendulum, leg)
 
 
-def fit_models(rig: Rig) -> Models:
-    """The models fitted to a log of the servo."""
-    requests = excitation()
-    sensed, _ = rig.execute(requests)
-    times = PERIOD * np.arange(len(requests))
-    log = planner.Log(times=times, requests=requests, angles=sensed)
-    timing = timing_of([log], tick=None, hold=None)
-    fit = fit_joint([log], timing, choose_tick=True)[
-        -1
-    ]  # planner.identify would find friction, too
-    timing = timing.ticking(fit.grid.tick)
-    four = fit.parameters.model(tick=timing.tick, hold=timing.hold)
-    unloaded = planner.identify(log)
-    loaded = planner.identify(replace(log, load=rig.load(sensed)))
-    return Models(four, unloaded.model, loaded.model)
+def fit_models(rig: Rig) -> list[planner.JointModel]:
+    """Models from a log of the servo: of four numbers, without recorded load, with it."""
+    loaded = rig.log(excitation())
+    log = replace(loaded, load=None)
+    return [four_numbers([log]), planner.identify(log).model, planner.identify(loaded).model]
 
 
 def excitation() -> Array:
@@ -208,7 +169,7 @@ def excitation() -> Array:
     return np.concatenate(pieces)
 
 
-def play(rig: Rig, name: str, models: Models) -> Answers:
+def play(rig: Rig, name: str, models: Sequence[planner.JointModel]) -> Answers:
     """Execute the plans of a motion, the desired angles, and these early."""
     length, motion = MOTIONS[name]
     count = round(length / PERIOD)
@@ -217,7 +178,7 @@ def play(rig: Rig, name: str, models: Models) -> Answers:
     leads = [np.roll(direct, -lead) for lead in range(count)]
     shift = min(leads, key=lambda early: rms(early - desired))
     executed = []
-    for model in (models.four, models.friction, models.all):
+    for model in models:
         plan = planner.plan(model, desired, load=rig.leg.load_torques)
         executed.append(rig.execute(plan.requests[:, 0], CYCLES)[1])
     return Answers(desired, direct, shift, *executed, expected=float(plan.expected_rms[0]))

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 import planner
 from benchmark.parts import Options
-from benchmark.plants import random_joint, random_path, random_servo
+from benchmark.plants import MadeJoint, Servo, random_joint, random_path, random_servo
 from benchmark.table import Table
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 TRIALS = 10
 """Trials of each: the first is the plan, the rest are learnt."""
@@ -23,85 +24,58 @@ EARLY = 5
 DIVERGED = 1.05
 """Last over first error beyond which, and beyond the noise, learning has diverged."""
 
-Play = Callable[[Array], tuple[Array, Array]]
-"""True angles (n,) and measured cycles (cycles, n) under requests (n,) [rad]."""
-
 
 class Played(NamedTuple):
-    """One plant, learnt.
+    """One plant, learnt."""
 
-    Attributes:
-        errors: True error of each trial, rms [rad].
-        floor: Lower bound and noise of the sensor, as the root of the sum of their squares [rad].
-        noise: Of the sensor, its steps included [rad].
-    """
-
-    errors: Array
-    floor: float
-    noise: float
+    errors: Array  # true, of each trial, rms [rad]
+    floor: float  # of lower bound and noise, the root of the sum of their squares [rad]
+    noise: float  # of the sensor, its steps included [rad]
 
 
 def measure(options: Options) -> list[Table]:
     """One row for each kind of plant, with and without new identification."""
     table = Table(
         "Learning from executed cycles",
-        (
-            "plants",
-            "first error, deg",
-            f"best of {EARLY} trials, deg",
-            "over floor: median",
-            "95 %",
-            "worst",
-            "above 1.5 floors, %",
-            "largest rise, noise: 95 %",
-            "worst",
-            "diverged",
-        ),
-        note=(
-            f"{TRIALS} trials, one measured cycle each; errors are those of the true angles. The "
-            "floor is the lower bound of the true joint (of a servo: of its identified model) and "
-            "the sensor's noise. The joints' parameters are within 30 % of the planner's, with "
-            "dry friction, gravity, sag and top speeds that differ; half of the paths saturate."
-        ),
+        f"plants | first error, deg | best of {EARLY} trials, deg | over floor: median | 95 % | "
+        "worst | above 1.5 floors, % | largest rise, noise: 95 % | worst | diverged",
+        note=f"{TRIALS} trials, one measured cycle each; errors are those of the true angles. The "
+        "floor is the lower bound of the true joint (of a servo: of its identified model) and "
+        "the sensor's noise. The joints' parameters are within 30 % of the planner's, with "
+        "dry friction, gravity, sag and top speeds that differ; half of the paths saturate.",
         stub="plants",
     )
-    for name, play in (
-        ("joints, models identified anew", lambda seed: joint(seed, reidentify=True)),
-        ("joints, one model", lambda seed: joint(seed, reidentify=False)),
-        ("servos from physics", servo),
-    ):
-        add(table, name, [play(seed) for seed in range(options.instances)])
+    kinds: dict[str, Callable[[int], Played]] = {
+        "joints, models identified anew": partial(joint, reidentify=True),
+        "joints, one model": partial(joint, reidentify=False),
+        "servos from physics": servo,
+    }
+    for name, play in kinds.items():
+        played = [play(seed) for seed in range(options.instances)]
+        first = [each.errors[0] for each in played]
+        best = np.array([np.min(each.errors[1 : EARLY + 1]) for each in played])
+        over = best / [each.floor for each in played]
+        rises = [np.max(np.diff(each.errors)) / max(each.noise, 1e-6) for each in played]
+        diverged = [each.errors[-1] > DIVERGED * each.errors[0] + each.noise for each in played]
+        table.add(
+            name,
+            len(played),
+            *np.degrees([np.median(first), np.median(best)]),
+            *np.percentile(over, [50.0, 95.0, 100.0]),
+            100.0 * np.mean(over > 1.5),
+            *np.percentile(rises, [95.0, 100.0]),
+            sum(diverged),
+        )
     return [table]
-
-
-def add(table: Table, name: str, played: list[Played]) -> None:
-    """A row about some plants."""
-    first = np.array([each.errors[0] for each in played])
-    best = np.array([np.min(each.errors[1 : EARLY + 1]) for each in played])
-    over = best / np.array([each.floor for each in played])
-    rises = [np.max(np.diff(each.errors)) / max(each.noise, 1e-6) for each in played]
-    diverged = [each.errors[-1] > DIVERGED * each.errors[0] + each.noise for each in played]
-    table.add(
-        name,
-        len(played),
-        math.degrees(float(np.median(first))),
-        math.degrees(float(np.median(best))),
-        *np.percentile(over, [50.0, 95.0, 100.0]),
-        100.0 * float(np.mean(over > 1.5)),
-        *np.percentile(rises, [95.0, 100.0]),
-        sum(diverged),
-    )
 
 
 def joint(seed: int, *, reidentify: bool) -> Played:
     """A joint of the model's form with other parameters, on the model of the ERS-210A."""
-    plant, nominal = random_joint(seed), planner.JointModel.ers210a()
+    plant = random_joint(seed)
     desired = random_path(seed, 88, span=1.2, fastest=(0.03, 0.06)[seed % 2])
-    plan = planner.invert_optimal(nominal, desired)
-    errors = learnt(plan, plant.play, reidentify=reidentify)
+    plan = planner.invert_optimal(planner.JointModel.ers210a(), desired)
     bound = planner.lower_bound(plant.model, desired, load=np.zeros(len(desired)))
-    noise = math.hypot(plant.noise, plant.count / math.sqrt(12.0))
-    return Played(errors, math.hypot(bound, noise), noise)
+    return learnt(plan, plant, bound, reidentify=reidentify)
 
 
 def servo(seed: int) -> Played:
@@ -113,21 +87,16 @@ def servo(seed: int) -> Played:
     model = planner.identify(logs, hold_out=False).model
     desired = random_path(seed, 100, span=1.2, fastest=(0.05, 0.1)[seed % 2])
     plan = planner.invert_optimal(model, desired, limits=(-2.5, 2.5))
-
-    def play(requests: Array) -> tuple[Array, Array]:
-        true, seen = plant.play(requests)
-        return true.mean(axis=0), seen
-
-    errors = learnt(plan, play, reidentify=True)
-    noise = math.hypot(plant.noise, plant.count / math.sqrt(12.0))
-    return Played(errors, math.hypot(plan.lower_bound, noise), noise)
+    return learnt(plan, plant, plan.lower_bound, reidentify=True)
 
 
-def learnt(plan: planner.Inversion, play: Play, *, reidentify: bool) -> Array:
-    """True errors of the trials [rad], shape (trials,)."""
-    errors = []
+def learnt(
+    plan: planner.Inversion, plant: MadeJoint | Servo, bound: float, *, reidentify: bool
+) -> Played:
+    """The trials on a plant, beside a lower bound [rad]."""
+    errors, noise = [], math.hypot(plant.noise, plant.count / math.sqrt(12.0))
     for _ in range(TRIALS):
-        true, seen = play(plan.requests)
-        errors.append(float(np.sqrt(np.mean((true - plan.desired) ** 2))))
+        true, seen = plant.play(plan.requests)
+        errors.append(rms(np.atleast_2d(true).mean(axis=0) - plan.desired))
         plan = planner.refine(plan, seen, reidentify=reidentify)
-    return np.array(errors)
+    return Played(np.array(errors), math.hypot(bound, noise), noise)

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 import planner
 from benchmark.parts import Options
-from benchmark.parts.pairs import FITTED, humanoid, pendulums, so101
+from benchmark.parts.pairs import FITTED, joints
 from benchmark.table import Table
 from planner.model.evidence import expectation
+from planner.trajectory import rms
 from tests.identification.made import logged
 
 Array = npt.NDArray[np.float64]
 
-TERMS = ("dead band, mrad", "time constant, ms", "acceleration, rad/s^2")
+TERMS = "dead band, mrad | time constant, ms | acceleration, rad/s^2"
 """Terms of a motor that a model may have."""
+
+BESIDE_DELAY = f"delay | model | worst | over a delay | {TERMS}"
 
 MOTION = 10.0
 """Length of the parts of a recording that are one motion each [s]."""
@@ -42,29 +42,27 @@ PERIODS = (0.005, 0.0079, 0.0081, 0.01, 0.02)
 
 def measure(options: Options) -> list[Table]:
     """Simulated joints, and every available recording."""
-    simulated = [motors(4 * options.instances), rates(2 * options.instances)]
-    folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
-    if not folder or not Path(folder).is_dir():
-        return simulated
-    arm = so101(Path(folder))
-    every = {**arm, **pendulums(Path(folder))}
-    if options.instances > 3:
-        every |= humanoid(Path(folder))
-    return [halves(every), *unseen(arm), alternate(arm), *simulated]
+    simulated, recorded = (
+        [motors(4 * options.instances), rates(2 * options.instances)],
+        joints(options),
+    )
+    arm = {name: logs for name, logs in recorded.items() if name.startswith("so101")}
+    real = [halves(recorded), *unseen(arm), alternate(arm)] if recorded else []
+    return [*real, *simulated]
 
 
-def halves(joints: Mapping[str, Sequence[planner.Log]]) -> Table:
+def halves(every: Mapping[str, Sequence[planner.Log]]) -> Table:
     """One row for each joint: the second halves of its recordings."""
     table = Table(
         "Models of joints on the second half of each recording, fitted to the first halves",
-        ("recordings", "as it is", "delay", "first order", "model", "over a delay", *TERMS),
+        f"recordings | as it is | delay | first order | model | over a delay | {TERMS}",
         note="Root mean square errors in milliradians (Jaw and hands: thousandths of the range): "
         "of the request itself, the best pure delay, a delay with a first-order lag, and the model "
         "of this project, each fitted to all recordings of a joint together. so101: an arm of "
         "Feetech STS3215; sts3250, xl330: pendulums, the latter overloaded; g1: a humanoid.",
         stub="joint",
     )
-    for name, logs in joints.items():
+    for name, logs in every.items():
         try:
             result = planner.identify(logs)
         except planner.InvalidInput:
@@ -80,14 +78,14 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
     tables = [
         Table(
             "Models of the SO-101's joints on recordings that were not fitted",
-            ("delay", "model", "worst", "over a delay", *TERMS),
+            BESIDE_DELAY,
             note="Root mean square errors in milliradians of motions of "
             f"{MOTION:g} s, median and worst; fitted are {', '.join(FITTED)}.",
             stub="joint",
         ),
         Table(
             "The error that is told of motions that were not fitted, over the one met",
-            ("motions", "median", f"{FAIR[0]:g} to {FAIR[1]:g}, %", "in the range, %"),
+            f"motions | median | {FAIR[0]:g} to {FAIR[1]:g}, % | in the range, %",
             note="The same motions: the error to expect over the one met, in how many it is "
             f"between {FAIR[0]:g} and {FAIR[1]:g}, and how many are in the range of 5 to 95 %.",
             stub="joint",
@@ -99,30 +97,31 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
         if not fitted or not unfitted or "Jaw" in name:
             continue
         result = planner.identify(fitted)
-        delay = delay_of(result)
-        motions = np.array(
-            [motion for log in unfitted for motion in motions_of(result, log, delay, parts_of(log))]
+        met, late, expected, low, high = motions_of(
+            result, {log: parts_of(log) for log in unfitted}
         )
-        met, late, expected, low, high = motions.T
-        model, pure = float(np.median(met)), float(np.median(late))
-        worst = 1e3 * float(np.max(met))
-        tables[0].add(name, 1e3 * pure, 1e3 * model, worst, model / pure, *terms(result))
+        add_beside_delay(tables[0], name, result, met, late)
         shares = expected / met
-        tables[1].add(
-            name,
-            len(met),
-            float(np.median(shares)),
-            100.0 * float(np.mean((shares >= FAIR[0]) & (shares <= FAIR[1]))),
-            100.0 * float(np.mean((low <= met) & (met <= high))),
-        )
+        fair, inside = (shares >= FAIR[0]) & (shares <= FAIR[1]), (low <= met) & (met <= high)
+        row = np.median(shares), 100.0 * np.mean(fair), 100.0 * np.mean(inside)
+        tables[1].add(name, len(met), *row)
     return tables
+
+
+def add_beside_delay(
+    table: Table, name: str, result: planner.Identification, met: Array, late: Array
+) -> None:
+    """A row of the errors of a model and of a pure delay [rad]."""
+    model, pure = np.median(met), np.median(late)
+    row = 1e3 * pure, 1e3 * model, 1e3 * np.max(met), model / pure
+    table.add(name, *row, *terms(result))
 
 
 def alternate(arm: Mapping[str, Sequence[planner.Log]]) -> Table:
     """Models of every second motion of the recordings of :func:`unseen` on the others."""
     table = Table(
         "Models of the SO-101's joints fitted to every second of these motions",
-        ("delay", "model", "worst", "over a delay", *TERMS),
+        BESIDE_DELAY,
         note=f"As above, of the motions of {MOTION:g} s that were not fitted.",
         stub="joint",
     )
@@ -132,20 +131,9 @@ def alternate(arm: Mapping[str, Sequence[planner.Log]]) -> Table:
             continue
         fitted = [part_of(log, part) for log in rest for part in parts_of(log)[::2]]
         result = planner.identify(fitted)
-        delay = delay_of(result)
-        motions = [
-            motion for log in rest for motion in motions_of(result, log, delay, parts_of(log)[1::2])
-        ]
-        model, pure = (float(np.median([each[k] for each in motions])) for k in (0, 1))
-        worst = 1e3 * max(motion.met for motion in motions)
-        table.add(name, 1e3 * pure, 1e3 * model, worst, model / pure, *terms(result))
+        met, late, *_ = motions_of(result, {log: parts_of(log)[1::2] for log in rest})
+        add_beside_delay(table, name, result, met, late)
     return table
-
-
-def delay_of(result: planner.Identification) -> float:
-    """The best pure delay [s]."""
-    (delay,) = [each.parameters["delay"] for each in result.alternatives if each.name == "delay"]
-    return delay
 
 
 def parts_of(log: planner.Log) -> list[slice]:
@@ -158,85 +146,60 @@ def parts_of(log: planner.Log) -> list[slice]:
 
 def part_of(log: planner.Log, part: slice) -> planner.Log:
     """A motion as a recording."""
-    times, requests, angles = log.times[part], log.requests[part], log.angles[part]
-    return planner.Log(
-        times=times, requests=requests, angles=angles, name=f"{log.name} {part.start}"
-    )
+    rows = {name: getattr(log, name)[part] for name in ("times", "requests", "angles")}
+    return planner.Log(**rows, name=f"{log.name} {part.start}")
 
 
-class Motion(NamedTuple):
-    """A part of a recording: errors of model and delay, and the model's expected error [rad]."""
+def motions_of(result: planner.Identification, parts: Mapping[planner.Log, list[slice]]) -> Array:
+    """Errors of the model and of the best delay in parts of logs, and the range to expect [rad].
 
-    met: float
-    late: float
-    expected: float
-    low: float
-    high: float
-
-
-def motions_of(
-    result: planner.Identification, log: planner.Log, delay: float, parts: Sequence[slice]
-) -> Iterator[Motion]:
-    """The errors in these parts of a recording."""
-    model, evidence = result.model, result.tested
-    start, period = float(log.angles[0]), log.period
-    predicted = planner.simulate(model, log.requests, cyclic=False, start=start)
-    late = np.interp(log.times - delay, log.times, log.requests)
-    for part in parts:
-        met, by_delay = (
-            math.sqrt(np.mean((angles - log.angles)[part] ** 2)) for angles in (predicted, late)
-        )
-        planned = predicted[part]
-        told = expectation(evidence, planned, planned, period=period, cyclic=False)
-        yield Motion(met, by_delay, told.error, told.low, told.high)
+    Shape (5, m): met, late, expected, low, high.
+    """
+    (delay,) = [each.parameters["delay"] for each in result.alternatives if each.name == "delay"]
+    motions = []
+    for log, some in parts.items():
+        start = float(log.angles[0])
+        predicted = planner.simulate(result.model, log.requests, cyclic=False, start=start)
+        late = np.interp(log.times - delay, log.times, log.requests)
+        for part in some:
+            errors = [rms((angles - log.angles)[part]) for angles in (predicted, late)]
+            planned = predicted[part]
+            told = expectation(result.tested, planned, planned, period=log.period, cyclic=False)
+            motions.append((*errors, told.error, told.low, told.high))
+    return np.transpose(motions)
 
 
 def terms(result: planner.Identification) -> tuple[float, ...]:
     """The terms of a motor, in the units of :data:`TERMS`; NaN where the model has none."""
     model = result.model
-    limit = model.max_acceleration if np.isfinite(model.max_acceleration) else 0.0
-    return tuple(
-        each or float("nan") for each in (1e3 * model.dead_band, 1e3 * model.time_constant, limit)
-    )
+    limit = model.max_acceleration if np.isfinite(model.max_acceleration) else math.nan
+    return 1e3 * model.dead_band or math.nan, 1e3 * model.time_constant or math.nan, limit
 
 
-def motors(joints: int) -> Table:
+def motors(count: int) -> Table:
     """Joints with all terms of a motor."""
-    truths = [motor(seed) for seed in range(joints)]
-    logs = [
-        logged(joint, period=period, rows=round(SECONDS / period), seed=seed)
-        for period in (0.01, 0.02)
-        for seed, joint in enumerate(truths)
-    ]
+    truths = [motor(seed) for seed in range(count)]
     table = recovery(
         "Identification of motors, made",
-        f"{joints} joints with a time constant of 10 to 80 ms, an acceleration limit of 15 to 60 "
+        f"{count} joints with a time constant of 10 to 80 ms, an acceleration limit of 15 to 60 "
         "rad/s^2 and a dead band of 0.5 to 4 degrees together, each logged every 10 and every 20 "
         f"ms for {SECONDS:g} s: random steps, a triangle and sines within 1 rad; 0.1 degrees of "
         "noise, 0.09 of resolution, ticks of half a millisecond.",
     )
-    rows(table, "", [*truths, *truths], [planner.identify(log, hold_out=False) for log in logs])
+    rows(table, "", truths, (0.01, 0.02))
     return table
 
 
-def rates(joints: int) -> Table:
+def rates(count: int) -> Table:
     """The same joints in logs of several rates."""
-    truths = [
-        replace(motor(seed), time_constant=0.0, max_acceleration=math.inf) for seed in range(joints)
-    ]
+    without = {"time_constant": 0.0, "max_acceleration": math.inf}
+    truths = [replace(motor(seed), **without) for seed in range(count)]
     table = recovery(
         "Identification of the same joints logged at several rates, made",
-        f"As above, {joints} joints without time constant and acceleration limit.",
+        f"As above, {count} joints without time constant and acceleration limit.",
     )
     for period in PERIODS:
-        results = [
-            planner.identify(
-                logged(joint, period=period, rows=round(SECONDS / period), seed=seed),
-                hold_out=False,
-            )
-            for seed, joint in enumerate(truths)
-        ]
-        rows(table, f"{1e3 * period:g} ms: ", truths, results)
+        rows(table, f"{1e3 * period:g} ms: ", truths, (period,))
     return table
 
 
@@ -262,23 +225,27 @@ def motor(seed: int) -> planner.JointModel:
 
 def recovery(title: str, note: str) -> Table:
     """A table of :func:`rows`."""
-    columns = ("found, %", "in the interval, %", "rms error", "largest error", "half interval")
+    columns = "found, % | in the interval, % | rms error | largest error | half interval"
     note += " Errors in % of the parameter, those of lag and window in ms."
     return Table(title, columns, note=note, stub="parameter")
 
 
 def rows(
-    table: Table,
-    stub: str,
-    truths: Sequence[planner.JointModel],
-    results: Sequence[planner.Identification],
+    table: Table, stub: str, truths: Sequence[planner.JointModel], periods: Sequence[float]
 ) -> None:
-    """One row for each parameter of joints with known parameters."""
+    """One row for each parameter of joints with known parameters, logged at these periods."""
+    results = [
+        planner.identify(
+            logged(joint, period=period, rows=round(SECONDS / period), seed=seed), hold_out=False
+        )
+        for period in periods
+        for seed, joint in enumerate(truths)
+    ]
     names = ["gain", "v_max", "lag", "acceleration_time", "dead_band"]
     names += ["time_constant", "max_acceleration"] if truths[0].has_inertia else []
     for name in names:
         columns = []
-        for joint, each in zip(truths, results, strict=True):
+        for joint, each in zip([*truths] * len(periods), results, strict=True):
             true, value = (
                 model.v_max / model.theta_0 if name == "gain" else getattr(model, name)
                 for model in (joint, each.model)
@@ -289,11 +256,6 @@ def rows(
             columns.append(((value - true) / size, low <= true <= high, (high - low) / 2.0 / size))
         errors, inside, half = np.array(columns).T
         kept = np.isfinite(half)
-        table.add(
-            stub + name,
-            100.0 * float(np.mean(kept)),
-            100.0 * float(np.mean(inside)),
-            float(np.sqrt(np.mean(errors[kept] ** 2))),
-            float(np.max(np.abs(errors[kept]))),
-            float(np.median(half[kept])),
-        )
+        shares = 100.0 * np.mean(kept), 100.0 * np.mean(inside)
+        sizes = rms(errors[kept]), np.max(np.abs(errors[kept])), np.median(half[kept])
+        table.add(stub + name, *shares, *sizes)

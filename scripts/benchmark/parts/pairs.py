@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 import planner
-from benchmark.parts import Options
+from benchmark.parts import Options, recordings
 from benchmark.plants import random_path, random_servo
 from benchmark.table import Table
 from planner.identification.excitation import excite
@@ -62,19 +61,12 @@ SIGNALS: dict[str, tuple[str, ...]] = {
 
 
 class Tested(NamedTuple):
-    """A model on a log to which it was not fitted.
+    """A model on a log to which it was not fitted."""
 
-    Attributes:
-        error: Root mean square error [rad].
-        share: The same over the standard deviation of the motion.
-        outside: Quantities of the log beyond the tested range of the model.
-        expected: Expected error, by the accelerations of the predicted angles [rad].
-    """
-
-    error: float
-    share: float
-    outside: tuple[str, ...]
-    expected: float
+    error: float  # root mean square [rad]
+    share: float  # the same over the standard deviation of the motion
+    outside: tuple[str, ...]  # quantities of the log beyond the tested range of the model
+    expected: float  # error, by the accelerations of the predicted angles [rad]
 
 
 def measure(options: Options) -> list[Table]:
@@ -82,31 +74,16 @@ def measure(options: Options) -> list[Table]:
 
     With few instances (``--quick``) only the arm is measured, without the humanoid's 26 joints.
     """
-    servos = promised(options.instances)
-    folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
-    if not folder or not Path(folder).is_dir():
-        return [servos]
-    arm = so101(Path(folder))
-    every = {**arm, **pendulums(Path(folder))}
-    if options.instances > 3:
-        every |= humanoid(Path(folder))
-    return [servos, unseen(arm), *pairs(every)]
+    servos, recorded = promised(options.instances), joints(options)
+    arm = {joint: logs for joint, logs in recorded.items() if joint.startswith("so101")}
+    return [servos, *([unseen(arm), *pairs(recorded)] if recorded else [])]
 
 
 def promised(servos: int) -> Table:
     """The expected error of plans for virtual servos over the measured one, by logged motion."""
     table = Table(
         "The error to expect",
-        (
-            "plans",
-            "by acceleration",
-            "held out",
-            "told",
-            "10 %",
-            "90 %",
-            "met < told, %",
-            "said, %",
-        ),
+        "plans | by acceleration | held out | told | 10 % | 90 % | met < told, % | said, %",
         note=f"Over the error met, medians. {servos} servos from physics with random constants and "
         f"a log of 40 s each; cycles of {', '.join(f'{each:g}' for each in CYCLES)} s are planned "
         "and executed. By acceleration: without the interval of the delay; held out: that times "
@@ -117,14 +94,9 @@ def promised(servos: int) -> Table:
     for name in SIGNALS:
         rows = np.array([each for seed in range(servos) for each in _promises(name, seed)])
         ratios = rows[:, 2]
-        table.add(
-            name,
-            float(len(rows)),
-            *np.median(rows[:, :2], axis=0).tolist(),
-            *np.quantile(ratios, (0.5, 0.1, 0.9)).tolist(),
-            100.0 * float(np.mean(ratios > 1.0)),
-            100.0 * float(np.mean(rows[:, 3])),
-        )
+        told = np.quantile(ratios, (0.5, 0.1, 0.9))
+        shares = 100.0 * np.mean(ratios > 1.0), 100.0 * np.mean(rows[:, 3])
+        table.add(name, len(rows), *np.median(rows[:, :2], axis=0), *told, *shares)
     return table
 
 
@@ -167,7 +139,7 @@ def unseen(arm: dict[str, list[planner.Log]]) -> Table:
     """Models of three recordings of the arm on the others."""
     table = Table(
         "Models of three recordings of an SO-101 on its other recordings",
-        ("four numbers", "identified", "of motion, %", "told", "told over met", "outside"),
+        "four numbers | identified | of motion, % | told | told over met | outside",
         note=f"Fitted to {', '.join(FITTED)}; rms, mrad, the Jaw in thousandths of its range. The "
         "four numbers have a static sag, but no dead band. Told is the error to expect of motion "
         "with these accelerations; outside, in how many ways the motion is outside of what was "
@@ -176,32 +148,30 @@ def unseen(arm: dict[str, list[planner.Log]]) -> Table:
     )
     for joint, logs in arm.items():
         fitted = [log for log in logs if log.name in FITTED]
-        timing = timing_of(fitted, tick=None, hold=None)
-        fit = fit_joint(fitted, timing, choose_tick=True)[-1]
-        timing = timing.ticking(fit.grid.tick)
-        four = fit.parameters.model(tick=timing.tick, hold=timing.hold)
-        result = planner.identify(fitted)
+        four, result = four_numbers(fitted), planner.identify(fitted)
         for log in logs:
             if log.name not in FITTED:
                 plain, _ = errors_of(four, log)
                 each = tested(result, log)
-                table.add(
-                    f"{joint}, {log.name}",
-                    1e3 * plain,
-                    1e3 * each.error,
-                    100.0 * each.share,
-                    1e3 * each.expected,
-                    each.expected / each.error,
-                    float(len(each.outside)),
-                )
+                row = 1e3 * plain, 1e3 * each.error, 100.0 * each.share, 1e3 * each.expected
+                ratio = each.expected / each.error
+                table.add(f"{joint}, {log.name}", *row, ratio, len(each.outside))
     return table
+
+
+def four_numbers(logs: list[planner.Log]) -> planner.JointModel:
+    """A model of the paper's four numbers and a static offset; identify would find friction."""
+    timing = timing_of(logs, tick=None, hold=None)
+    fit = fit_joint(logs, timing, choose_tick=True)[-1]
+    timing = timing.ticking(fit.grid.tick)
+    return fit.parameters.model(tick=timing.tick, hold=timing.hold)
 
 
 def pairs(every: dict[str, list[planner.Log]]) -> list[Table]:
     """Each model of one recording on each other recording of the joint."""
     counted = Table(
         "Models of one recording on the other recordings of the joint",
-        ("pairs", "holds", "and off", "and not said", "not said, %", "intervals that agree, %"),
+        "pairs | holds | and off | and not said | not said, % | intervals that agree, %",
         note="Pairs; those of models that hold; of these those whose error on the other recording "
         "is above 25 % of its motion; of these those of which nothing says that the other is "
         "outside of what was tested, also in percent of those that hold; and how often a parameter "
@@ -210,7 +180,7 @@ def pairs(every: dict[str, list[planner.Log]]) -> list[Table]:
     )
     named = Table(
         "Models that hold, and are off by more than 25 % of another motion",
-        ("share, %", "outside of what was tested"),
+        "share, % | outside of what was tested",
         stub="pair",
     )
     total = np.zeros(6)
@@ -226,7 +196,7 @@ def pairs(every: dict[str, list[planner.Log]]) -> list[Table]:
                 sums[4:] += _agreement(model, results[j])
                 if off:
                     name = f"{joint}, {logs[k].name} on {logs[j].name}"
-                    named.add(name, 100.0 * each.share, float(len(each.outside)))
+                    named.add(name, 100.0 * each.share, len(each.outside))
         total += sums
         if len(results) > 1:
             counted.add(joint, *_row(sums))
@@ -234,13 +204,11 @@ def pairs(every: dict[str, list[planner.Log]]) -> list[Table]:
     return [counted, named]
 
 
-def _row(sums: planner.trajectory.Array) -> tuple[float, ...]:
-    pairs, holds, off, silent, agree, compared = sums.tolist()
-    return (
-        *(pairs, holds, off, silent),
-        100.0 * silent / holds if holds else math.nan,
-        100.0 * agree / compared if compared else math.nan,
-    )
+def _row(sums: Array) -> tuple[float, ...]:
+    *counts, agree, compared = sums.tolist()
+    _, holds, _, silent = counts
+    shares = (silent, holds), (agree, compared)
+    return *counts, *(100.0 * part / whole if whole else math.nan for part, whole in shares)
 
 
 def _identified(logs: list[planner.Log]) -> dict[int, Identification]:
@@ -292,6 +260,15 @@ def _errors(grid: Grid, predicted: Array) -> tuple[float, float]:
     return error, error / grid.signal
 
 
+def joints(options: Options) -> dict[str, list[planner.Log]]:
+    """Every recording by joint, where they are at hand; the humanoid's with many instances."""
+    folder = recordings()
+    if folder is None:
+        return {}
+    found = {**so101(folder), **pendulums(folder)}
+    return found | (humanoid(folder) if options.instances > 3 else {})
+
+
 def so101(folder: Path) -> dict[str, list[planner.Log]]:
     """The recordings of the arm's joints in which they are moved."""
     logs: dict[str, list[planner.Log]] = {f"so101, {joint}": [] for joint in JOINTS}
@@ -320,9 +297,7 @@ def humanoid(folder: Path) -> dict[str, list[planner.Log]]:
     (names,) = info["features"]["action"]["names"]
     joints = {}
     for name in names:
-        unit = "range" if "Hand" in name else "rad"
-        logs = planner.read_logs(
-            folder / "lerobot_g1", options=planner.LogOptions(joint=name, unit=unit)
-        )
+        options = planner.LogOptions(joint=name, unit="range" if "Hand" in name else "rad")
+        logs = planner.read_logs(folder / "lerobot_g1", options=options)
         joints[f"g1, {name}"] = [log for log in logs if np.ptp(log.requests) > 0.0]
     return joints

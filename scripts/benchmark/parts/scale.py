@@ -7,7 +7,6 @@ busy one, too.
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -23,25 +22,19 @@ import numpy as np
 
 import planner
 from benchmark.parts import Options
-from benchmark.parts.length import peak_memory
 from benchmark.table import Table
+from benchmark.timing import environment, in_child, peak_memory
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
 
 JOINT = planner.JointModel(v_max=5.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=1 / 30)
 """A hobby servo, requested 30 times a second."""
 
-SAMPLES = 90
-"""Of an episode: three seconds."""
+SAMPLES, JOINTS = 90, 6
+"""Of an episode of three seconds, and of an arm."""
 
-JOINTS = 6
-"""Of an arm."""
-
-EPISODES = 300
-"""Episodes for the times; 40 with ``--quick``."""
-
-MANY = 10_000
-"""Episodes for the memory; 200 with ``--quick``."""
+EPISODES, MANY = 300, 10_000
+"""Episodes for the times, and for the memory; with ``--quick`` 40 and 200."""
 
 
 def desired_angles(seed: int) -> np.ndarray:
@@ -56,8 +49,7 @@ def episode(seed: int) -> bytes:
     """Its requests, after the processor time [s] and the peak memory of this process [MB]."""
     began = process_time()
     requests = planner.plan(JOINT, desired_angles(seed), cyclic=False).requests
-    spent = np.array([process_time() - began, peak_memory()])
-    return spent.tobytes() + requests.tobytes()
+    return np.array([process_time() - began, peak_memory()]).tobytes() + requests.tobytes()
 
 
 def simulated(seed: int) -> bytes:
@@ -73,35 +65,23 @@ def nothing(_: int) -> bytes:
     return np.zeros(2).tobytes()
 
 
-def tasks(count: int) -> list[Task]:
-    """Episodes, one after the other."""
-    return [Task(f"episode {number}", number) for number in range(count)]
-
-
 def carried_out(
     function: Callable[[int], bytes], count: int, executor: Executor
-) -> dict[str, float]:
-    """Times of some tasks [s], and the peak memory of a worker [MB]."""
+) -> tuple[float, float, float, float]:
+    """Time of a task, in its worker and beside [ms], and the peak memory of a worker [MB]."""
+    tasks = [Task(f"episode {number}", number) for number in range(count)]
     with TemporaryDirectory() as folder:
         warm = Results(Path(folder) / "warm", {})
-        carry_out(simulated, tasks(8), warm, executor)  # starts the workers
+        carry_out(simulated, tasks[:8], warm, executor)  # starts the workers
         results = Results(Path(folder) / "measured", {})
         began, spent = perf_counter(), process_time()
-        failures = carry_out(function, tasks(count), results, executor)
+        failures = carry_out(function, tasks, results, executor)
         seconds, beside = perf_counter() - began, process_time() - spent
         if failures:
             raise RuntimeError(f"{failures}")
-        inside, memory = 0.0, 0.0
-        for task in tasks(count):
-            time, peak = np.frombuffer((results.read(task) or b"")[:16])
-            inside, memory = inside + float(time), max(memory, float(peak))
-    return {
-        "per second": count / seconds,
-        "in a worker, ms": 1e3 * inside / count,
-        "beside, ms": 1e3 * beside / count,
-        "per task, ms": 1e3 * seconds / count,
-        "memory": memory,
-    }
+        rows = np.array([np.frombuffer((results.read(task) or b"")[:16]) for task in tasks])
+    each = 1e3 * np.array([seconds, rows[:, 0].sum(), beside]) / count
+    return *each, rows[:, 1].max()
 
 
 def measure(options: Options) -> list[Table]:
@@ -110,42 +90,30 @@ def measure(options: Options) -> list[Table]:
     count = 40 if quick else EPISODES
     speed = Table(
         "Scale",
-        (
-            "episodes per second", "over one worker", "processor time of an episode, ms",
-            "of the command per episode, ms", "overhead per task, ms", "worker's memory, MB",
-        ),
+        "episodes per second | over one worker | processor time of an episode, ms"
+        " | of the command per episode, ms | overhead per task, ms | worker's memory, MB",
         note=f"Made episodes of {JOINTS} joints and {SAMPLES} samples from rest, by planner.plan. "
         "The overhead is the wall-clock time of a task that does nothing, on one worker or two.",
         stub="where",
-    )  # fmt: skip
-    places = {"1 worker": partial(local, 1), "2 workers": partial(local, 2)}
-    places["Dask, 2 workers"] = dask
+    )
+    places = {"1 worker": partial(executor_of, workers=1)}
+    places |= {"2 workers": partial(executor_of, workers=2), "Dask, 2 workers": dask}
     first = 0.0
     for name, place in places.items():
         with place() as executor:
-            run = carried_out(episode, count, executor)
-            idle = carried_out(nothing, 10 * count, executor)
-        first = first or run["per second"]
-        speed.add(
-            name, run["per second"], run["per second"] / first, run["in a worker, ms"],
-            run["beside, ms"], idle["per task, ms"], run["memory"],
-        )  # fmt: skip
-    memory = Table(
+            each, inside, beside, memory = carried_out(episode, count, executor)
+            idle = carried_out(nothing, 10 * count, executor)[0]
+        first = first or each
+        speed.add(name, 1e3 / each, first / each, inside, beside, idle, memory)
+    memories = Table(
         "Memory of many episodes",
-        ("of the command, MB", "of a worker, MB"),
+        "of the command, MB | of a worker, MB",
         note="Peaks, on two workers; the same episodes, simulated and not planned.",
         stub="episodes",
     )
     for many in (10, 200 if quick else MANY):
-        memory.add(f"{many}", *in_child(many))
-    return [speed, memory]
-
-
-@contextmanager
-def local(workers: int) -> Iterator[Executor]:
-    """Processes on this machine."""
-    with executor_of(workers=workers) as executor:
-        yield executor
+        memories.add(f"{many}", *in_child("benchmark.parts.scale", many))
+    return [speed, memories]
 
 
 @contextmanager
@@ -178,24 +146,9 @@ def dask() -> Iterator[Executor]:
             scheduler.stderr.close()
 
 
-def environment() -> dict[str, str]:
-    """Of other processes, which import this module."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-
-
-def in_child(count: int) -> tuple[float, float]:
-    """Peak memory [MB] of a command that plans so many episodes, and of its workers."""
-    command = [sys.executable, "-P", "-m", "benchmark.parts.scale", str(count)]
-    child = subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)
-    if child.returncode:
-        raise RuntimeError(f"{count} episodes: {child.stderr.strip()}")
-    of_command, of_worker = json.loads(child.stdout)
-    return of_command, of_worker
-
-
 if __name__ == "__main__":
     from benchmark.parts import scale  # whose functions workers import by this name
 
     with executor_of(workers=2) as place:
-        run = scale.carried_out(scale.simulated, int(sys.argv[1]), place)
-    sys.stdout.write(json.dumps([peak_memory(), run["memory"]]))
+        of_worker = scale.carried_out(scale.simulated, int(sys.argv[1]), place)[-1]
+    sys.stdout.write(json.dumps([peak_memory(), of_worker]))

@@ -31,10 +31,9 @@ def measure(_: Options) -> list[Table]:
     """One row for each servo and motion."""
     table = Table(
         "Plans for servos from their physics, over the best time shift on the servo itself",
-        (
-            *("shift, deg", "own shift", "plan", *(f"trial {k + 1}" for k in range(TRIALS))),
-            *("mean", "worst", "told/met", "low", "high"),
-        ),
+        "shift, deg | own shift | plan | "
+        + "".join(f"trial {k + 1} | " for k in range(TRIALS))
+        + "mean | worst | told/met | low | high",
         note="Each servo is identified from 60 s at 50 Hz (the recording that excite proposes; "
         "encoder of 12 bits, noise of 0.03 degrees; of servos with a pendulum the load is known, "
         "but where it says otherwise), a cycle is planned and played. Errors are root mean squares "
@@ -44,37 +43,25 @@ def measure(_: Options) -> list[Table]:
         "of the plan over that met, with its range.",
         stub="servo, motion",
     )
-    rows = [row for servo in SERVOS for row in rows_of(servo)]
-    for name, row in rows:
-        ratios = (each / row.met[1] for each in row.expected)
-        table.add(name, math.degrees(row.shift), *(each / row.shift for each in row.met), *ratios)
-    table.note += summary([row for _, row in rows])
+    rows = []
+    for servo in SERVOS:
+        model = planner.identify(servo.logs()).model
+        for name, path in motions(servo.period).items():
+            row = row_of(servo, model, path)
+            rows.append(row)
+            met, told = np.array(row.met) / row.shift, np.array(row.expected) / row.met[1]
+            table.add(f"{servo.name}: {name}", math.degrees(row.shift), *met, *told)
+    table.note += summary(rows)
     return [table]
 
 
 class Row(NamedTuple):
-    """Errors on a servo [rad], rms.
+    """Errors on a servo [rad], rms."""
 
-    Attributes:
-        shift: Of the best time shift, sought on the servo.
-        met: Of the model's own shift, the plan, the trials of learning, the robust plans.
-        expected: Expected error of the plan, and its range.
-        predicted: Errors that the trials predict over those that were measured then [-].
-        robust: Worst errors over the models that robust plans tell.
-    """
-
-    shift: float
-    met: tuple[float, ...]
-    expected: tuple[float, float, float]
-    predicted: tuple[float, ...]
-    robust: tuple[float, ...]
-
-
-def rows_of(servo: CompiledServo) -> list[tuple[str, Row]]:
-    """The rows of a servo, with their names."""
-    model = planner.identify(servo.logs()).model
-    motions_of = motions(servo.period).items()
-    return [(f"{servo.name}: {name}", row_of(servo, model, path)) for name, path in motions_of]
+    shift: float  # of the best time shift, sought on the servo
+    met: list[float]  # of the model's own shift, the plan, the trials, the robust plans
+    expected: tuple[float, float, float]  # error of the plan, and its range
+    predicted: list[float]  # errors that the trials predict over those that were measured then
 
 
 def row_of(servo: CompiledServo, model: planner.JointModel, path: Array) -> Row:
@@ -84,17 +71,14 @@ def row_of(servo: CompiledServo, model: planner.JointModel, path: Array) -> Row:
     own = planner.invert_shift(model, path, load=load)
     plan = planner.invert_optimal(model, path, load=load)
     trials, predicted = learnt(servo, plan)
-    intervals = None if model.evidence is None else model.evidence.intervals
-    robust = [
-        planner.invert_optimal(model, path, load=load, robust=which)
-        for which in (("mean", "worst") if intervals else ())
-    ]
-    met = [_error(servo, path, each.requests) for each in (own, plan)] + trials
-    met += [_error(servo, path, each.requests) for each in robust] or [math.nan] * 2
-    ends = plan.expected.error, plan.expected.low, plan.expected.high
-    return Row(
-        best, tuple(met), ends, tuple(predicted), tuple(each.over_models.worst for each in robust)
-    )
+    robust = [math.nan] * 2
+    if model.evidence is not None and model.evidence.intervals:
+        ways = "mean", "worst"
+        plans = [planner.invert_optimal(model, path, load=load, robust=way) for way in ways]
+        robust = [_error(servo, path, each.requests) for each in plans]
+    met = [_error(servo, path, each.requests) for each in (own, plan)]
+    told = plan.expected
+    return Row(best, [*met, *trials, *robust], (told.error, told.low, told.high), predicted)
 
 
 def learnt(servo: CompiledServo, plan: planner.Inversion) -> tuple[list[float], list[float]]:

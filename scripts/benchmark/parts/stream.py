@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 import planner
-from benchmark.parts import Options, friction
+from benchmark.parts import Options, friction, recordings
 from benchmark.table import Table
 from planner.trajectory import rms
-from planner.virtual.robot import VirtualRobot
 
 Array = npt.NDArray[np.float64]
 
@@ -43,12 +43,12 @@ TICKS = 1000
 
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll")
 
-COLUMNS = ("direct", "EMA", "feed-forward", "shift", "stream", "whole plan", "stream over whole, %")
+COLUMNS = "direct | EMA | feed-forward | shift | stream | whole plan | stream over whole, %"
 
-MODELLED = (*COLUMNS, f"with {1e3 * LONGER:g} ms, %")
+MODELLED = f"{COLUMNS} | with {1e3 * LONGER:g} ms, %"
 """Where the joint is its model."""
 
-WALKED = (*MODELLED, "with its cycle, %")
+WALKED = f"{MODELLED} | with its cycle, %"
 """Where the path repeats, too."""
 
 EXPLAINED = (
@@ -63,10 +63,8 @@ def measure(options: Options) -> list[Table]:
     """Times, and errors on the model, on the virtual servo and on recordings."""
     ticks = TICKS if options.instances > QUICK else TICKS // 10
     tables = [times(ticks), on_models(), on_changing_walks(), on_servo()]
-    folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
-    if folder and Path(folder).is_dir():
-        tables += on_recordings(Path(folder))
-    return tables
+    folder = recordings()
+    return [*tables, *(on_recordings(folder) if folder else [])]
 
 
 QUICK = 3
@@ -117,15 +115,16 @@ def row(
     """Errors of methods without feedback [mrad], and the whole plan's requests."""
     whole = planner.invert_optimal(model, path, cyclic=False)
     most = round(0.4 / model.period)
-    sent = [path, smoothed(path), fed_forward(model, path)]
     shifts = [rms(execute(earlier(path, rows)) - path) for rows in range(0, most, 1 + most // 13)]
-    errors = [rms(execute(each) - path) for each in sent]
-    return [1e3 * each for each in (*errors, min(shifts))], whole.requests
+    sent = path, smoothed(path), fed_forward(model, path)
+    errors = [*(rms(execute(each) - path) for each in sent), min(shifts)]
+    return [1e3 * each for each in errors], whole.requests
 
 
-def compared(errors: list[float], stream: float, whole: float) -> list[float]:
-    """A row of the table from errors [mrad] and those of stream and whole plan [rad]."""
-    return [*errors, 1e3 * stream, 1e3 * whole, 100.0 * (stream / whole - 1.0) if whole else np.nan]
+def compared(stream: float, whole: float, *others: float) -> list[float]:
+    """Errors of a stream and of a whole plan [mrad], and those of streams over the latter [%]."""
+    over = [100.0 * (each / whole - 1.0) if whole else np.nan for each in (stream, *others)]
+    return [1e3 * stream, 1e3 * whole, *over]
 
 
 def modelled(
@@ -139,9 +138,8 @@ def modelled(
     errors, requests = row(model, path, execute)
     whole = rms(execute(requests) - path)
     settings = [{"ahead": AHEAD}, {"ahead": LONGER}, *([{"cycle": cycle}] if cycle else [])]
-    stream, *further = (rms(execute(streamed(model, path, **each)) - path) for each in settings)
-    more = [100.0 * (each / whole - 1.0) for each in further]
-    table.add(name, *compared(errors, stream, whole), *more)
+    stream, *others = (rms(execute(streamed(model, path, **each)) - path) for each in settings)
+    table.add(name, *errors, *compared(stream, whole, *others))
 
 
 def on_models() -> Table:
@@ -160,7 +158,7 @@ def on_changing_walks() -> Table:
     """The reference walk at a speed that changes: the cost of expecting a cycle."""
     table = Table(
         "Streams, walks whose speed changes",
-        ("stream", "with a cycle", "whole plan", "stream over whole, %", "with a cycle, %"),
+        "stream | with a cycle | whole plan | stream over whole, % | with a cycle, %",
         note="Root mean square of the error of the reference walk's three joints, mrad, from "
         f"rest, with {1e3 * AHEAD:g} ms known ahead; five cycles at the speed of the walk. The "
         "stream with a cycle expects that of the reference walk.",
@@ -185,9 +183,8 @@ def on_changing_walks() -> Table:
         path = np.transpose(
             [np.interp(row, np.arange(count), each, period=count) for each in walk.desired.T]
         )
-        whole = rms(
-            np.array([planner.invert_optimal(joint, each, cyclic=False).rms for each in path.T])
-        )
+        plans = [planner.invert_optimal(joint, each, cyclic=False) for each in path.T]
+        whole = rms(np.array([plan.rms for plan in plans]))
         errors = []
         for cycle in (None, count):
             stream = planner.Stream([joint] * 3, preview=round(AHEAD / joint.period), cycle=cycle)
@@ -211,30 +208,21 @@ def on_servo() -> Table:
     )
     with TemporaryDirectory() as folder:
         rig = friction.make_rig(Path(folder))
-        requests = friction.excitation()
-        sensed, _ = rig.execute(requests)
-        log = planner.Log(
-            times=friction.PERIOD * np.arange(len(requests)), requests=requests, angles=sensed
-        )
+        log = replace(rig.log(friction.excitation()), load=None)
         model = planner.identify(log, hold_out=False).model.requested_every(friction.PERIOD)
         for name, (length, motion) in friction.MOTIONS.items():
             count = round(length / friction.PERIOD)
             path = np.tile(motion(friction.TURNS * np.arange(count) / count), 2)
             errors, whole = row(model, path, lambda each: rig.execute(each)[1])
-            model = rig.pendulum.model(rig.constants)
-            robot = VirtualRobot(path[:1], constants=rig.constants, model=model)
-            robot.rest(1.0, path[:1])
-            angles: list[float] = []
+            robot, angles = rig.robot(path[:1]), list[float]()
 
-            def send(
-                requests: Array, robot: VirtualRobot = robot, angles: list[float] = angles
-            ) -> Array:
+            def send(requests: Array, robot: Any = robot, angles: Any = angles) -> Array:
                 angles.append(float(robot.play(requests[np.newaxis]).angles[0, 0]))
                 return robot.sense()
 
             streamed(model, path, send)
             planned = rms(rig.execute(whole)[1] - path)
-            table.add(name, *compared(errors, rms(np.array(angles) - path), planned))
+            table.add(name, *errors, *compared(rms(np.array(angles) - path), planned))
     return table
 
 
@@ -249,7 +237,7 @@ def on_recordings(folder: Path) -> list[Table]:
     )
     predicted = Table(
         "Streams, recorded requests predicted from the measured path",
-        ("raw", "best shift", "stream"),
+        "raw | best shift | stream",
         note="Root mean square of recorded minus predicted requests, mrad: the measured path as "
         "it is, as early as is best, and the stream's requests for it. In a dead band requests "
         "cannot be told from angles.",
@@ -268,10 +256,8 @@ def on_recordings(folder: Path) -> list[Table]:
         path, requests = played[f"act_{joint}"][-ROWS:], played[f"req_{joint}"][-ROWS:]
         modelled(followed, joint, model, path)
         shifts = [rms(earlier(path, rows) - requests) for rows in range(20)]
-        sent = streamed(model, path)
-        predicted.add(
-            joint, *(1e3 * each for each in (shifts[0], min(shifts), rms(sent - requests)))
-        )
+        row = shifts[0], min(shifts), rms(streamed(model, path) - requests)
+        predicted.add(joint, *(1e3 * each for each in row))
     return [followed, predicted]
 
 
@@ -279,7 +265,7 @@ def times(ticks: int, *, fast: Sequence[float] = (0.002, 0.004, 0.008, 0.01)) ->
     """Time of a tick by period: six joints that all differ, with measured angles and limits."""
     table = Table(
         "Streams, time of a tick",
-        ("rows", "median, ms", "99th percentile, ms"),
+        "rows | median, ms | 99th percentile, ms",
         note=f"Processor time. Six different joints, {ticks} ticks, with {1e3 * AHEAD:g} ms known "
         f"ahead, limits, max_step and measured angles; and a cycle of {CYCLE:g} s where one is "
         "expected.",
@@ -288,18 +274,9 @@ def times(ticks: int, *, fast: Sequence[float] = (0.002, 0.004, 0.008, 0.01)) ->
     slow = (0.02, 4, 0.02), (0.03, 1, 0.02)
     periods = *((period, 1, 0.0) for period in fast), *slow
     for (period, hold, band), repeats in product(periods, (False, True)):
-        models = [
-            planner.JointModel(
-                v_max=5.0 + 0.1 * j,
-                theta_0=0.2,
-                lag=0.03,
-                acceleration_time=0.05,
-                tick=period / hold,
-                hold=hold,
-                dead_band=band,
-            )
-            for j in range(6)
-        ]
+        joint = {"theta_0": 0.2, "lag": 0.03, "acceleration_time": 0.05, "dead_band": band}
+        joint |= {"tick": period / hold, "hold": hold}
+        models = [planner.JointModel(v_max=5.0 + 0.1 * j, **joint) for j in range(6)]
         rows, cycle = round(AHEAD / period), round(CYCLE / period) if repeats else None
         stream = planner.Stream(models, preview=rows, limits=(-1.0, 1.0), max_step=0.3, cycle=cycle)
         clock = period * np.arange(ticks + rows)[:, np.newaxis]
@@ -312,5 +289,5 @@ def times(ticks: int, *, fast: Sequence[float] = (0.002, 0.004, 0.008, 0.01)) ->
             used.append(1e3 * (time.process_time() - began))
         name = f"{1e3 * period:g} ms" + (f", {hold} ticks of the model" if hold > 1 else "")
         name += (", dry friction" if band else "") + (", with a cycle" if cycle else "")
-        table.add(name, rows, float(np.median(used)), float(np.percentile(used, 99)))
+        table.add(name, rows, *np.percentile(used, [50, 99]))
     return table

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 import planner
-from benchmark.parts.identify import AMPLITUDES, recorded, step_logs
+from benchmark.parts import recordings
+from benchmark.parts.identify import AMPLITUDES, recorded
 from benchmark.reference.record import Case, Numbers
+from tests.identification.made import step_logs
 from tests.instances import random_model
 
 SIMULATED = 20
@@ -30,11 +30,12 @@ def identifications() -> Iterator[Case]:
         model = planner.JointModel.ers210a()
         if seed % 2:
             model = random_model(np.random.default_rng(UNSEEN + seed), whole=seed % 4 == 1)
-        logs = step_logs(model, AMPLITUDES[seed % len(AMPLITUDES)], UNSEEN + seed)
+        amplitudes = np.radians(AMPLITUDES[seed % len(AMPLITUDES)])
+        logs = step_logs(model, seed=UNSEEN + seed, amplitudes=amplitudes)
         yield f"made {seed}", partial(identified, logs)
-    folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
-    if folder and Path(folder).is_dir():
-        for name, logs in recorded(Path(folder)).items():
+    folder = recordings()
+    if folder:
+        for name, logs in recorded(folder).items():
             yield name, partial(identified, logs)
 
 
