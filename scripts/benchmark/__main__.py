@@ -22,9 +22,7 @@ PARTS = (
 
 QUICK = Options(instances=3, repeats=1, lengths=(88, 880), fit_lengths=(88, 880))
 
-TEN_MINUTES = 75_000
-"""Samples in ten minutes at 125 Hz."""
-
+TEN_MINUTES = 75_000  # samples in ten minutes at 125 Hz
 OPENING = """# Benchmark
 
 Written by `scripts/bench --markdown docs/benchmark.md`. Times are wall-clock, after a

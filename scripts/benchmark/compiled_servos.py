@@ -9,18 +9,12 @@ from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 import planner
 from planner.identification.excitation import excite
+from planner.trajectory import Array
 
-Array = npt.NDArray[np.float64]
-
-STEP = 2e-4
-"""Time step of the physics [s]."""
-
-SEEN = math.radians(0.088), math.radians(0.03)
-"""Step and noise of the sensor [rad]."""
+STEP = 2e-4  # time step of the physics [s]
 
 _compile: Any = numba.njit(cache=True)
 
@@ -128,6 +122,8 @@ class CompiledServo:
     play: float = 0.0  # of the gear, between the motor and the sensor [rad]
     slew: float = math.inf  # largest speed of the goal that the controller follows [rad/s]
     pendulum: float = 0.0  # torque of gravity at 90 degrees that logs and plans know [N m]
+    count: float = math.radians(0.088)  # step of the sensor [rad]; 0 for none
+    noise: float = math.radians(0.03)  # of the sensor [rad]
 
     def angles(self, requests: Array, *, before: int = 0) -> Array:
         """True angles [rad], (n,), after so many cycles of the same requests."""
@@ -139,20 +135,21 @@ class CompiledServo:
 
     def seen(self, angles: Array, random: np.random.Generator) -> Array:
         """The sensor's readings of the angles [rad]."""
-        count, noise = SEEN
-        rows = angles + noise * random.standard_normal(np.shape(angles))
-        return np.asarray(count * np.round(rows / count))
+        rows = angles + self.noise * random.standard_normal(np.shape(angles))
+        return np.asarray(self.count * np.round(rows / self.count) if self.count else rows)
 
     def load(self, angles: Array) -> Array | None:
         """Torque of the pendulum on the joint [N m], where it is known."""
         return -self.pendulum * np.sin(angles) if self.pendulum else None
 
-    def logs(self, seed: int = 0) -> list[planner.Log]:
-        """The default motion of ``excite``, a minute, as its sensor reports it."""
-        signal = excite("combined", limits=(-0.85, 0.85), period=self.period, duration=60.0)
-        angles = self.seen(self.angles(signal.requests), np.random.default_rng(seed))
-        rows = {"times": signal.times, "requests": signal.requests, "angles": angles}
-        return [planner.Log(**rows, load=self.load(angles))]
+    def log(self, requests: Array | None = None, seed: int = 0) -> planner.Log:
+        """Requests from rest, or a minute of the default motion of ``excite``, as sensed."""
+        if requests is None:
+            limits = (-0.85, 0.85)
+            requests = excite("combined", limits=limits, period=self.period, duration=60.0).requests
+        angles = self.seen(self.angles(requests), np.random.default_rng(seed))
+        times = self.period * np.arange(len(requests))
+        return planner.Log(times=times, requests=requests, angles=angles, load=self.load(angles))
 
 
 CASCADED = CompiledServo(
@@ -177,6 +174,24 @@ PROPORTIONAL = CompiledServo(
 HOBBY = CompiledServo(
     "hobby servo, slow start", hobby, (16.0, 5.5, 4.6, math.radians(0.7), 30.0), 0.02
 )
+
+
+def random_servo(seed: int) -> CompiledServo:
+    """A cascade whose constants are within 30 % of that one, friction, gravity and delay more."""
+    random = np.random.default_rng(seed)
+    gain, top, by_speed, _, stall, free, inertia, _, viscous, _ = CASCADED.numbers
+    scaled = np.array([gain, top, by_speed, stall, free, inertia])
+    scaled *= 1.0 + 0.3 * random.uniform(-1.0, 1.0, 6)
+    gain, top, by_speed, stall, free, inertia = scaled.tolist()
+    integral = float(random.choice([0.0, 4.0]))
+    coulomb, gravity = random.uniform(0.0, 0.15), random.uniform(0.0, 0.6)
+    return replace(
+        CASCADED,
+        numbers=(gain, top, by_speed, integral, stall, free, inertia, coulomb, viscous, gravity),
+        delay=random.uniform(0.002, 0.03),
+        count=math.radians(random.choice([0.0, 0.088, 0.3])),
+        noise=math.radians(random.uniform(0.0, 0.1)),
+    )
 
 
 def with_friction(degrees: float) -> CompiledServo:

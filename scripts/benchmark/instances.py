@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 import planner
-
-# Behind everything installed: the wheel is measured, and only the tests are taken from here.
-sys.path.append(str(Path(__file__).resolve().parents[2]))
-
+from planner.trajectory import Array
 from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
-
-FREE = (-math.inf, math.inf)
-"""No limits on the requests."""
+FREE = (-math.inf, math.inf)  # no limits on the requests
 
 
 class Instance(NamedTuple):

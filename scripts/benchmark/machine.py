@@ -1,34 +1,77 @@
-"""Circumstances of a measurement: versions and machine."""
+"""Wall-clock times, memory, processes of their own for both, and what was measured on."""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
 from datetime import date
 from importlib import metadata
 from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import Any, TypeVar
 
-PACKAGES = ("request-planner", "numpy", "scipy", "casadi", "cvxpy", "osqp", "pin")
-OPTIONAL = ("pyscipopt", "pwlf", "ruptures")
+Answer = TypeVar("Answer")
+
+
+def timed(call: Callable[[], Answer]) -> tuple[Answer, float]:
+    """The result of the call, and its time [s]."""
+    began = perf_counter()
+    answer = call()
+    return answer, perf_counter() - began
+
+
+def median_time(call: Callable[[], object], repeats: int) -> float:
+    """Median time of several calls [s]; the caller has to warm up."""
+    return median(timed(call)[1] for _ in range(repeats))
+
+
+def peak_memory() -> float:
+    """Most memory that this process has held [MB]."""
+    status = Path("/proc/self/status")
+    if status.is_file():  # Linux counts what the parent held before exec into ru_maxrss
+        fields = dict(line.split(":", 1) for line in status.read_text().splitlines())
+        if "VmHWM" in fields:
+            return int(fields["VmHWM"].split()[0]) / 1024.0
+    unit = 1024.0**2 if sys.platform == "darwin" else 1024.0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+
+
+def in_child(module: str, *arguments: object) -> Any:
+    """The JSON that a module prints in a process of its own, so that its memory is its own too."""
+    command = [sys.executable, "-P", "-m", module, *map(str, arguments)]
+    child = subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)
+    if child.returncode:
+        raise RuntimeError(f"{module}, {arguments}: {child.stderr.strip()}")
+    return json.loads(child.stdout)
+
+
+def environment() -> dict[str, str]:
+    """Of other processes, which import the benchmark."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+
+PACKAGES = (
+    *("request-planner", "numpy", "scipy", "casadi", "cvxpy", "osqp", "pin"),
+    *("pyscipopt", "pwlf", "ruptures"),  # which need not be installed
+)
 
 
 def circumstances() -> dict[str, str]:
     """Date, machine and versions."""
-    versions = {name: _version(name) for name in (*PACKAGES, *OPTIONAL)}
+    installed = {each.name for each in metadata.distributions()}
     return {
         "date": date.today().isoformat(),
         "machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()}",
         "BLAS threads": os.environ.get("OPENBLAS_NUM_THREADS", "as it comes"),
         "Python": platform.python_version(),
-        **{name: version for name, version in versions.items() if version},
+        **{name: metadata.version(name) for name in PACKAGES if name in installed},
     }
-
-
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return ""
 
 
 def _processor() -> str:

@@ -12,13 +12,13 @@ class Table:
 
     Args:
         title: Title of the table.
-        columns: Meaning of each number, with its unit, between vertical bars.
+        head: Meaning of the names, then of each number with its unit, between vertical bars.
         note: How it was measured.
-        stub: Heading of the names.
     """
 
-    def __init__(self, title: str, columns: str, note: str = "", *, stub: str = "") -> None:
-        self.title, self.columns, self.note, self.stub = title, columns.split(" | "), note, stub
+    def __init__(self, title: str, head: str, note: str = "") -> None:
+        self.title, self.head, self.note = title, head, note
+        self.columns = head.split(" | ")[1:]
         self.rows: dict[str, Sequence[float]] = {}
 
     def add(self, name: str, *numbers: float) -> None:
@@ -56,7 +56,7 @@ class Table:
 
     def against(self, earlier: dict[str, Any]) -> Table:
         """New over old, wherever both have a number."""
-        ratios = Table(f"{self.title}: new over old", " | ".join(self.columns), stub=self.stub)
+        ratios = Table(f"{self.title}: new over old", self.head)
         for name, numbers in self.rows.items():
             old = map(earlier.get(name, {}).get, self.columns)
             row = [*map(_ratio, numbers, old)]
@@ -66,7 +66,7 @@ class Table:
 
     def _written(self) -> list[list[str]]:
         rows = ([name, *map(written, numbers)] for name, numbers in self.rows.items())
-        return [[self.stub, *self.columns], *rows]
+        return [self.head.split(" | "), *rows]
 
 
 def written(number: float) -> str:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmark.plants import Servo
+from benchmark.compiled_servos import CASCADED
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -311,33 +311,24 @@ def test_an_angle_that_friction_holds_is_within_reach_of_the_limits():
         assert stream.status == (status,)
 
 
-@pytest.fixture(scope="module")
-def physical_servo():
-    """A servo that is not the model, and the model identified from a log of it."""
-    servo = Servo()
-    rng = np.random.default_rng(3)
+def run_on(servo, model, path, *, measured):
+    """True angles and requests of a servo that rests at the beginning of the path."""
+    stream, sent = planner.Stream(model, preview=10, limits=(-2.0, 2.0)), [path[0]]
+    for rows in stretches(path[:, np.newaxis], 10):
+        read = servo.angles(np.array([*sent, 0.0]))[-1:]
+        sent.append(stream.step(rows, read if measured else None)[0])
+    return servo.angles(np.array(sent))[1:], np.array(sent[1:])
+
+
+def test_on_a_servo_that_is_not_the_model_a_shift_is_beaten_and_measuring_helps():
+    servo, rng = CASCADED, np.random.default_rng(3)
     triangle = np.interp(np.arange(200), (0, 50, 150, 200), (0.0, 0.9, -0.9, 0.0))
     requests = np.concatenate([triangle, np.repeat(rng.uniform(-1.0, 1.0, 14), 18)])
-    return servo, planner.identify(servo.log(requests), hold_out=False).model
-
-
-def run_on(servo, model, path, *, measured):
-    stream = planner.Stream(model, preview=10, limits=(-2.0, 2.0))
-    servo.rest(path[0])
-    angles, sent = [], []
-    for rows in stretches(path[:, np.newaxis], 10):
-        requests = stream.step(rows, [servo.sensed] if measured else None)
-        sent.append(requests[0])
-        angles.append(servo.send(requests[0]))
-    return np.array(angles), np.array(sent)
-
-
-def test_on_a_servo_that_is_not_the_model_a_shift_is_beaten_and_measuring_helps(physical_servo):
-    servo, model = physical_servo
+    model = planner.identify(servo.log(requests), hold_out=False).model
     time = servo.period * np.arange(250)
     path = 0.5 - 0.5 * np.cos(4.4 * time) + 0.15 * np.sin(10.0 * time) * np.minimum(time, 1.0)
     shifted = min(
-        rms(servo.log(np.append(path[lead:], np.full(lead, path[-1]))).angles - path)
+        rms(servo.angles(np.append(path[lead:], np.full(lead, path[-1]))) - path)
         for lead in range(8)
     )
     blind, measured = (run_on(servo, model, path, measured=each) for each in (False, True))

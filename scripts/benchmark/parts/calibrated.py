@@ -51,15 +51,12 @@ RATE, DURATION = 100.0, 60.0
 REACH = math.radians(60.0)
 """Range either way [rad]: the motions reach 40 degrees, and sag asks for more."""
 
-CYCLES = 3
-"""Cycles that are played; the first does not count."""
-
+CYCLES = 3  # cycles that are played; the first does not count
 LEADS = np.arange(0.0, 0.3, 0.02)
 FINER = np.arange(-0.016, 0.017, 0.004)
 """Leads among which the best time shift is sought on the servo itself [s], then about the best."""
 
-FAIR = 0.3
-"""Relative difference allowed between the expected and the measured error."""
+FAIR = 0.3  # relative difference allowed between the expected and the measured error
 
 
 class Joint(NamedTuple):
@@ -74,14 +71,13 @@ def measure(_: Options) -> list[Table]:
     """One row for each kind and motion."""
     table = Table(
         "Kinds of servos, calibrated, and three motions that calibration had not seen",
-        "direct, deg | shift, deg | recommended | told/met",
+        "kind, way: motion | direct, deg | shift, deg | recommended | told/met",
         note="Virtual servos behind their real protocol, in lock step, each with a load; "
         "parameters from Rhoban/bam and data sheets (planner/virtual/servos.toml). Each is "
         f"calibrated as request-planner calibrate does, at {RATE:g} Hz; a cycle is then planned "
         "in the way that was recommended, and played. Errors are root mean square, of measured "
         "angles; shift: the desired angles early by the best time, sought on the servo itself. "
         "Recommended: its error over that. Told: error to expect of the plan over that met.",
-        stub="kind, way: motion",
     )
     shares, ratios = [], []
     for name, kind in SERVOS.items():
@@ -100,22 +96,18 @@ def measure(_: Options) -> list[Table]:
     return [table, loops()]
 
 
-SERVED = "from planner.cli.program import main; main()"
-"""The command line, in another process."""
-
-LOOP_SERVOS, LOOP_SECONDS = 6, 5.0
-"""Servos of the loop in real time, and how long it runs [s]."""
+SERVED = "from planner.cli.program import main; main()"  # the command line, in another process
+LOOP_SERVOS, LOOP_SECONDS = 6, 5.0  # servos of the loop in real time, and how long it runs [s]
 
 
 def loops() -> Table:
     """One row for each protocol: six servos at 100 Hz behind a pseudo-terminal, in real time."""
     table = Table(
         f"A loop of {LOOP_SERVOS} servos at {RATE:g} Hz in real time",
-        "driver, ms | late, ms | latest, ms | skipped | lost, %",
+        "protocol | driver, ms | late, ms | latest, ms | skipped | lost, %",
         note="Virtual servos in another process, behind a pseudo-terminal; a tick is one sync "
         "write and one sync read. Driver: processor time of this process for each tick. Late: of "
         "requests behind their times, mean and most. Skipped: requests that were not sent in time.",
-        stub="protocol",
     )
     for name, kind in (("feetech", "sts3215"), ("dynamixel", "xl430")):
         command = [sys.executable, "-P", "-c", SERVED, "virtual-bus", "--kind", kind]

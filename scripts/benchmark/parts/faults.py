@@ -18,15 +18,11 @@ from planner.cli import cli
 from planner.virtual import servo_bus
 from planner.virtual.servo_bus import Faults, VirtualServos
 
-MOMENTS = 5
-"""Of each fault, for every random instance that the options ask for: 100 by default."""
-
+MOMENTS = 5  # of each fault, for every random instance that the options ask for: 100 by default
 NOTICED = 2.0
 """Time in which a fault is noticed [s]: a joint that stalls where it should nearly rest is not."""
 
-BEGIN = -0.02
-"""Faults that come so shortly after the end may have come before it [s]."""
-
+BEGIN = -0.02  # faults that come so shortly after the end may have come before it [s]
 CALIBRATE = ("calibrate", "--bus", "virtual", "--ids", "1", "--yes", "-o", "arm.toml")
 BRIEF = ("--duration-s", "16", "--reach-deg", "30")
 
@@ -54,12 +50,12 @@ def measure(options: Options) -> list[Table]:
     count = MOMENTS * options.instances
     table = Table(
         "Commands on servos, with a fault at a random moment",
-        "cases | not in one line | wrong status | log not whole | torque not as it was",
+        "command, fault | cases | not in one line | wrong status | log not whole"
+        " | torque not as it was",
         note="Virtual servos in lock step. Lost packets: the command goes on. Any other fault ends "
         "it with status 1 or, Ctrl-C, 130 and one line of message, where it comes before the end; "
         "record ends well by Ctrl-C, and moves no servo that could stall. Every row that was "
         "measured is in the log; torque is off, as it was before, where the servo still answers.",
-        stub="command, fault",
     )
     with TemporaryDirectory() as folder, chdir(folder):
         time = 0.01 * np.arange(150)

@@ -11,45 +11,26 @@ import numpy as np
 
 import planner
 from benchmark.instances import Instance, long_walk, reference
+from benchmark.machine import median_time, timed
 from benchmark.parts import Options
 from benchmark.rivals import piecewise_linear
 from benchmark.table import Table
-from benchmark.timing import median_time, timed
 from planner.trajectory import rms
 
-SHORT = 1000
-"""Samples up to which a time is the median of several."""
-
-PATIENCE = 1.0
-"""Seconds from which on one more call must do."""
-
+PATIENCE = 1.0  # seconds up to which a call is repeated, and its time the median
 SEGMENTS = 6
 
-TOLERANCE = math.radians(2.0)
-"""Largest error allowed where the fewest segments are sought [rad]."""
-
-WITHIN = 0.05
-"""Largest error where the fewest segments are counted, of samples of a range of one."""
-
-LOOSE_SEGMENTS = (2, 3, 4, 5, 6, 7, 8)
-"""Numbers of segments at which pwlf is met."""
-
-LOOSE = 1000.0
-"""A bound of so many v_max binds nowhere."""
-
-CURVES = (1, 100, 10_000)
-"""Curves that are turned into requests at once."""
-
-SAMPLES = 88
-"""Samples of the reference walk's cycle."""
-
+TOLERANCE = math.radians(2.0)  # largest error allowed where the fewest segments are sought [rad]
+WITHIN = 0.05  # largest error where the fewest segments are counted, of samples of a range of one
+LOOSE_SEGMENTS = (2, 3, 4, 5, 6, 7, 8)  # numbers of segments at which pwlf is met
+LOOSE = 1000.0  # a bound of so many v_max binds nowhere
+CURVES = (1, 100, 10_000)  # curves that are turned into requests at once
+SAMPLES = 88  # samples of the reference walk's cycle
 RULES = ("paper", "exact")
 
 Call = Callable[[], piecewise_linear.Knots]
 
-FASTER = 5.0
-"""A joint so much faster than the ERS-210A's can keep the tolerance."""
-
+FASTER = 5.0  # a joint so much faster than the ERS-210A's can keep the tolerance
 SIDE_BY_SIDE = "rms, deg | steepest over v_max | ends apart, deg | time, ms | time over fit_pwl"
 
 
@@ -63,19 +44,17 @@ def times(options: Options) -> Table:
     """One row for each length."""
     table = Table(
         "Approximation, time by length",
-        "chosen, s | 6 segments, s | within 2 deg, s | segments chosen | within 2 deg",
+        "samples | chosen, s | 6 segments, s | within 2 deg, s | segments chosen | within 2 deg",
         note="The reference rotator's cycle over and over, its stroke changing slowly, for a joint "
         f"of {FASTER:g} times the ERS-210A's v_max.",
-        stub="samples",
     )
     for samples in options.fit_lengths:
         instance = long_walk(samples)
         fits, seconds = [], []
         for choice in ({}, {"segments": SEGMENTS}, {"max_error": TOLERANCE}):
-            call = partial(ours, instance, faster=FASTER, **choice)
-            fit, first = timed(call)
+            fit, took = typical(partial(ours, instance, faster=FASTER, **choice), options.repeats)
             fits.append(fit)
-            seconds.append(median_time(call, options.repeats) if samples <= SHORT else first)
+            seconds.append(took)
         table.add(f"{samples}", *seconds, fits[0].segments, fits[2].segments)
     return table
 
@@ -84,10 +63,9 @@ def fewest(options: Options) -> Table:
     """One row for each kind of samples, each a path and a cycle, of every length."""
     table = Table(
         "Approximation, fewest segments for a largest error",
-        "segments | lower bound | rms error over the largest | time, s",
+        "samples | segments | lower bound | rms error over the largest | time, s",
         note=f"Samples of a range of one, for a largest error of {WITHIN:g} and slopes of the "
         "samples' own at most, or a hundredth of the range where that is less.",
-        stub="samples",
     )
     for samples in options.fit_lengths:
         for kind, desired in series(samples).items():
@@ -95,8 +73,7 @@ def fewest(options: Options) -> Table:
             asked = {"v_max": step, "tick": 1.0, "max_error": WITHIN}
             for cyclic in (False, True):
                 call = partial(planner.fit_pwl, desired, cyclic=cyclic, **asked)
-                fit, first = timed(call)
-                seconds = median_time(call, options.repeats) if samples <= SHORT else first
+                fit, seconds = typical(call, options.repeats)
                 name = f"{samples}, {kind}, {'cycle' if cyclic else 'path'}"
                 table.add(name, fit.segments, fit.fewest_segments or 0, fit.rms / WITHIN, seconds)
     return table
@@ -130,9 +107,8 @@ def beside(options: Options) -> Table:
     """Every method on the reference joints, with the same number of segments."""
     table = Table(
         f"Approximation, {SEGMENTS} segments, side by side",
-        SIDE_BY_SIDE,
+        f"joint and method | {SIDE_BY_SIDE}",
         note=f"The reference joints' cycle, its first sample once more at its end.{left_out()}",
-        stub="joint and method",
     )
     for instance in reference():
         ours_first: dict[str, Call] = {"fit_pwl": partial(our_cycle, instance)}
@@ -144,9 +120,8 @@ def loose(options: Options) -> Table:
     """The same samples as a path with free ends and no bound on slopes, as pwlf takes them."""
     table = Table(
         "Approximation, ends free and slopes unbounded",
-        SIDE_BY_SIDE,
+        f"joint, segments and method | {SIDE_BY_SIDE}",
         note=f"The reference joints' cycle, its first sample once more at its end.{left_out()}",
-        stub="joint, segments and method",
     )
     for instance in reference():
         for segments in LOOSE_SEGMENTS:
@@ -161,16 +136,16 @@ def speed(options: Options) -> Table:
     joints = reference()
     table = Table(
         "Approximation, fit_pwl and pwlf.fit by number of segments",
-        " | ".join(f"{joint.name}, ms | {joint.name}, pwlf over it" for joint in joints),
+        "segments | "
+        + " | ".join(f"{joint.name}, ms | {joint.name}, pwlf over it" for joint in joints),
         note=f"The reference joints' cycle, slopes bounded in fit_pwl.{left_out()}",
-        stub="segments",
     )
     for segments in LOOSE_SEGMENTS:
         row = []
         for joint in joints:
-            own = typical_time(partial(our_cycle, joint, segments), options.repeats)
+            own = typical(partial(our_cycle, joint, segments), options.repeats)[1]
             fits = rivals(joint, segments, "pwlf fit").values()
-            row += [1e3 * own, sum(typical_time(fit, 1) for fit in fits) / own or math.nan]
+            row += [1e3 * own, sum(typical(fit, 1)[1] for fit in fits) / own or math.nan]
         table.add(f"{segments}", *row)
     return table
 
@@ -179,10 +154,9 @@ def known_curves(options: Options) -> Table:
     """Requests from curves, many at once."""
     table = Table(
         "Closed form of known curves, microseconds per cycle",
-        " | ".join(f"rule {rule!r}" for rule in RULES),
+        "curves at once | " + " | ".join(f"rule {rule!r}" for rule in RULES),
         note=f"The reference rotator's {SEGMENTS} segments, scaled at random, {SAMPLES} samples "
         "a cycle, by closed_form_requests.",
-        stub="curves at once",
     )
     rotator = reference()[0]
     fit = ours(rotator, segments=SEGMENTS)
@@ -191,12 +165,11 @@ def known_curves(options: Options) -> Table:
         values = fit.values * rng.uniform(0.5, 1.0, size=(curves, 1))
         grid = {"samples": fit.samples, "tick": fit.tick, "cyclic": True}
         stack = planner.CurveStack(knots=fit.knots, values=values, **grid)
-        calls = (
+        for_each = [
             partial(planner.closed_form_requests, rotator.model, stack, rule=rule) for rule in RULES
-        )
-        table.add(
-            f"{curves}", *(1e6 * typical_time(each, options.repeats) / curves for each in calls)
-        )
+        ]
+        seconds = [typical(call, options.repeats)[1] for call in for_each]
+        table.add(f"{curves}", *(1e6 * np.array(seconds) / curves))
     return table
 
 
@@ -240,8 +213,7 @@ def add_all(
     """A row for each method, ours first: the error of the curve, and its violations."""
     ours_took = math.nan
     for name, call in methods.items():
-        (knots, values), first = timed(call)
-        seconds = median_time(call, repeats) if first < PATIENCE else first
+        (knots, values), seconds = typical(call, repeats)
         ours_took = seconds if name == "fit_pwl" else ours_took
         closed = np.append(instance.desired, instance.desired[0])
         errors = np.interp(np.arange(len(closed)), knots, values) - closed
@@ -256,7 +228,7 @@ def add_all(
         )
 
 
-def typical_time(call: Callable[[], object], repeats: int) -> float:
-    """Median time of several calls after a first one, or that of the first where it is long [s]."""
-    first = timed(call)[1]
-    return median_time(call, repeats) if first < PATIENCE else first
+def typical(call: Callable[[], Any], repeats: int) -> tuple[Any, float]:
+    """What a call returns, and its typical time [s]."""
+    answer, first = timed(call)
+    return answer, median_time(call, repeats) if first < PATIENCE else first

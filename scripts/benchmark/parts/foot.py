@@ -10,9 +10,9 @@ import numpy as np
 
 import planner
 from benchmark.instances import Array
+from benchmark.machine import median_time, timed
 from benchmark.parts import Options
 from benchmark.table import Table
-from benchmark.timing import median_time, timed
 from kinematics import Leg, urdf_path
 from planner.trajectory import rms
 
@@ -35,16 +35,14 @@ def measure(options: Options) -> list[Table]:
     """One row for each leg and method, and for each leg and norm."""
     followed = Table(
         "The foot",
-        "rms, cm | largest, cm | first solve, ms | second, ms",
+        "leg and method | rms, cm | largest, cm | first solve, ms | second, ms",
         note="Distance of the foot from where it should be, every request within the leg's limits. "
         "Where a point is out of the leg's reach, that is the nearest one.",
-        stub="leg and method",
     )
     bounds = Table(
         "The foot's bound",
-        "plan, cm | lower bound, cm | gap, % | time of the bound, s",
+        "leg and norm | plan, cm | lower bound, cm | gap, % | time of the bound, s",
         note="The error in the plan's norm, and its proved bound for all requests within limits.",
-        stub="leg and norm",
     )
     for task in tasks(options.samples):
         for name, method in METHODS.items():

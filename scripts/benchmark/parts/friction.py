@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 import planner
 from benchmark.parts import Options
@@ -19,17 +18,11 @@ from benchmark.parts.pairs import errors_of, four_numbers
 from benchmark.pendulum import Pendulum, Sts3215
 from benchmark.table import Table
 from kinematics import Leg
-from planner.trajectory import rms
+from planner.trajectory import Array, rms
 from planner.virtual.robot import VirtualRobot
 
-Array = npt.NDArray[np.float64]
-
-PERIOD = Sts3215().request_period
-"""Time between requests [s]."""
-
-CYCLES = 5
-"""Cycles that are executed; the last one counts."""
-
+PERIOD = Sts3215().request_period  # time between requests [s]
+CYCLES = 5  # cycles that are executed; the last one counts
 MASSES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
 """Masses that the pendulum carries in turn [kg]."""
 
@@ -97,17 +90,15 @@ class Answers(NamedTuple):
 
 def measure(options: Options) -> list[Table]:  # noqa: ARG001
     """Errors on the virtual servo by motion and by the plan's model."""
-    with TemporaryDirectory() as folder:
-        rig = make_rig(Path(folder))
-        models = fit_models(rig)
+    rig = make_rig()
+    models = fit_models(rig)
     table = Table(
         "Plans for a virtual servo with friction and a load",
-        "direct | time shift | four numbers | load unknown | load known | over four numbers, %"
-        " | expected error",
+        "motion | direct | time shift | four numbers | load unknown | load known"
+        " | over four numbers, % | expected error",
         note="Root mean square of the error in the fifth cycle on a simulated Feetech STS3215 with "
         "a pendulum, mrad, and the error to expect that the last plan tells. The models are fitted "
         "to one log of 74 s.",
-        stub="motion",
     )
     for name in MOTIONS:
         answers = play(rig, name, models)
@@ -119,16 +110,12 @@ def measure(options: Options) -> list[Table]:  # noqa: ARG001
 def between_loads() -> Table:
     """Models fitted at the lightest and the heaviest of eight masses, on the six between."""
     requests = excitation()[: round(22.0 / PERIOD)]
-    logs = []
-    for mass in MASSES:
-        with TemporaryDirectory() as folder:
-            logs.append(make_rig(Path(folder), Pendulum(mass=mass)).log(requests))
+    logs = [make_rig(Pendulum(mass=mass)).log(requests) for mass in MASSES]
     table = Table(
         "Models of a virtual servo fitted at its lightest and heaviest load, at other loads",
-        "load unknown | load known",
+        "mass, kg | load unknown | load known",
         note=f"Root mean square error, degrees. Fitted to 22 s each with {MASSES[0]:g} and "
         f"{MASSES[-1]:g} kg at 0.2 m.",
-        stub="mass, kg",
     )
     ends = logs[0], logs[-1]
     models = [
@@ -140,12 +127,13 @@ def between_loads() -> Table:
     return table
 
 
-def make_rig(folder: Path, pendulum: Pendulum | None = None) -> Rig:
-    """The servo, its pendulum and its description in a folder."""
+def make_rig(pendulum: Pendulum | None = None) -> Rig:
+    """The servo and its pendulum."""
     pendulum = pendulum or Pendulum()
-    (folder / "pendulum.urdf").write_text(pendulum.urdf(), encoding="utf-8")
-    leg = Leg.from_urdf(folder / "pendulum.urdf", base="base", foot="tip")
-    return Rig(pendulum, leg)
+    with TemporaryDirectory() as folder:
+        urdf = Path(folder) / "pendulum.urdf"
+        urdf.write_text(pendulum.urdf(), encoding="utf-8")
+        return Rig(pendulum, Leg.from_urdf(urdf, base="base", foot="tip"))
 
 
 def fit_models(rig: Rig) -> list[planner.JointModel]:
@@ -188,8 +176,7 @@ def draw(file: Path) -> None:
     """The picture of ``docs/friction.md``: one motion, by the plan's model."""
     import matplotlib.pyplot as plt
 
-    with TemporaryDirectory() as folder:
-        rig = make_rig(Path(folder))
+    rig = make_rig()
     answers = play(rig, "pick and place", fit_models(rig))
     times = PERIOD * np.arange(len(answers.desired))
     curves = {

@@ -27,18 +27,12 @@ from tests.identification.made import (
     step_logs,
 )
 
-SEEDS = 10
-"""Repetitions for each requested instance."""
-
+SEEDS = 10  # repetitions for each requested instance
 AMPLITUDES = (30.0, 90.0), (40.0, 110.0), (30.0,)
 """Step tests [deg]; the second pair is the paper's."""
 
-FINE = {"noise": FINE_NOISE, "quantum": FINE_QUANTUM}
-"""A good encoder."""
-
-STICKY_ROWS = 800
-"""Rows of the logs with dry friction."""
-
+FINE = {"noise": FINE_NOISE, "quantum": FINE_QUANTUM}  # a good encoder
+STICKY_ROWS = 800  # rows of the logs with dry friction
 PENDULUMS = {
     "sts3250, three runs": ("sts3250", ("sin_sin", "sin_time_square", "up_and_down"), 32),
     "xl330, gain 100": ("xl330", ("sin_sin",), 100),
@@ -58,11 +52,11 @@ def coverage(seeds: int) -> Table:
     """One row for each parameter and set of step tests."""
     table = Table(
         "Identification of step tests, made",
-        "in the interval, % | rms error | largest error | half interval | time, s",
+        "amplitudes and parameter | in the interval, % | rms error | largest error"
+        " | half interval | time, s",
         note=f"The ERS-210A, 3 cycles of each amplitude, {math.degrees(NOISE):g} deg noise, "
         f"{math.degrees(QUANTUM):g} deg resolution, {seeds} seeds. v_max and theta_0 in %, times "
         "in ticks, the offset in degrees. Nothing is held out.",
-        stub="amplitudes and parameter",
     )
     truth = planner.JointModel.ers210a()
     units = {
@@ -98,11 +92,11 @@ def friction(seeds: int) -> Table:
     """One row for each dead band."""
     table = Table(
         "Identification of dry friction, made",
-        "kept, % | in the interval, % | rms error, % | largest error, % | half interval, %",
+        "dead band, deg | kept, % | in the interval, % | rms error, % | largest error, %"
+        " | half interval, %",
         note=f"The ERS-210A with a dead band, {STICKY_ROWS} rows of random steps within 0.4 rad, "
         f"{math.degrees(FINE_NOISE):g} deg noise, {math.degrees(FINE_QUANTUM):g} deg resolution, "
         f"{seeds} seeds.",
-        stub="dead band, deg",
     )
     for degrees in (1.0, 2.0, 4.0):
         truth = replace(planner.JointModel.ers210a(), dead_band=math.radians(degrees))
@@ -124,12 +118,12 @@ def servos(seeds: int) -> Table:
     """One row for each property of a servo besides a time constant and friction."""
     table = Table(
         "Backlash and acceleration limits in logs of servos, made",
-        "backlash, % | acceleration limit, % | median error of its size, % | time, s",
+        "the servo has | backlash, % | acceleration limit, % | median error of its size, %"
+        " | time, s",
         note="Servos with a time constant and random constants, half of them with dry friction of "
         "0.5 to 2 degrees, in 30 s of random steps, sines and triangles; limits act in steps. "
         "Shares of the logs in which backlash is named, and a limit is a term of the model. Play "
         f"is 1 to 4 degrees, limits are 15 to 60 rad/s^2; {seeds} seeds.",
-        stub="the servo has",
     )
     play = math.radians(1.0), math.radians(4.0)
     kinds: dict[str, tuple[str, tuple[float, float], dict[str, Any]]] = {
@@ -164,11 +158,11 @@ def of_recordings(folder: Path) -> Table:
     """One row for each joint."""
     table = Table(
         "Identification of recordings",
-        "raw | delay | first order | model | of motion, % | all rows | accepted | time, s",
+        "recording | raw | delay | first order | model | of motion, % | all rows | accepted"
+        " | time, s",
         note="Errors (rms, rad; Jaw: share of its range) on the second half by fits to the first, "
         "that of the model over the standard deviation of the motion too, and the error of the "
         "model fitted to all rows.",
-        stub="recording",
     )
     for name, logs in recorded(folder).items():
         began = time.process_time()

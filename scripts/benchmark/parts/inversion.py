@@ -13,11 +13,11 @@ import numpy as np
 
 import planner
 from benchmark.instances import Array, Instance, random_saturating, reference
+from benchmark.machine import median_time, timed
 from benchmark.parts import Options
 from benchmark.rivals import opti_ipopt, scipy_least_squares
 from benchmark.rivals.problem import Solve, best_of, exact_rms
 from benchmark.table import Table
-from benchmark.timing import median_time, timed
 
 
 def build_ours(model: planner.JointModel, samples: int, **options: Any) -> Solve:
@@ -101,8 +101,8 @@ def summary(results: Sequence[dict[str, Result]]) -> Table:
     """One row for each method, ours last."""
     table = Table(
         "Inversion, summary",
-        "first solve, ms | second, ms | second over ours | least | rms over the best, median % | "
-        "worst %",
+        "method | first solve, ms | second, ms | second over ours | least"
+        " | rms over the best, median % | worst %",
         note=f"Medians over {len(results)} instances of one cycle: the reference walk's joints, "
         "and random ones that cannot follow, without limits and with. "
         "The first solve includes construction. What a user writes for IPOPT: CasADi Opti over "
@@ -112,7 +112,6 @@ def summary(results: Sequence[dict[str, Result]]) -> Table:
         "counted; invert_optimal finds its own, with each of its solvers, and builds CasADi's "
         "problem anew at every call. Its default of smoothing, for 0.5 % of the error, is off "
         "in all rows but the last. The best is the lowest exact rms of any other method.",
-        stub="method",
     )
     for name in METHODS:
         own = [result[name] for result in results]
@@ -134,9 +133,8 @@ def each(instances: Sequence[Instance], results: Sequence[dict[str, Result]]) ->
     measured = [f"{name}, {unit}" for unit in ("deg", "ms") for name in METHODS]
     table = Table(
         "Inversion, instance by instance",
-        " | ".join([*measured, "ours over the best rival, %"]),
+        " | ".join(["instance", *measured, "ours over the best rival, %"]),
         note="Exact rms error, and time of the second solve.",
-        stub="instance",
     )
     for instance, result in zip(instances, results, strict=True):
         errors = (math.degrees(result[name].rms) for name in METHODS)

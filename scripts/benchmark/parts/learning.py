@@ -10,19 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 import planner
+from benchmark.compiled_servos import random_servo
 from benchmark.parts import Options
-from benchmark.plants import MadeJoint, Servo, random_joint, random_path, random_servo
+from benchmark.plants import random_joint, random_path
 from benchmark.table import Table
 from planner.trajectory import Array, rms
 
-TRIALS = 10
-"""Trials of each: the first is the plan, the rest are learnt."""
-
-EARLY = 5
-"""Trials that have learnt, after which the error is compared with the floor."""
-
-DIVERGED = 1.05
-"""Last over first error beyond which, and beyond the noise, learning has diverged."""
+TRIALS = 10  # trials of each: the first is the plan, the rest are learnt
+EARLY = 5  # trials that have learnt, after which the error is compared with the floor
+DIVERGED = 1.05  # last over first error beyond which, and beyond the noise, learning has diverged
 
 
 class Played(NamedTuple):
@@ -37,13 +33,12 @@ def measure(options: Options) -> list[Table]:
     """One row for each kind of plant, with and without new identification."""
     table = Table(
         "Learning from executed cycles",
-        f"plants | first error, deg | best of {EARLY} trials, deg | over floor: median | 95 % | "
-        "worst | above 1.5 floors, % | largest rise, noise: 95 % | worst | diverged",
+        f"plants | plants | first error, deg | best of {EARLY} trials, deg | over floor: median"
+        " | 95 % | worst | above 1.5 floors, % | largest rise, noise: 95 % | worst | diverged",
         note=f"{TRIALS} trials, one measured cycle each; errors are those of the true angles. The "
         "floor is the lower bound of the true joint (of a servo: of its identified model) and "
         "the sensor's noise. The joints' parameters are within 30 % of the planner's, with "
         "dry friction, gravity, sag and top speeds that differ; half of the paths saturate.",
-        stub="plants",
     )
     kinds: dict[str, Callable[[int], Played]] = {
         "joints, models identified anew": partial(joint, reidentify=True),
@@ -75,7 +70,8 @@ def joint(seed: int, *, reidentify: bool) -> Played:
     desired = random_path(seed, 88, span=1.2, fastest=(0.03, 0.06)[seed % 2])
     plan = planner.invert_optimal(planner.JointModel.ers210a(), desired)
     bound = planner.lower_bound(plant.model, desired, load=np.zeros(len(desired)))
-    return learnt(plan, plant, bound, reidentify=reidentify)
+    noise = math.hypot(plant.noise, plant.count / math.sqrt(12.0))
+    return learnt(plan, plant.play, bound, noise, reidentify=reidentify)
 
 
 def servo(seed: int) -> Played:
@@ -83,20 +79,32 @@ def servo(seed: int) -> Played:
     plant = random_servo(seed)
     levels = np.radians([0, 20, -20, 45, -45, 30, 60, -30, 5, -5, 0])
     triangle = np.radians(np.interp(np.arange(600), [0, 150, 450, 600], [0, 30, -30, 0]))
-    logs = [plant.log(np.repeat(levels, 40)), plant.log(triangle)]
+    logs = [plant.log(each, seed) for each in (np.repeat(levels, 40), triangle)]
     model = planner.identify(logs, hold_out=False).model
     desired = random_path(seed, 100, span=1.2, fastest=(0.05, 0.1)[seed % 2])
     plan = planner.invert_optimal(model, desired, limits=(-2.5, 2.5))
-    return learnt(plan, plant, plan.lower_bound, reidentify=True)
+    random = np.random.default_rng(seed)
+
+    def play(requests: Array) -> tuple[Array, Array]:
+        true = plant.angles(requests, before=2)
+        return true, plant.seen(true, random)
+
+    noise = math.hypot(plant.noise, plant.count / math.sqrt(12.0))
+    return learnt(plan, play, plan.lower_bound, noise, reidentify=True)
 
 
 def learnt(
-    plan: planner.Inversion, plant: MadeJoint | Servo, bound: float, *, reidentify: bool
+    plan: planner.Inversion,
+    play: Callable[[Array], tuple[Array, Array]],
+    bound: float,
+    noise: float,
+    *,
+    reidentify: bool,
 ) -> Played:
-    """The trials on a plant, beside a lower bound [rad]."""
-    errors, noise = [], math.hypot(plant.noise, plant.count / math.sqrt(12.0))
+    """The trials on a plant that plays requests, beside its bound and its sensor's noise [rad]."""
+    errors = []
     for _ in range(TRIALS):
-        true, seen = plant.play(plan.requests)
-        errors.append(rms(np.atleast_2d(true).mean(axis=0) - plan.desired))
+        true, seen = play(plan.requests)
+        errors.append(rms(true - plan.desired))
         plan = planner.refine(plan, seen, reidentify=reidentify)
     return Played(np.array(errors), math.hypot(bound, noise), noise)

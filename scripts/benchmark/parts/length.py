@@ -9,23 +9,21 @@ from math import degrees
 
 import planner
 from benchmark.instances import long_walk
+from benchmark.machine import in_child, peak_memory, timed
 from benchmark.parts import Options
 from benchmark.table import Table
-from benchmark.timing import in_child, peak_memory, timed
 
-SHORT = 1000
-"""Samples up to which the time is the best of three."""
+SHORT = 1000  # samples up to which the time is the best of three
 
 
 def measure(options: Options) -> list[Table]:
     """One row for each length and boundary."""
     table = Table(
         "Length",
-        "first solve, s | second, s | over the shortest | length over the shortest | rms, deg"
-        " | over envelope, % | peak memory, MB",
+        "trajectory | first solve, s | second, s | over the shortest | length over the shortest"
+        " | rms, deg | over envelope, % | peak memory, MB",
         note="The reference rotator's cycle over and over, its stroke changing slowly. Smoothed "
         "as by default.",
-        stub="trajectory",
     )
     for boundary in ("cyclic", "from rest"):
         shortest = None

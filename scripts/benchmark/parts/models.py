@@ -7,37 +7,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 import planner
 from benchmark.parts import Options
 from benchmark.parts.pairs import FITTED, joints
 from benchmark.table import Table
 from planner.model.evidence import expectation
-from planner.trajectory import rms
+from planner.trajectory import Array, rms
 from tests.identification.made import logged
-
-Array = npt.NDArray[np.float64]
 
 TERMS = "dead band, mrad | time constant, ms | acceleration, rad/s^2"
 """Terms of a motor that a model may have."""
 
 BESIDE_DELAY = f"delay | model | worst | over a delay | {TERMS}"
 
-MOTION = 10.0
-"""Length of the parts of a recording that are one motion each [s]."""
-
-FAIR = (0.7, 1.4)
-"""Range of the expected over the measured error that counts as right."""
-
-SECONDS = 30.0
-"""Length of the simulated logs."""
-
-TICK = 0.0005
-"""Of the joints that they are of [s]."""
-
-PERIODS = (0.005, 0.0079, 0.0081, 0.01, 0.02)
-"""Between the rows of logs of the same joint [s]."""
+MOTION = 10.0  # length of the parts of a recording that are one motion each [s]
+FAIR = (0.7, 1.4)  # range of the expected over the measured error that counts as right
+SECONDS = 30.0  # length of the simulated logs
+TICK = 0.0005  # of the joints that they are of [s]
+PERIODS = (0.005, 0.0079, 0.0081, 0.01, 0.02)  # between the rows of logs of the same joint [s]
 
 
 def measure(options: Options) -> list[Table]:
@@ -55,12 +43,11 @@ def halves(every: Mapping[str, Sequence[planner.Log]]) -> Table:
     """One row for each joint: the second halves of its recordings."""
     table = Table(
         "Models of joints on the second half of each recording, fitted to the first halves",
-        f"recordings | as it is | delay | first order | model | over a delay | {TERMS}",
+        f"joint | recordings | as it is | delay | first order | model | over a delay | {TERMS}",
         note="Root mean square errors in milliradians (Jaw and hands: thousandths of the range): "
         "of the request itself, the best pure delay, a delay with a first-order lag, and the model "
         "of this project, each fitted to all recordings of a joint together. so101: an arm of "
         "Feetech STS3215; sts3250, xl330: pendulums, the latter overloaded; g1: a humanoid.",
-        stub="joint",
     )
     for name, logs in every.items():
         try:
@@ -78,17 +65,15 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
     tables = [
         Table(
             "Models of the SO-101's joints on recordings that were not fitted",
-            BESIDE_DELAY,
+            f"joint | {BESIDE_DELAY}",
             note="Root mean square errors in milliradians of motions of "
             f"{MOTION:g} s, median and worst; fitted are {', '.join(FITTED)}.",
-            stub="joint",
         ),
         Table(
             "The error that is told of motions that were not fitted, over the one met",
-            f"motions | median | {FAIR[0]:g} to {FAIR[1]:g}, % | in the range, %",
+            f"joint | motions | median | {FAIR[0]:g} to {FAIR[1]:g}, % | in the range, %",
             note="The same motions: the error to expect over the one met, in how many it is "
             f"between {FAIR[0]:g} and {FAIR[1]:g}, and how many are in the range of 5 to 95 %.",
-            stub="joint",
         ),
     ]
     for name, logs in arm.items():
@@ -121,9 +106,8 @@ def alternate(arm: Mapping[str, Sequence[planner.Log]]) -> Table:
     """Models of every second motion of the recordings of :func:`unseen` on the others."""
     table = Table(
         "Models of the SO-101's joints fitted to every second of these motions",
-        BESIDE_DELAY,
+        f"joint | {BESIDE_DELAY}",
         note=f"As above, of the motions of {MOTION:g} s that were not fitted.",
-        stub="joint",
     )
     for name, logs in arm.items():
         rest = [log for log in logs if log.name not in FITTED]
@@ -227,7 +211,7 @@ def recovery(title: str, note: str) -> Table:
     """A table of :func:`rows`."""
     columns = "found, % | in the interval, % | rms error | largest error | half interval"
     note += " Errors in % of the parameter, those of lag and window in ms."
-    return Table(title, columns, note=note, stub="parameter")
+    return Table(title, f"parameter | {columns}", note=note)
 
 
 def rows(

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 import planner
+from benchmark.compiled_servos import random_servo
 from benchmark.parts import Options, recordings
-from benchmark.plants import random_path, random_servo
+from benchmark.plants import random_path
 from benchmark.table import Table
 from planner.identification.excitation import excite
 from planner.identification.fit import fit_joint
@@ -27,29 +28,18 @@ JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
 FITTED = ("prbs_excitation", "static_holding", "random_waypoints")
 """Recordings of the SO-101 that are fitted together; the rest are predicted."""
 
-BAD = 0.25
-"""Error over the standard deviation of the motion from which on a model does not fit."""
+BAD = 0.25  # error over the standard deviation of the motion from which on a model does not fit
 
 
 SMOOTHED = 5
 """Rows that are averaged before their speeds and accelerations are compared with those tested."""
 
 
-PERIOD = 0.02
-"""Time between requests of the virtual servos [s]."""
-
-LIMITS = (-0.3, 1.9)
-"""Of their requests [rad]."""
-
-MARGIN = 0.1
-"""Planned cycles stay so far within these [rad]."""
-
-FASTEST = 3.0
-"""Top speed of these cycles [rad/s]."""
-
-CYCLES = (2.0, 4.0, 8.0)
-"""Their lengths [s]."""
-
+PERIOD = 0.02  # time between requests of the virtual servos [s]
+LIMITS = (-0.3, 1.9)  # of their requests [rad]
+MARGIN = 0.1  # planned cycles stay so far within these [rad]
+FASTEST = 3.0  # top speed of these cycles [rad/s]
+CYCLES = (2.0, 4.0, 8.0)  # their lengths [s]
 SIGNALS: dict[str, tuple[str, ...]] = {
     "levels held for 1 to 2.5 s": (),
     "steps": ("steps",),
@@ -83,13 +73,12 @@ def promised(servos: int) -> Table:
     """The expected error of plans for virtual servos over the measured one, by logged motion."""
     table = Table(
         "The error to expect",
-        "plans | by acceleration | held out | told | 10 % | 90 % | met < told, % | said, %",
+        "log | plans | by acceleration | held out | told | 10 % | 90 % | met < told, % | said, %",
         note=f"Over the error met, medians. {servos} servos from physics with random constants and "
         f"a log of 40 s each; cycles of {', '.join(f'{each:g}' for each in CYCLES)} s are planned "
         "and executed. By acceleration: without the interval of the delay; held out: that times "
         "the held-out over the fitted error; then what is told, with quantiles; how often that is "
         "more; and how often the plan says that it is outside of what was tested.",
-        stub="log",
     )
     for name in SIGNALS:
         rows = np.array([each for seed in range(servos) for each in _promises(name, seed)])
@@ -103,7 +92,7 @@ def promised(servos: int) -> Table:
 def _promises(name: str, seed: int) -> list[tuple[float, ...]]:
     """Expected errors of each plan over the measured one, and whether it is outside."""
     servo, ratios = random_servo(seed), []
-    result = planner.identify(servo.log(_log_requests(name, seed)))
+    result = planner.identify(servo.log(_log_requests(name, seed), seed))
     bare = result.tested._replace(delay_error=0.0)
     for length in CYCLES:
         low, high = LIMITS[0] + MARGIN, LIMITS[1] - MARGIN
@@ -111,9 +100,8 @@ def _promises(name: str, seed: int) -> list[tuple[float, ...]]:
         path = random_path(seed, samples, span=high - low, fastest=FASTEST * PERIOD)
         desired = path - path.min() + low
         plan = planner.plan(result.model, desired).inversions[0]
-        servo.rest(float(plan.requests[0]))
-        true, _ = servo.play(plan.requests, settle=3)
-        own, met = rms(plan.predicted - desired), rms(true[0] - desired)
+        true = servo.angles(plan.requests, before=3)
+        own, met = rms(plan.predicted - desired), rms(true - desired)
         error = bare.error_of(plan.predicted, period=PERIOD, cyclic=True)
         scaled = error * result.expected_error / result.rms
         expected = math.hypot(own, error), math.hypot(own, scaled), plan.expected.error
@@ -139,12 +127,12 @@ def unseen(arm: dict[str, list[planner.Log]]) -> Table:
     """Models of three recordings of the arm on the others."""
     table = Table(
         "Models of three recordings of an SO-101 on its other recordings",
-        "four numbers | identified | of motion, % | told | told over met | outside",
+        "joint and recording | four numbers | identified | of motion, % | told | told over met"
+        " | outside",
         note=f"Fitted to {', '.join(FITTED)}; rms, mrad, the Jaw in thousandths of its range. The "
         "four numbers have a static sag, but no dead band. Told is the error to expect of motion "
         "with these accelerations; outside, in how many ways the motion is outside of what was "
         "tested.",
-        stub="joint and recording",
     )
     for joint, logs in arm.items():
         fitted = [log for log in logs if log.name in FITTED]
@@ -171,17 +159,15 @@ def pairs(every: dict[str, list[planner.Log]]) -> list[Table]:
     """Each model of one recording on each other recording of the joint."""
     counted = Table(
         "Models of one recording on the other recordings of the joint",
-        "pairs | holds | and off | and not said | not said, % | intervals that agree, %",
+        "joint | pairs | holds | and off | and not said | not said, % | intervals that agree, %",
         note="Pairs; those of models that hold; of these those whose error on the other recording "
         "is above 25 % of its motion; of these those of which nothing says that the other is "
         "outside of what was tested, also in percent of those that hold; and how often a parameter "
         "lies in the interval from the other recording.",
-        stub="joint",
     )
     named = Table(
         "Models that hold, and are off by more than 25 % of another motion",
-        "share, % | outside of what was tested",
-        stub="pair",
+        "pair | share, % | outside of what was tested",
     )
     total = np.zeros(6)
     for joint, logs in every.items():

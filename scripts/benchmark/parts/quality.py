@@ -34,9 +34,10 @@ def gaps(population: Sequence[Instance], norm: str, exact: float) -> Table:
     error = "rms error" if norm == "rms" else "largest error"
     table = Table(
         f"Gaps, {error}",
-        " | ".join([f"{error}, deg", *(f"over {level}, %" for level in levels), REQUESTS]),
+        " | ".join(
+            ["instance", f"{error}, deg", *(f"over {level}, %" for level in levels), REQUESTS]
+        ),
         note=f"{len(population)} random instances that cannot follow, without smoothing.{limited}",
-        stub="instance",
     )
 
     def row(instance: Instance) -> tuple[float, ...]:
@@ -64,9 +65,8 @@ def attained(population: Sequence[Instance]) -> Table:
     """Errors on trajectories that leave the joint room: next to none are expected."""
     table = Table(
         "Trajectories that the joint can follow",
-        f"rms error, deg | {REQUESTS}",
+        f"instance | rms error, deg | {REQUESTS}",
         note=f"{len(population)} random instances, smoothed as by default.",
-        stub="instance",
     )
     plans = [planner.invert_optimal(instance.model, instance.desired) for instance in population]
     rows = np.degrees([(plan.rms, plan.largest_step, plan.excess) for plan in plans])

@@ -21,18 +21,16 @@ from time import perf_counter, process_time
 import numpy as np
 
 import planner
+from benchmark.machine import environment, in_child, peak_memory
 from benchmark.parts import Options
 from benchmark.table import Table
-from benchmark.timing import environment, in_child, peak_memory
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
 
 JOINT = planner.JointModel(v_max=5.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=1 / 30)
 """A hobby servo, requested 30 times a second."""
 
-SAMPLES, JOINTS = 90, 6
-"""Of an episode of three seconds, and of an arm."""
-
+SAMPLES, JOINTS = 90, 6  # of an episode of three seconds, and of an arm
 EPISODES, MANY = 300, 10_000
 """Episodes for the times, and for the memory; with ``--quick`` 40 and 200."""
 
@@ -90,11 +88,10 @@ def measure(options: Options) -> list[Table]:
     count = 40 if quick else EPISODES
     speed = Table(
         "Scale",
-        "episodes per second | over one worker | processor time of an episode, ms"
+        "where | episodes per second | over one worker | processor time of an episode, ms"
         " | of the command per episode, ms | overhead per task, ms | worker's memory, MB",
         note=f"Made episodes of {JOINTS} joints and {SAMPLES} samples from rest, by planner.plan. "
         "The overhead is the wall-clock time of a task that does nothing, on one worker or two.",
-        stub="where",
     )
     places = {"1 worker": partial(executor_of, workers=1)}
     places |= {"2 workers": partial(executor_of, workers=2), "Dask, 2 workers": dask}
@@ -107,9 +104,8 @@ def measure(options: Options) -> list[Table]:
         speed.add(name, 1e3 / each, first / each, inside, beside, idle, memory)
     memories = Table(
         "Memory of many episodes",
-        "of the command, MB | of a worker, MB",
+        "episodes | of the command, MB | of a worker, MB",
         note="Peaks, on two workers; the same episodes, simulated and not planned.",
-        stub="episodes",
     )
     for many in (10, 200 if quick else MANY):
         memories.add(f"{many}", *in_child("benchmark.parts.scale", many))

@@ -7,31 +7,25 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 import planner
 from benchmark.compiled_servos import SERVOS, CompiledServo
 from benchmark.parts import Options
 from benchmark.table import Table
-from planner.trajectory import rms
+from planner.trajectory import Array, rms
 
-Array = npt.NDArray[np.float64]
-
-SETTLED = 3
-"""Cycles before the one that counts."""
-
+SETTLED = 3  # cycles before the one that counts
 LEADS = np.arange(0.0, 0.3, 0.004)
 """Leads among which the best time shift is sought on the servo itself [s]."""
 
-TRIALS = 3
-"""Trials of learning."""
+TRIALS = 3  # trials of learning
 
 
 def measure(_: Options) -> list[Table]:
     """One row for each servo and motion."""
     table = Table(
         "Plans for servos from their physics, over the best time shift on the servo itself",
-        "shift, deg | own shift | plan | "
+        "servo, motion | shift, deg | own shift | plan | "
         + "".join(f"trial {k + 1} | " for k in range(TRIALS))
         + "mean | worst | told/met | low | high",
         note="Each servo is identified from 60 s at 50 Hz (the recording that excite proposes; "
@@ -41,11 +35,10 @@ def measure(_: Options) -> list[Table]:
         "Errors over that: own shift and plan, of invert_shift and invert_optimal; trials, of "
         "refine, one measured cycle each; mean and worst, of robust plans. Told: error to expect "
         "of the plan over that met, with its range.",
-        stub="servo, motion",
     )
     rows = []
     for servo in SERVOS:
-        model = planner.identify(servo.logs()).model
+        model = planner.identify(servo.log()).model
         for name, path in motions(servo.period).items():
             row = row_of(servo, model, path)
             rows.append(row)

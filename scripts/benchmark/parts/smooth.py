@@ -20,11 +20,8 @@ from planner.trajectory import rms
 
 JOINT = planner.JointModel.ers210a()
 
-NOISE = math.radians(0.5)
-"""Noise of the log from which a model is identified [rad]."""
-
-FRESH = 40
-"""Pairs of models, drawn from the identification, that no plan uses."""
+NOISE = math.radians(0.5)  # noise of the log from which a model is identified [rad]
+FRESH = 40  # pairs of models, drawn from the identification, that no plan uses
 
 
 def measure(options: Options) -> list[Table]:  # noqa: ARG001
@@ -39,10 +36,9 @@ def joints(instances: Sequence[Instance]) -> Table:
     """Single joints by smoothness of the requests."""
     table = Table(
         "Smooth requests of single joints",
-        "rms, deg | over the least, % | largest step, deg | reversals per s | length, deg"
+        "plan | rms, deg | over the least, % | largest step, deg | reversals per s | length, deg"
         " | length over desired | beyond, deg",
         note="ERS-210A; the least error is that without smoothing.",
-        stub="plan",
     )
     optimal = {"not smoothed": {"smoothness": 0.0}, "default": {}}
     for degrees in (8, 5, 3):
@@ -75,11 +71,10 @@ def feet() -> Table:
     """The reference walk and the front-left leg's, by method."""
     table = Table(
         "Smooth requests of a foot",
-        "foot rms, cm | largest step, deg | length of all joints, deg | over closed form",
+        "plan | foot rms, cm | largest step, deg | length of all joints, deg | over closed form",
         note="ERS-210A; the length is that of all requests of a cycle. As smooth as the closed "
         "form's error allows: each joint with the smoothness with which its error is that of "
         "its closed form.",
-        stub="plan",
     )
     walk = planner.reference_walk()
     front = Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
@@ -121,13 +116,12 @@ def wrong_models(instances: Sequence[Instance]) -> Table:
     """Errors under models that the plan did not use."""
     table = Table(
         "Models that are a little wrong",
-        "nominal rms, deg | mean of fresh models, deg | worst of them, deg"
+        "plan | nominal rms, deg | mean of fresh models, deg | worst of them, deg"
         " | lower bound of that, deg | acceleration time 20 % off, deg | reversals per s",
         note=f"{2 * FRESH} fresh models from the identification of a log of two seconds with "
         f"{math.degrees(NOISE):g} degrees of noise; from the fast sine on the log is one of "
         "small steps, which leaves the top speed open above. Under no requests the worst error is "
         "below its lower bound.",
-        stub="plan",
     )
     phase = 2.0 * np.pi * np.arange(88) / 88
     wide, unsaturated = identified(reach=1.0).model, identified(reach=0.1).model
@@ -163,14 +157,13 @@ def wrong_legs() -> Table:
     """Errors of a foot under models of its joints that the plan did not use."""
     table = Table(
         "Models of a leg that are a little wrong",
-        "nominal rms, cm | mean of fresh models, cm | worst of them, cm | lower bound of that, cm"
-        " | nominal loss, % | worst gain, % | true joints, cm",
+        "plan | nominal rms, cm | mean of fresh models, cm | worst of them, cm"
+        " | lower bound of that, cm | nominal loss, % | worst gain, % | true joints, cm",
         note="The reference walk at its own and at half its speed. Each joint is identified from "
         f"a log of its own, as above, with small steps or without; {2 * FRESH} fresh sets of "
         "models of the three joints. Loss and gain are those beside the plan for the nominal "
         "models; under no requests the worst error is below its lower bound, that of the slowest "
         "set. The true joints are those of the ERS-210A.",
-        stub="plan",
     )
     walk = planner.reference_walk()
     foot, count = walk.desired_foot, len(walk.desired_foot)

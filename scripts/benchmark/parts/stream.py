@@ -3,54 +3,33 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import planner
 from benchmark.parts import Options, friction, recordings
 from benchmark.table import Table
-from planner.trajectory import rms
+from planner.trajectory import Array, rms
 
-Array = npt.NDArray[np.float64]
-
-AHEAD = 0.2
-"""Preview of a stream [s]."""
-
-LONGER = 0.3
-"""A longer preview, for comparison [s]."""
-
-ALPHA = 0.25
-"""Share of the new value in exponential smoothing, as users set it."""
-
-CYCLES = 4
-"""Cycles of the walk that are followed from rest."""
-
+AHEAD = 0.2  # preview of a stream [s]
+LONGER = 0.3  # a longer preview, for comparison [s]
+ALPHA = 0.25  # share of the new value in exponential smoothing, as users set it
+CYCLES = 4  # cycles of the walk that are followed from rest
 ROWS = 600
 """Rows of a recording that are followed, and those from which its joint is identified: 2,000."""
 
-CYCLE = 0.7
-"""Cycle of the paths on which ticks are timed [s]."""
-
-TICKS = 1000
-"""Ticks that are timed."""
-
+CYCLE = 0.7  # cycle of the paths on which ticks are timed [s]
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll")
 
 COLUMNS = "direct | EMA | feed-forward | shift | stream | whole plan | stream over whole, %"
 
-MODELLED = f"{COLUMNS} | with {1e3 * LONGER:g} ms, %"
-"""Where the joint is its model."""
-
-WALKED = f"{MODELLED} | with its cycle, %"
-"""Where the path repeats, too."""
-
+MODELLED = f"{COLUMNS} | with {1e3 * LONGER:g} ms, %"  # where the joint is its model
+WALKED = f"{MODELLED} | with its cycle, %"  # where the path repeats, too
 EXPLAINED = (
     f"Root mean square of the error, mrad, from rest, with {1e3 * AHEAD:g} ms known ahead. EMA: "
     f"exponential smoothing, alpha {ALPHA:g}. Feed-forward: first order, by the model's lag, half "
@@ -61,14 +40,10 @@ EXPLAINED = (
 
 def measure(options: Options) -> list[Table]:
     """Times, and errors on the model, on the virtual servo and on recordings."""
-    ticks = TICKS if options.instances > QUICK else TICKS // 10
+    ticks = 1000 if options.instances > 3 else 100
     tables = [times(ticks), on_models(), on_changing_walks(), on_servo()]
     folder = recordings()
     return [*tables, *(on_recordings(folder) if folder else [])]
-
-
-QUICK = 3
-"""Random instances of a quick run."""
 
 
 def earlier(path: Array, rows: int) -> Array:
@@ -145,7 +120,7 @@ def modelled(
 def on_models() -> Table:
     """The reference walk, whose joints saturate, and slower ones, which they can follow."""
     note = EXPLAINED + f"With its cycle: {CYCLES} cycles, of which the stream expects the length. "
-    table = Table("Streams, walks on the model", WALKED, note=note, stub="joint")
+    table = Table("Streams, walks on the model", f"joint | {WALKED}", note=note)
     joint, walk = planner.JointModel.ers210a(), planner.reference_walk()
     for share in (1.0, 0.5, 0.25):
         for name, angles in zip(("rotator", "abductor", "knee"), walk.desired.T, strict=True):
@@ -158,11 +133,10 @@ def on_changing_walks() -> Table:
     """The reference walk at a speed that changes: the cost of expecting a cycle."""
     table = Table(
         "Streams, walks whose speed changes",
-        "stream | with a cycle | whole plan | stream over whole, % | with a cycle, %",
+        "speed | stream | with a cycle | whole plan | stream over whole, % | with a cycle, %",
         note="Root mean square of the error of the reference walk's three joints, mrad, from "
         f"rest, with {1e3 * AHEAD:g} ms known ahead; five cycles at the speed of the walk. The "
         "stream with a cycle expects that of the reference walk.",
-        stub="speed",
     )
     joint, walk = planner.JointModel.ers210a(), planner.reference_walk()
     count = len(walk.desired)
@@ -200,29 +174,27 @@ def on_servo() -> Table:
     """The virtual servo with a pendulum: friction and gravity, measured at every tick."""
     table = Table(
         "Streams on a virtual servo",
-        COLUMNS,
+        f"motion | {COLUMNS}",
         note=EXPLAINED + "A simulated Feetech STS3215 with friction and a pendulum at 50 Hz; the "
         "model is fitted to one log of 74 s, without the load. The stream is given the measured "
         "angles, the others have no use for them.",
-        stub="motion",
     )
-    with TemporaryDirectory() as folder:
-        rig = friction.make_rig(Path(folder))
-        log = replace(rig.log(friction.excitation()), load=None)
-        model = planner.identify(log, hold_out=False).model.requested_every(friction.PERIOD)
-        for name, (length, motion) in friction.MOTIONS.items():
-            count = round(length / friction.PERIOD)
-            path = np.tile(motion(friction.TURNS * np.arange(count) / count), 2)
-            errors, whole = row(model, path, lambda each: rig.execute(each)[1])
-            robot, angles = rig.robot(path[:1]), list[float]()
+    rig = friction.make_rig()
+    log = replace(rig.log(friction.excitation()), load=None)
+    model = planner.identify(log, hold_out=False).model.requested_every(friction.PERIOD)
+    for name, (length, motion) in friction.MOTIONS.items():
+        count = round(length / friction.PERIOD)
+        path = np.tile(motion(friction.TURNS * np.arange(count) / count), 2)
+        errors, whole = row(model, path, lambda each: rig.execute(each)[1])
+        robot, angles = rig.robot(path[:1]), list[float]()
 
-            def send(requests: Array, robot: Any = robot, angles: Any = angles) -> Array:
-                angles.append(float(robot.play(requests[np.newaxis]).angles[0, 0]))
-                return robot.sense()
+        def send(requests: Array, robot: Any = robot, angles: Any = angles) -> Array:
+            angles.append(float(robot.play(requests[np.newaxis]).angles[0, 0]))
+            return robot.sense()
 
-            streamed(model, path, send)
-            planned = rms(rig.execute(whole)[1] - path)
-            table.add(name, *errors, *compared(rms(np.array(angles) - path), planned))
+        streamed(model, path, send)
+        planned = rms(rig.execute(whole)[1] - path)
+        table.add(name, *errors, *compared(rms(np.array(angles) - path), planned))
     return table
 
 
@@ -230,18 +202,16 @@ def on_recordings(folder: Path) -> list[Table]:
     """Recorded angles followed again, and recorded requests predicted from them."""
     followed = Table(
         "Streams, recorded angles of an SO-101 followed again",
-        MODELLED,
+        f"joint | {MODELLED}",
         note=EXPLAINED + f"{ROWS} rows of random way-points; the joints are models, identified "
         "from 2,000 rows of a pseudo-random binary sequence.",
-        stub="joint",
     )
     predicted = Table(
         "Streams, recorded requests predicted from the measured path",
-        "raw | best shift | stream",
+        "joint | raw | best shift | stream",
         note="Root mean square of recorded minus predicted requests, mrad: the measured path as "
         "it is, as early as is best, and the stream's requests for it. In a dead band requests "
         "cannot be told from angles.",
-        stub="joint",
     )
     learnt = np.genfromtxt(folder / "so101" / "prbs_excitation.csv", delimiter=",", names=True)
     played = np.genfromtxt(folder / "so101" / "random_waypoints.csv", delimiter=",", names=True)
@@ -261,18 +231,17 @@ def on_recordings(folder: Path) -> list[Table]:
     return [followed, predicted]
 
 
-def times(ticks: int, *, fast: Sequence[float] = (0.002, 0.004, 0.008, 0.01)) -> Table:
+def times(ticks: int) -> Table:
     """Time of a tick by period: six joints that all differ, with measured angles and limits."""
     table = Table(
         "Streams, time of a tick",
-        "rows | median, ms | 99th percentile, ms",
+        "period | rows | median, ms | 99th percentile, ms",
         note=f"Processor time. Six different joints, {ticks} ticks, with {1e3 * AHEAD:g} ms known "
         f"ahead, limits, max_step and measured angles; and a cycle of {CYCLE:g} s where one is "
         "expected.",
-        stub="period",
     )
-    slow = (0.02, 4, 0.02), (0.03, 1, 0.02)
-    periods = *((period, 1, 0.0) for period in fast), *slow
+    fast = ((period, 1, 0.0) for period in (0.002, 0.004, 0.008, 0.01))
+    periods = (*fast, (0.02, 4, 0.02), (0.03, 1, 0.02))
     for (period, hold, band), repeats in product(periods, (False, True)):
         joint = {"theta_0": 0.2, "lag": 0.03, "acceleration_time": 0.05, "dead_band": band}
         joint |= {"tick": period / hold, "hold": hold}

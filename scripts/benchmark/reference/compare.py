@@ -13,14 +13,11 @@ from benchmark.table import Table
 
 Cases = dict[str, Numbers]
 
-WORSE = 1e-3
-"""Relative loss from which on a case counts as worse."""
-
+WORSE = 1e-3  # relative loss from which on a case counts as worse
 RESTS = {"seconds", "steepest", "over optimum", "solver gap"}
 """Numbers that are no results, or that are differences of two results."""
 
-ROUNDING = 1e-9
-"""Relative change that is none."""
+ROUNDING = 1e-9  # relative change that is none
 
 
 class Compared(NamedTuple):
@@ -45,6 +42,10 @@ class Compared(NamedTuple):
             if old.get("segments") == new.get("segments")
         }
 
+    def loss(self, function: Callable[[Any], Any]) -> float:
+        """The function of all losses; nan where there are none."""
+        return summed(function, [*self.losses.values()])
+
     @property
     def steepest(self) -> float:
         """Largest relative excess of a slope over v_max."""
@@ -58,7 +59,7 @@ class Compared(NamedTuple):
 
 
 class Check(NamedTuple):
-    """A number that has a limit."""
+    """A number that has a limit, and keeps it where it is nan: there is nothing to judge."""
 
     name: str
     value: float
@@ -66,7 +67,6 @@ class Check(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether the number keeps its limit; nan, where there is nothing to judge, does."""
         return not self.value > self.limit
 
 
@@ -76,11 +76,8 @@ def compared(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Compared]:
     for name in [name for name in old if name in new]:
         before, after = old[name]["cases"], new[name]["cases"]
         both = [case for case in before if case in after]
-        sections[name] = Compared(
-            {case: before[case] for case in both},
-            {case: after[case] for case in both},
-            new[name]["pace"] / old[name]["pace"],
-        )
+        cases = ({case: each[case] for case in both} for each in (before, after))
+        sections[name] = Compared(*cases, new[name]["pace"] / old[name]["pace"])
     return sections
 
 
@@ -88,40 +85,19 @@ def table_of(sections: dict[str, Compared]) -> Table:
     """One row for each section."""
     table = Table(
         "New beside old",
-        (
-            "cases",
-            "same bits",
-            "largest difference",
-            "median loss, %",
-            "mean, %",
-            "worst, %",
-            "best, %",
-            "worse by 0.1 %, %",
-            "more segments",
-            "fewer",
-            "slope excess",
-            "time ratio",
-        ),
+        "section | cases | same bits | largest difference | median loss, % | mean, % | worst, %"
+        " | best, % | worse by 0.1 %, % | more segments | fewer | slope excess | time ratio",
         note="Differences are relative to the largest entry; losses are of errors at equal counts "
         "of segments; times are processor times at the same pace of the machine.",
-        stub="section",
     )
     for name, section in sections.items():
         counts = [new["segments"] - old["segments"] for _, old, new in section.pairs("segments")]
-        losses = [*section.losses.values()]
-        summary = [summed(f, losses) for f in (np.median, np.mean, np.max, np.min, worse)]
-        differences = [difference(section.old[case], section.new[case]) for case in section.new]
-        table.add(
-            name,
-            len(differences),
-            sum(each == 0.0 for each in differences),
-            max(differences, default=math.nan),
-            *(100.0 * number for number in summary),
-            sum(count > 0 for count in counts),
-            sum(count < 0 for count in counts),
-            section.steepest,
-            section.time_ratio,
-        )
+        counted = sum(count > 0 for count in counts), sum(count < 0 for count in counts)
+        summaries = (section.loss(f) for f in (np.median, np.mean, np.max, np.min, worse))
+        apart = [difference(section.old[case], section.new[case]) for case in section.new]
+        same = sum(each == 0.0 for each in apart)
+        row = len(apart), same, max(apart, default=math.nan), *(100.0 * each for each in summaries)
+        table.add(name, *row, *counted, section.steepest, section.time_ratio)
     return table
 
 
@@ -175,70 +151,41 @@ def checks_of(name: str, section: Compared) -> list[Check]:
     allowed = 2.0 if name == "identification" else 1.2
     return [
         Check(f"new failures {', '.join(new_failures[:5])}".strip(), len(new_failures), 0),
-        *CHECKS[name](section),
+        *_of_its_own(name, section),
         Check("median time ratio", section.time_ratio, allowed),
     ]
 
 
-def _fits(section: Compared) -> list[Check]:
-    losses = [*section.losses.values()]
-    return [
-        Check("median loss", summed(np.median, losses), ROUNDING),
-        Check("mean loss", summed(np.mean, losses), 1e-4),
-        Check("share worse by more than 0.1 %", summed(worse, losses), 0.03),
-        Check("slope excess over v_max", section.steepest, 1e-12),
-    ]
+def _of_its_own(name: str, section: Compared) -> Iterator[Check]:
+    """What this section, and not every one, may not get worse in."""
 
+    def changes(number: str) -> list[tuple[Any, Any]]:
+        return [(old[number], new[number]) for _, old, new in section.pairs(number)]
 
-def _optima(section: Compared) -> list[Check]:
-    excess = [new["over optimum"] for _, _, new in section.pairs("over optimum")]
-    return [Check("excess over the proved optimum", summed(max, excess), 0.011)]
-
-
-def _questions(section: Compared) -> list[Check]:
-    more = [new["segments"] > old["segments"] for _, old, new in section.pairs("segments")]
-    return [
-        Check("answers of more segments", sum(more), 0),
-        Check("slope excess over v_max", section.steepest, 1e-12),
-    ]
-
-
-def _plans(section: Compared) -> list[Check]:
-    valid = {name for name, _, new in section.pairs("equation 13") if new["equation 13"]}
-    losses = [loss for name, loss in section.losses.items() if name in valid]
-    return [Check("mean loss where Equation 13 holds", summed(np.mean, losses), 2e-4)]
-
-
-def _feet(section: Compared) -> list[Check]:
-    return [Check("worst loss", summed(max, [*section.losses.values()]), 1e-3)]
-
-
-def _certificates(section: Compared) -> list[Check]:
-    pairs = [*section.pairs("bound")]
-    lower = [1.0 - new["bound"] / old["bound"] for _, old, new in pairs if old["bound"] > 0.0]
-    above = [new["bound"] / new["plan"] - 1.0 for _, _, new in pairs if new["plan"] > 0.0]
-    return [
-        Check("bound below the old one", summed(max, lower), 1e-5),
-        Check("bound above a plan", summed(max, above), ROUNDING),
-    ]
-
-
-def _identification(section: Compared) -> list[Check]:
-    changed = [new["accepted"] != old["accepted"] for _, old, new in section.pairs("accepted")]
-    return [
-        Check("worst loss", summed(max, [*section.losses.values()]), 2e-3),
-        Check("other verdicts", sum(changed), 0),
-    ]
-
-
-CHECKS: dict[str, Callable[[Compared], list[Check]]] = {
-    "fits": _fits,
-    "optima": _optima,
-    "questions": _questions,
-    "plans": _plans,
-    "closed forms": _plans,
-    "feet": _feet,
-    "certificates": _certificates,
-    "identification": _identification,
-}
-"""The checks of each section: it may not get worse by more than this."""
+    if name == "fits":
+        yield Check("median loss", section.loss(np.median), ROUNDING)
+        yield Check("mean loss", section.loss(np.mean), 1e-4)
+        yield Check("share worse by more than 0.1 %", section.loss(worse), 0.03)
+    if name == "questions":
+        more = sum(new > old for old, new in changes("segments"))
+        yield Check("answers of more segments", more, 0)
+    if name in ("fits", "questions"):
+        yield Check("slope excess over v_max", section.steepest, 1e-12)
+    if name == "optima":
+        excess = [new for _, new in changes("over optimum")]
+        yield Check("excess over the proved optimum", summed(max, excess), 0.011)
+    if name in ("plans", "closed forms"):
+        valid = {case for case, _, new in section.pairs("equation 13") if new["equation 13"]}
+        losses = [loss for case, loss in section.losses.items() if case in valid]
+        yield Check("mean loss where Equation 13 holds", summed(np.mean, losses), 2e-4)
+    if name == "certificates":
+        lower = [1.0 - new / old for old, new in changes("bound") if old > 0.0]
+        plans = [(new["bound"], new["plan"]) for _, _, new in section.pairs("bound")]
+        above = [bound / plan - 1.0 for bound, plan in plans if plan > 0.0]
+        yield Check("bound below the old one", summed(max, lower), 1e-5)
+        yield Check("bound above a plan", summed(max, above), ROUNDING)
+    if name in ("feet", "identification"):
+        yield Check("worst loss", section.loss(max), {"feet": 1e-3}.get(name, 2e-3))
+    if name == "identification":
+        verdicts = sum(old != new for old, new in changes("accepted"))
+        yield Check("other verdicts", verdicts, 0)

@@ -17,15 +17,12 @@ from benchmark.reference.record import Case, Numbers
 from tests.approximation.samples import oracle_instance, oracle_instances
 
 SEEDS = 40
-UNSEEN = 1000
-"""First seed of samples that are in no stored table of the tests."""
-
+UNSEEN = 1000  # first seed of samples that are in no stored table of the tests
 SEGMENTS = (2, 3, 4, 5, 6, 7, 8, 12)
 
 OPTIMA = Path(__file__).resolve().parents[3] / "tests/approximation/oracle.json"
 
-NEGLIGIBLE = 1e-6
-"""Errors below this share of the samples' range are compared as if they were it."""
+NEGLIGIBLE = 1e-6  # errors below this share of the samples' range are compared as if they were it
 
 
 def series_of(seed: int) -> tuple[Array, dict[str, Any]]:

@@ -17,11 +17,8 @@ from tests.instances import random_model
 
 SIMULATED = 20
 
-UNSEEN = 3000
-"""First seed of the random joints."""
-
-NEGLIGIBLE = math.radians(1e-3)
-"""Errors below this [rad] are compared as if they were it."""
+UNSEEN = 3000  # first seed of the random joints
+NEGLIGIBLE = math.radians(1e-3)  # errors below this [rad] are compared as if they were it
 
 
 def identifications() -> Iterator[Case]:

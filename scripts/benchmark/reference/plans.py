@@ -11,28 +11,15 @@ from typing import Any
 import numpy as np
 
 import planner
-from benchmark.instances import (
-    FREE,
-    Instance,
-    random_attainable,
-    random_saturating,
-    reference,
-)
+from benchmark.instances import FREE, Instance, random_attainable, random_saturating, reference
 from benchmark.parts.foot import Task, tasks
 from benchmark.reference.record import Case, Numbers
 from tests.instances import random_model, random_model_outside_equation_13, saturating
 
-UNSEEN = 2000
-"""First seed of instances that no test uses."""
-
-ATTAINED = math.radians(0.005)
-"""Errors below this [rad] are compared as if they were it."""
-
-FOOT_ATTAINED = 1e-5
-"""The same for the foot [m]."""
-
-EXACT_SECONDS = 5.0
-"""Longest search for an exact bound [s], as counted by its work."""
+UNSEEN = 2000  # first seed of instances that no test uses
+ATTAINED = math.radians(0.005)  # errors below this [rad] are compared as if they were it
+FOOT_ATTAINED = 1e-5  # the same for the foot [m]
+EXACT_SECONDS = 5.0  # longest search for an exact bound [s], as counted by its work
 
 
 def joints() -> Iterator[tuple[str, Instance, dict[str, Any]]]:
@@ -85,9 +72,8 @@ def plans() -> Iterator[Case]:
 
 def optimal(instance: Instance, **arguments: Any) -> Numbers:
     """The plan's numbers."""
-    limits = None if instance.limits == FREE else instance.limits
-    plan = planner.invert_optimal(instance.model, instance.desired, limits=limits, **arguments)
-    return numbers_of(plan)
+    arguments |= {"limits": instance.asked_limits}
+    return numbers_of(planner.invert_optimal(instance.model, instance.desired, **arguments))
 
 
 def closed_forms() -> Iterator[Case]:

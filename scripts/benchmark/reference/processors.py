@@ -15,24 +15,18 @@ from benchmark.reference.record import load
 from benchmark.table import Table
 
 SETTINGS = {
-    "Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
-    "SkylakeX": {"OPENBLAS_CORETYPE": "SkylakeX"},
-    "Zen": {"OPENBLAS_CORETYPE": "Zen"},
-    "Nehalem": {"OPENBLAS_CORETYPE": "Nehalem"},
+    **{core: {"OPENBLAS_CORETYPE": core} for core in ("Haswell", "SkylakeX", "Zen", "Nehalem")},
     "NumPy without AVX2": {"NPY_DISABLE_CPU_FEATURES": "X86_V4 X86_V3"},
 }
 """Environments that stand for other processors."""
 
-SAME = 1e-9
-"""Largest relative difference of two results that count as the same."""
-
+SAME = 1e-9  # largest relative difference of two results that count as the same
 ROOM = {"feet": 1e-3, "identification": 1e-5, "certificates": 1e-3}
 """Where searches stop by their progress in a flat valley, or by their gap, the last bit may decide
 when: the largest relative difference of the error, or of the bound, that is as good. A foot's error
 may rise by 5e-3 in any case, for smoother requests."""
 
-SHOWN = 10
-"""Cases that are named for each section."""
+SHOWN = 10  # cases that are named for each section
 
 
 def compare_processors(sections: Sequence[str], every: int) -> int:
@@ -60,8 +54,8 @@ def _record(path: Path, setting: dict[str, str], sections: Sequence[str], every:
 
 def beside(name: str, first: Path, other: Path) -> tuple[Table, str]:
     """A row for each section, and the cases whose quality differs."""
-    columns = ("cases", "same bits", "within 1e-9", "as good", "differ", "largest loss or gain, %")
-    table = Table(f"{name} beside this processor", columns, stub="section")
+    columns = "cases | same bits | within 1e-9 | as good | differ | largest loss or gain, %"
+    table = Table(f"{name} beside this processor", f"section | {columns}")
     lines = []
     for section, runs in compared(load(first), load(other)).items():
         apart = {case: difference(runs.old[case], runs.new[case]) for case in runs.new}
@@ -73,15 +67,9 @@ def beside(name: str, first: Path, other: Path) -> tuple[Table, str]:
         changes |= runs.losses
         room = ROOM.get(section, SAME)
         worse = [case for case in beyond if not abs(changes.get(case, math.inf)) <= room]
-        table.add(
-            section,
-            len(apart),
-            sum(each == 0.0 for each in apart.values()),
-            len(apart) - len(beyond),
-            len(beyond) - len(worse),
-            len(worse),
-            100.0 * max(map(abs, changes.values()), default=math.nan),
-        )
+        same = sum(each == 0.0 for each in apart.values())
+        counts = len(apart), same, len(apart) - len(beyond), len(beyond) - len(worse), len(worse)
+        table.add(section, *counts, 100.0 * max(map(abs, changes.values()), default=math.nan))
         for case in worse[:SHOWN]:
             loss = changes.get(case, math.nan)
             lines.append(f"  {section}, {case}: by {apart[case]:.2g}, loss {100.0 * loss:.2g} %\n")

@@ -20,8 +20,7 @@ Numbers = dict[str, Any]
 Case = tuple[str, Callable[[], Numbers]]
 Section = Callable[[], Iterator[Case]]
 
-QUICK = 0.05
-"""Cases below this are run a second time, and the shorter time counts [s]."""
+QUICK = 0.05  # cases below this are run a second time, and the shorter time counts [s]
 
 
 def record(path: Path, sections: dict[str, Section], every: int = 1) -> None:

@@ -16,12 +16,8 @@ from benchmark.table import Table
 
 ROOT = str(Path(planner.__file__).parent)
 
-DEPTH = 2
-"""Attributes, fields and items that are followed from an argument on."""
-
-LARGE = 20
-"""Tuples, lists and mappings of more entries are not looked into."""
-
+DEPTH = 2  # attributes, fields and items that are followed from an argument on
+LARGE = 20  # tuples, lists and mappings of more entries are not looked into
 DEFINITION = (
     "One warm call each, for the reference rotator. Named functions and files of planner/ that are "
     "entered; those handed an array with an entry for every sample, as an argument or within "
@@ -50,21 +46,16 @@ def table() -> Table:
             angles, v_max=model.v_max, tick=model.period, segments=6
         ),
     }
-    columns = ("functions", "files", "handed samples", "in files", "by names")
-    result = Table("Trace", (*columns, "handed desired", "by its names"), DEFINITION, stub="call")
+    columns = "functions | files | handed samples | in files | by names"
+    columns += " | handed desired | by its names"
+    result = Table("Trace", f"call | {columns}", DEFINITION)
     for name, call in calls.items():
         call()  # imports and caches of the first call are not counted
         trace = traced(call, instance)
-        result.add(
-            name,
-            len(trace.entered),
-            len(_files(trace.entered)),
-            len({code for code, _ in trace.samples}),
-            len(_files(code for code, _ in trace.samples)),
-            len({path for _, path in trace.samples}),
-            len({code for code, _ in trace.desired}),
-            len({path for _, path in trace.desired}),
-        )
+        handed, given = ({code for code, _ in each} for each in (trace.samples, trace.desired))
+        names, own = ({path for _, path in each} for each in (trace.samples, trace.desired))
+        counted = trace.entered, _files(trace.entered), handed, _files(handed), names, given, own
+        result.add(name, *map(len, counted))
     return result
 
 
@@ -105,7 +96,7 @@ def _arrays(path: str, value: Any, depth: int) -> Iterator[tuple[str, np.ndarray
 
 
 def _parts(value: Any) -> list[tuple[Any, Any]]:
-    if hasattr(value, "_fields"):
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
         return [*zip(value._fields, value, strict=True)]
     if isinstance(value, (tuple, list)):
         return [*enumerate(value)] if len(value) <= LARGE else []

@@ -16,37 +16,27 @@ from .problem import DEGREE, Array, Limits, Solve, best_of, smoothed
 
 OPTIONS = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes"}}
 
-SPEEDS = (1.0, 0.3, 0.1)
-"""Radii of the saturation's corners, stage by stage [degrees a tick]."""
-
-REGULARISATION = 1e-3
-"""Weight on the distance of the requests from the desired angles."""
-
-NO_LIMIT = 1e20
-"""IPOPT's infinity."""
+SPEEDS = (1.0, 0.3, 0.1)  # radii of the saturation's corners, stage by stage [degrees a tick]
+REGULARISATION = 1e-3  # weight on the distance of the requests from the desired angles
+NO_LIMIT = 1e20  # IPOPT's infinity
 
 
 def build(model: planner.JointModel, samples: int) -> Solve:
     """The cycle as a nonlinear programme, with everything that may change a parameter."""
     v_max, theta_0 = model.v_max_per_tick / DEGREE, model.theta_0 / DEGREE
-    window = model.window
+    window, offset = model.window, model.offset / DEGREE
     opti = casadi.Opti()
 
     # unknowns
-    angles = opti.variable(samples)
-    requests = opti.variable(samples)
+    angles, requests = opti.variable(samples), opti.variable(samples)
 
     # data
     desired = opti.parameter(samples)
-    lower, upper = opti.parameter(), opti.parameter()
-    radius = opti.parameter()
+    lower, upper, radius = opti.parameter(), opti.parameter(), opti.parameter()
 
     # objective
-    offset = model.offset / DEGREE
-    resting = desired - offset
-    opti.minimize(
-        casadi.sumsqr(angles - desired) + REGULARISATION * casadi.sumsqr(requests - resting)
-    )
+    away = requests - (desired - offset)
+    opti.minimize(casadi.sumsqr(angles - desired) + REGULARISATION * casadi.sumsqr(away))
 
     # dynamics, closed to a cycle
     for k in range(samples):

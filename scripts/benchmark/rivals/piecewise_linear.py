@@ -19,11 +19,8 @@ from .problem import Array
 Knots = tuple[Array, Array]
 Method = Callable[[Array, int, float], Knots]
 
-ROUNDS = 20
-"""Bisections of the trend filter's weight."""
-
-KINK = 1e-3
-"""Change of slope that counts as a kink [v_max]."""
+ROUNDS = 20  # bisections of the trend filter's weight
+KINK = 1e-3  # change of slope that counts as a kink [v_max]
 
 
 def pwlf(fast: bool, desired: Array, segments: int, v_max: float) -> Knots:

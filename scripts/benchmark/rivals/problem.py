@@ -9,20 +9,17 @@ from typing import Any
 import numpy as np
 
 import planner
+from planner.trajectory import Array
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
 Limits = tuple[float, float]
 Solve = Callable[[Array, Limits, Array], Array]
 
-DEGREE = math.pi / 180.0
-"""The rivals count in degrees, so that their solvers' tolerances fit."""
-
+DEGREE = math.pi / 180.0  # the rivals count in degrees, so that their solvers' tolerances fit
 RADII = (0.4, 0.12, 0.04)
 """Radii of the saturation's corners [theta_0], stage by stage: 1, 0.3 and 0.1 degrees a tick for a
 joint of 2.5. One stage sharper, IPOPT fails or reports success at three times the error."""
 
-REGULARISATION = 1e-4
-"""Weight on the distance of the requests from the desired angles."""
+REGULARISATION = 1e-4  # weight on the distance of the requests from the desired angles
 
 
 def smoothed(error: Any, radius: Any, *, v_max: float, theta_0: float) -> Any:

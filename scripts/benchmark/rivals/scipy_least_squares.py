@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -9,11 +11,8 @@ import planner
 
 from .problem import DEGREE, RADII, REGULARISATION, Array, Limits, Solve, best_of
 
-MOST_EVALUATIONS = 60
-"""Simulations in one stage."""
-
-CYCLES = 20
-"""Most rounds of Newton's method for the angle at a cycle's boundary."""
+MOST_EVALUATIONS = 60  # simulations in one stage
+CYCLES = 20  # most rounds of Newton's method for the angle at a cycle's boundary
 
 
 class Simulation:
@@ -29,11 +28,8 @@ class Simulation:
     def run(self, requests: Array, radius: float, boundary: float) -> tuple[Array, Array, Array]:
         """Angles, their derivatives by the angle before and by the requests that act."""
         windows = requests[self.acting] + self.offset
-        angles, by_angle, by_request = (
-            np.empty(len(windows)),
-            np.empty(len(windows)),
-            np.empty(windows.shape),
-        )
+        angles, by_angle = np.empty((2, len(windows)))
+        by_request = np.empty(windows.shape)
         gain, rounded = self.v_max / (2.0 * self.theta_0), radius**2
         angle = boundary
         for tick, window in enumerate(windows):
@@ -90,19 +86,16 @@ def build(model: planner.JointModel, samples: int) -> Solve:
                     last[key] = simulation.cycle(requests, radius, boundary)
                 return last[key]
 
-            result = least_squares(
-                lambda requests: np.append(
-                    cycle(requests)[0] - desired, weight * (requests - resting)
-                ),
-                np.clip(requests, lower + inside, upper - inside),
-                jac=lambda requests: np.vstack(
-                    [simulation.jacobian(*cycle(requests)[1:]), weight * np.eye(samples)]
-                ),
-                bounds=(lower, upper),
-                max_nfev=MOST_EVALUATIONS,
-                x_scale=1.0,
-            )
-            requests = result.x
+            def residuals(requests: Array, cycle: Any = cycle) -> Array:
+                return np.append(cycle(requests)[0] - desired, weight * (requests - resting))
+
+            def slopes(requests: Array, cycle: Any = cycle) -> Array:
+                exact = simulation.jacobian(*cycle(requests)[1:])
+                return np.vstack([exact, weight * np.eye(samples)])
+
+            begin = np.clip(requests, lower + inside, upper - inside)
+            options = {"bounds": (lower, upper), "max_nfev": MOST_EVALUATIONS, "x_scale": 1.0}
+            requests = least_squares(residuals, begin, jac=slopes, **options).x
             candidates.append(requests * DEGREE)
         return best_of(model, trajectory, limits, candidates)
 
