@@ -9,7 +9,13 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner.exceptions import InvalidInput
 
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
@@ -47,6 +53,21 @@ class Snapshot:
         raise AssertionError(
             f"{shown}\nwhere this is meant: pytest --rewrite-snapshots, and review the diff"
         )
+
+    def refusals(
+        self, name: str, call: Callable[[Any], object], cases: Mapping[str, Any], **paths: Path
+    ) -> None:
+        """Compare the messages with which a call refuses cases; paths are shown by their keys."""
+        told = []
+        for case, argument in cases.items():
+            with pytest.raises(InvalidInput) as caught:
+                call(argument)
+            message = str(caught.value)
+            assert message.isprintable()
+            for label, path in paths.items():
+                message = message.replace(str(path), label)
+            told.append(f"{case}: {message}\n")
+        self.check(name, "".join(told))
 
 
 def close(first: str, second: str) -> bool:

@@ -138,22 +138,6 @@ BAD = {
 }
 
 
-def refusals(read, changes, file):
-    """What ``read`` says of the robot's file with each of some changes."""
-    said = []
-    for name, change in changes.items():
-        assert ROBOT.count(change[0]) == 1, name
-        file.write_text(ROBOT.replace(*change))
-        with pytest.raises(InvalidFile) as caught:
-            read(file)
-        said.append(f"{name}: {caught.value}\n".replace(str(file), "FILE"))
-    return "".join(said)
-
-
-def test_what_cannot_be_known_of_a_joint_is_refused(file, snapshot):
-    snapshot.check("models", refusals(read_model_file, BAD, file))
-
-
 BAD_LEGS = {
     "no base and no foot": ('base = "body"\nfoot = "ball"\n', ""),
     "a frame without a name": ('"torso"', '""'),
@@ -166,25 +150,47 @@ BAD_LEGS = {
 }
 
 
-def test_a_leg_that_is_none_is_refused_with_its_line(file, snapshot):
-    snapshot.check("legs", refusals(read_legs, BAD_LEGS, file))
+BAD_BUS = {
+    "a number for a port": ('"/dev/ttyUSB0"', "3"),
+    "a null character": ("/dev/ttyUSB0", r"a\u0000b"),
+    "an unknown bus": ('"feetech"', '"feetec"'),
+    "a rate of bits that is none": ('port = "/dev/ttyUSB0"', "baud_rate = 1e6"),
+}
+
+BAD_SERVOS = {
+    "no identifier": ("id = 7\n", ""),
+    "an identifier beyond all": ("id = 7", "id = 253"),
+    "half an identifier": ("id = 7", "id = 1.5"),
+    "an identifier that is yes": ("id = 7", "id = true"),
+    "no direction": ("direction = -1", "direction = 0"),
+    "a count in words": ("zero_tick = 2000", "zero_tick = 'left'"),
+    "a turn that is yes": ("1228.8", "true"),
+    "limits that are none": ("[-0.5, 1.5]", "[-inf, inf]"),
+    "one limit": ("[-0.5, 1.5]", "[0.1]"),
+    "a number for limits": ("[-0.5, 1.5]", "0.5"),
+    "limits upside down": ("[-0.5, 1.5]", "[1.5, -0.5]"),
+    "half a gain": ("p_gain = 16", "p_gain = 1.5"),
+    "an unknown key": ("p_gain", "p_gian"),
+}
 
 
-@pytest.mark.parametrize("read", [read_bus, read_model_file])
 @pytest.mark.parametrize(
-    ("port", "message"),
+    ("name", "reads", "cases"),
     [
-        ("port = 3", "port: got 3, expected a text in quotes, without null characters"),
-        (r'port = "a\u0000b"', r"port: got 'a\x00b', expected a text in quotes, without null"),
-        ('bus = "feetec"', "bus: got 'feetec', expected one of virtual, feetech, dynamixel"),
-        ("baud_rate = 1e6", "baud_rate: got 1000000.0, expected a whole number"),
+        ("models", [read_model_file], BAD),
+        ("legs", [read_legs], BAD_LEGS),
+        ("bus", [read_bus, read_model_file], BAD_BUS),
+        ("servos", [read_servos], BAD_SERVOS),
     ],
 )
-def test_a_bus_that_is_none_is_refused_with_its_line_also_by_a_plan(file, read, port, message):
-    file.write_text(ROBOT.replace('bus = "feetech"', "").replace('port = "/dev/ttyUSB0"', port))
-    with pytest.raises(InvalidFile) as caught:
-        read(file)
-    assert str(caught.value).startswith(f"{file}, line 3: {message}")
+def test_what_cannot_be_known_of_a_robot_is_refused(file, snapshot, name, reads, cases):
+    for read in reads:
+
+        def changed(change, read=read):
+            file.write_text(ROBOT.replace(*change))
+            read(file)
+
+        snapshot.refusals(name, changed, cases, FILE=file)
 
 
 def test_joints_called_leg_and_port_are_joints(file):
@@ -207,49 +213,6 @@ def test_a_model_file_keeps_inertia_and_sag_and_leaves_them_out_where_there_are_
     assert {name for name, none in without.items() if getattr(model, name) != none} == {
         *(keys & without.keys())
     }
-
-
-SERVO = {
-    "id": "7",
-    "zero_tick": "2000",
-    "direction": "-1",
-    "ticks_per_turn": "1228.8",
-    "limits": "[-0.5, 1.5]",
-    "p_gain": "16",
-}
-
-
-def written(tmp_path, **changes):
-    """A model file whose joint ``knee`` has a servo; None leaves a key out."""
-    keys = {name: value for name, value in (SERVO | changes).items() if value is not None}
-    table = "\n".join(f"{name} = {value}" for name, value in keys.items())
-    file = tmp_path / "arm.toml"
-    file.write_text(f"v_max = 5.0\n\n[knee.servo]\n{table}\n")
-    return file
-
-
-@pytest.mark.parametrize(
-    ("changes", "line", "message"),
-    [
-        ({"id": None}, 3, r"\[knee.servo\] has no id"),
-        ({"id": "253"}, None, "got the identifier 253, expected 0 to 252"),
-        ({"direction": "0"}, None, "direction: got 0, expected 1 or -1"),
-        ({"id": "1.5"}, 4, "id: got 1.5, expected a whole number"),
-        ({"id": "true"}, 4, "id: got True, expected a whole number"),
-        ({"zero_tick": '"left"'}, 5, "zero_tick: got 'left', expected a whole number"),
-        ({"ticks_per_turn": "true"}, 7, "ticks_per_turn: got True, expected a number"),
-        ({"limits": "[-inf, inf]"}, 8, "limits: got .*, expected two angles"),
-        ({"limits": "[0.1]"}, 8, "limits: got .*, expected two angles"),
-        ({"limits": "0.5"}, 8, "limits: got 0.5, expected two angles"),
-        ({"p_gain": "1.5"}, 9, "p_gain: got 1.5, expected a whole number"),
-        ({"p_gian": "3"}, 10, "unknown key 'p_gian' .did you mean 'p_gain'"),
-        ({"limits": "[1.5, -0.5]"}, None, "limits: got .*, expected the lower one first"),
-    ],
-)
-def test_a_servo_that_is_none_is_refused(tmp_path, changes, line, message):
-    with pytest.raises(InvalidFile, match=message) as error:
-        read_servos(written(tmp_path, **changes))
-    assert error.value.line == line
 
 
 def test_a_file_without_servos_says_what_is_missing(tmp_path):

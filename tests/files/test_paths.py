@@ -322,20 +322,27 @@ MODELS = {
 }
 
 
+READERS = {
+    "joint path": (read_joint_path, JOINT_PATHS),
+    "foot path": (lambda file: foot_path(path_table(file)), FOOT_PATHS),
+    "model": (read_model_file, MODELS),
+}
+
+
 def test_every_bad_file_says_what_is_wrong(tmp_path, snapshot):
-    said = []
-    for kind, read, cases in (
-        ("joint path", read_joint_path, JOINT_PATHS),
-        ("foot path", lambda file: foot_path(path_table(file)), FOOT_PATHS),
-        ("model", read_model_file, MODELS),
-    ):
-        file = tmp_path / "FILE"
-        for name, content in cases.items():
-            file.write_bytes(content.encode() if isinstance(content, str) else content)
-            with pytest.raises(InvalidFile) as caught:
-                read(file)
-            said.append(f"{kind}, {name}: {caught.value}\n".replace(str(file), "FILE"))
-    snapshot.check("bad_input", "".join(said))
+    file = tmp_path / "FILE"
+
+    def read(case):
+        reader, content = case
+        file.write_bytes(content.encode() if isinstance(content, str) else content)
+        reader(file)
+
+    cases = {
+        f"{kind}, {name}": (reader, content)
+        for kind, (reader, contents) in READERS.items()
+        for name, content in contents.items()
+    }
+    snapshot.refusals("bad_input", read, cases, FILE=file)
 
 
 PATH = "t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,4\n"
@@ -373,8 +380,3 @@ def test_a_joint_without_a_model_and_a_misspelt_table_are_refused(tmp_path):
     file.write_text(MODEL + "[rotater]\nlag = 0.05\n")
     with pytest.raises(InvalidFile, match="'rotator' \\(did you mean 'rotater'\\?\\)"):
         read_model_file(file).for_joints(["rotator"])
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    return tmp_path_factory.mktemp("any") / "file"

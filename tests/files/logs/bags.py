@@ -6,6 +6,7 @@ import sqlite3
 
 import numpy as np
 from rosbags import rosbag1, rosbag2
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from planner.files.logs.bag_file import CONTROLLER_STATE, LAYOUTS
@@ -40,67 +41,57 @@ class Kit:
 
     def __init__(self, types):
         self.types = types
-        self.t = types.types
 
-    def stamp(self, nanoseconds):
-        sec, nanosec = divmod(nanoseconds, 1_000_000_000)
-        return self.t["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
+    def message(self, kind, **values):
+        """A message of zeros and empty lists but for these values."""
+
+        def default(form, of):
+            if form == Nodetype.NAME:
+                return self.message(of)
+            if form == Nodetype.BASE:
+                return "" if of[0] == "string" else 0
+            return np.array([]) if of[0][1][0] == "float64" else []
+
+        fields = dict(self.types.fielddefs[kind][1])
+        own = {name: value for name, value in values.items() if name in fields}
+        missing = {name: default(*node) for name, node in fields.items() if name not in own}
+        return self.types.types[kind](**own, **missing)
 
     def header(self, nanoseconds):
-        extra = {"seq": 0} if "seq" in _fields(self.t["std_msgs/msg/Header"]) else {}
-        return self.t["std_msgs/msg/Header"](stamp=self.stamp(nanoseconds), frame_id="", **extra)
+        sec, nanosec = divmod(nanoseconds, 1_000_000_000)
+        stamp = self.message("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+        return self.message("std_msgs/msg/Header", stamp=stamp)
 
     def point(self, values):
-        return self.t["trajectory_msgs/msg/JointTrajectoryPoint"](
-            positions=np.array(values, dtype=np.float64),
-            velocities=np.array([]),
-            accelerations=np.array([]),
-            effort=np.array([]),
-            time_from_start=self.t["builtin_interfaces/msg/Duration"](sec=0, nanosec=0),
+        return self.message(
+            "trajectory_msgs/msg/JointTrajectoryPoint", positions=np.array(values, dtype=float)
         )
 
     def state(self, nanoseconds, requested, actual, joints=JOINTS):
         """A controller's state, whatever its layout."""
-        known = {"reference": requested, "desired": requested, "feedback": actual, "actual": actual}
-        content = {"header": self.header(nanoseconds), "joint_names": list(joints)}
-        for name in _fields(self.t[CONTROLLER_STATE]):
-            if name in ("error", "output", *known):
-                content[name] = self.point(known.get(name, [0.0] * len(joints)))
-            elif name == "multi_dof_joint_names":
-                content[name] = []
-            elif name.startswith("multi_dof"):
-                content[name] = self.t["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"](
-                    transforms=[],
-                    velocities=[],
-                    accelerations=[],
-                    time_from_start=self.t["builtin_interfaces/msg/Duration"](sec=0, nanosec=0),
-                )
-        return self.t[CONTROLLER_STATE](**content)
+        request, angle = self.point(requested), self.point(actual)
+        points = {"reference": request, "desired": request, "feedback": angle, "actual": angle}
+        names = {"header": self.header(nanoseconds), "joint_names": list(joints)}
+        return self.message(CONTROLLER_STATE, **names, **points)
 
     def joint_state(self, nanoseconds, values, joints=JOINTS):
-        return self.t["sensor_msgs/msg/JointState"](
-            header=self.header(nanoseconds),
-            name=list(joints),
-            position=np.array(values, dtype=np.float64),
-            velocity=np.array([]),
-            effort=np.array([]),
+        header, angles = self.header(nanoseconds), np.array(values, dtype=float)
+        return self.message(
+            "sensor_msgs/msg/JointState", header=header, name=list(joints), position=angles
         )
 
     def trajectory(self, nanoseconds, values, joints=JOINTS):
-        return self.t["trajectory_msgs/msg/JointTrajectory"](
-            header=self.header(nanoseconds),
-            joint_names=list(joints),
-            points=[self.point(values), self.point([9.0] * len(values))],
+        points = [self.point(values), self.point([9.0] * len(values))]
+        header, names = self.header(nanoseconds), list(joints)
+        return self.message(
+            "trajectory_msgs/msg/JointTrajectory", header=header, joint_names=names, points=points
         )
 
     def numbers(self, values):
-        layout = self.t["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
-        return self.t["std_msgs/msg/Float64MultiArray"](
-            layout=layout, data=np.array(values, dtype=np.float64)
-        )
+        return self.message("std_msgs/msg/Float64MultiArray", data=np.array(values, dtype=float))
 
     def number(self, value):
-        return self.t["std_msgs/msg/Float64"](data=float(value))
+        return self.message("std_msgs/msg/Float64", data=float(value))
 
 
 def write(path, types, messages, *, storage="sqlite3", compression=None):
@@ -133,7 +124,3 @@ def forget_definitions(file):
     with sqlite3.connect(file) as database:
         database.execute("DELETE FROM message_definitions")
     database.close()
-
-
-def _fields(kind):
-    return tuple(kind.__dataclass_fields__)

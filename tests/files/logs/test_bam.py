@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from planner import InvalidFile, joints_in, read_logs
+from planner import joints_in, read_logs
 
 SAMPLES = [(0.01, 0.0, 0.1), (0.03, 0.5, 0.2), (0.06, 1.0, 0.3), (0.08, 1.5, 0.4)]
 """Time [s], goal and position [rad] of every entry."""
@@ -67,17 +67,16 @@ BAD = {
     "nested without end": "[" * 100_000,
     "torque in words": {"entries": _entries(entry_0={"torque_enable": "on"})},
     "unsorted": {"entries": _entries(entry_2={"timestamp": 0.02})},
+    **{
+        f"a mass of {mass}": {"mass": mass, "length": 0.1, "entries": _entries()}
+        for mass in ("a pendulum", True, -1.0, math.nan, 1e300)
+    },
 }
 
 
 def test_what_cannot_be_read_is_reported_with_its_place(tmp_path, snapshot):
-    said = []
-    for name, content in BAD.items():
-        file = _file(tmp_path, content)
-        with pytest.raises(InvalidFile) as caught:
-            read_logs(file)
-        said.append(f"{name}: {caught.value}\n".replace(str(file), "FILE"))
-    snapshot.check("bam", "".join(said))
+    file = tmp_path / "run.json"
+    snapshot.refusals("bam", lambda each: read_logs(_file(tmp_path, each)), BAD, FILE=file)
 
 
 @pytest.mark.parametrize("goal", [None, math.nan])
@@ -99,9 +98,3 @@ def test_the_weight_of_the_pendulum_is_the_load(tmp_path):
     np.testing.assert_allclose(log.load, expected * 1.3 / 1.2, rtol=1e-12)
     (log,) = read_logs(_file(tmp_path, {"mass": 1.2, "entries": _entries()}))
     assert log.load is None
-
-
-@pytest.mark.parametrize("mass", ["heavy", True, -1.0, math.nan, 1e300])
-def test_a_pendulum_that_cannot_be_is_refused(tmp_path, mass):
-    with pytest.raises(InvalidFile, match=r"'mass': got .* expected a number, 0 or more"):
-        read_logs(_file(tmp_path, {"mass": mass, "length": 0.1, "entries": _entries()}))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 
 import numpy as np
 import pyarrow as pa
@@ -143,33 +142,33 @@ def test_a_dataset_says_what_its_description_and_the_options_say(tmp_path, snaps
     snapshot.check("lerobot_read", "".join(said))
 
 
-def _refused(path, **options):
-    with pytest.raises(InvalidFile) as caught:
-        read_logs(path, options=LogOptions(**options))
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+ASKED = (
+    {"joint": "gripper"},
+    {"unit": "deg"},
+    {"joint": "elbow", "unit": "deg"},
+    {"joint": "gripper", "unit": "ticks"},
+    {"time": "timestamp"},
+)
+
+GRIPPER = {"joint": "gripper", "unit": "deg"}
+
+
+def _read(path, **options):
+    return read_logs(path, options=LogOptions(**options))
 
 
 def test_what_a_dataset_does_not_tell_is_asked_for(tmp_path, snapshot):
     root = v21(tmp_path / "set")
-    asked = (
-        {"joint": "gripper"},
-        {"unit": "deg"},
-        {"joint": "elbow", "unit": "deg"},
-        {"joint": "gripper", "unit": "ticks"},
-        {"time": "timestamp"},
-    )
-    said = [f"{options}: {_refused(root, **options)}\n" for options in asked]
-    snapshot.check("lerobot_options", "".join(said).replace(str(root), "FILE"))
+    cases = {f"{options}": options for options in ASKED}
+    snapshot.refusals("lerobot_options", lambda each: _read(root, **each), cases, FILE=root)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_an_episode_that_is_not_there_is_reported_with_those_that_are(tmp_path, layout):
     root = LAYOUTS[layout](tmp_path / "set")
     for episodes in ("1,7", "7", "9,2,7"):
-        assert _refused(root, joint="gripper", unit="deg", episodes=episodes) == (
-            f"{root}: no episode 7; episodes: 0-2"
-        )
+        with pytest.raises(InvalidFile, match=r"set: no episode 7; episodes: 0-2$"):
+            _read(root, **GRIPPER, episodes=episodes)
 
 
 def _with_table(tmp_path, change):
@@ -215,24 +214,24 @@ def test_a_row_with_an_empty_cell_is_left_out_with_a_note(tmp_path, last):
 
 
 def test_a_table_that_cannot_be_read_is_reported_with_its_place(tmp_path, snapshot):
-    said = []
-    for name, change in TABLES.items():
-        _, file = _with_table(tmp_path, change)
-        told = _refused(tmp_path / "set", joint="gripper", unit="deg", episodes="0")
-        said.append(f"{name}: {told}\n".replace(str(file), "FILE"))
-        shutil.rmtree(tmp_path / "set")
-    snapshot.check("lerobot_tables", "".join(said))
+    root, file = _with_table(tmp_path, lambda table: table)
+
+    def read(change):
+        parquet.write_table(change(rows(0)), file)
+        _read(root, **GRIPPER, episodes="0")
+
+    snapshot.refusals("lerobot_tables", read, TABLES, FILE=file)
 
 
 def test_a_file_that_is_cut_short_is_refused(tmp_path):
-    root = v21(tmp_path / "set")
-    file = root / "data" / "chunk-000" / "episode_000000.parquet"
+    root, file = _with_table(tmp_path, lambda table: table)
     content = file.read_bytes()
     for end in (0, 3, len(content) // 2, len(content) - 1):
         file.write_bytes(content[:end])
-        told = _refused(root, joint="gripper", unit="deg", episodes="0")
-        assert told.startswith(f"{file}: not Parquet that can be read (")
-        assert told.endswith("); is the file cut short?")
+        with pytest.raises(
+            InvalidFile, match=r"0\.parquet: not Parquet that .*; is the file cut short\?$"
+        ):
+            _read(root, **GRIPPER, episodes="0")
 
 
 @pytest.mark.parametrize(
@@ -259,11 +258,11 @@ INFOS = {
 
 
 def test_a_description_that_cannot_be_understood_is_refused(tmp_path, snapshot):
-    root, said = v21(tmp_path / "set"), []
+    root = v21(tmp_path / "set")
     file = root / "meta" / "info.json"
-    for name, content in INFOS.items():
+
+    def read(content):
         file.write_text(json.dumps(content))
-        said.append(
-            f"{name}: {_refused(root)}\n".replace(str(file), "FILE").replace(str(root), "SET")
-        )
-    snapshot.check("lerobot_descriptions", "".join(said))
+        _read(root)
+
+    snapshot.refusals("lerobot_descriptions", read, INFOS, FILE=file, SET=root)

@@ -10,7 +10,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from planner import InvalidInput, LogOptions
+from planner import LogOptions
 from planner.cli.identify import identify
 from planner.cli.options import log_options, to_log_options
 from planner.files import columns
@@ -32,12 +32,7 @@ BAD = {
 
 
 def test_options_that_fit_no_log_are_refused(snapshot):
-    said = []
-    for name, options in BAD.items():
-        with pytest.raises(InvalidInput) as caught:
-            LogOptions(**options)
-        said.append(f"{name}: {caught.value}\n")
-    snapshot.check("log_options", "".join(said))
+    snapshot.refusals("log_options", lambda options: LogOptions(**options), BAD)
 
 
 def test_the_command_lines_options_become_log_options():
