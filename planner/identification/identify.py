@@ -77,7 +77,7 @@ from planner.identification.result import (
     Interval,
     LogFit,
     Term,
-    angle_in,
+    told,
 )
 from planner.identification.terms import (
     backlash_of,
@@ -174,12 +174,9 @@ def identify(
     held = _held_out(search, found.fit, faster=found.refuted) if hold_out else None
     notes = [*notes_on(every, timing, jumps), *stuck_rows, *touched, *stopped, *found.notes]
     if even is not None:
-        words = "the times of the rows jitter: rows every "
-        words += f"{1e3 * timing.period:.3g} ms fit better, and are taken"
-        notes.append(Finding("log", words))
+        notes.append(told("log", "jitter", period=1e3 * timing.period))
     if hold_out and held is None:
-        words = "nothing was held out: the first half of the log holds no motion to fit"
-        notes.append(Finding("log", words))
+        notes.append(told("log", "nothing_held_out"))
     return _answer(search, fine, every, found, held, notes, hold_out=hold_out)
 
 
@@ -282,7 +279,7 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
             resampled_like(fit.grid, free, fit.grid.tick), fit.parameters, free=fit.free
         )
     named = zip(logs, touched, strict=True)
-    return free, [joined(parts, log.unit).finding(log, LEFT_OUT) for log, parts in named if parts]
+    return free, [joined(parts).finding(log, LEFT_OUT) for log, parts in named if parts]
 
 
 def _searched(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -> _Search:
@@ -386,23 +383,16 @@ def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bo
     limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
     most = float(np.max(np.abs(limits))) + model.v_max / model.theta_0 * model.most_pose_sag
     seen, most = max(outside), most * (upper / fit.parameters.v_max)  # of a joint with that v_max
-    refuted, fast = seen - SPEED_NOISE * noise_of(fit) > most, angle_in(logs[0].unit, seen, "/s")
+    refuted, unit = seen - SPEED_NOISE * noise_of(fit) > most, logs[0].unit
     if refuted:
-        words = (
-            f"{logs[outside.index(seen)].name}: the joint moves at up to {fast} in rows that are "
-            "not fitted, and those that are bound its top speed at "
-            f"{angle_in(logs[0].unit, most, '/s')}: a limit in the servo was changed, or something "
-            "pushed the joint; v_max is the measured speed; record anew with one limit, or leave "
-            "out the rows in which it was pushed"
-        )
-        notes.append(Finding("log", words))
+        name = logs[outside.index(seen)].name
+        notes.append(told("log", "faster_than_bounded", unit, log=name, seen=seen, most=most))
     elif upper == math.inf and seen > lower:
         for each, speed in zip(_log_fits(logs, fit, None), outside, strict=True):
-            left_out = ", ".join(f"{count} {why}" for why, count in each.left_out.items())
             if speed == seen:
-                words = f"{each.log.name}: the joint moves at up to {fast}, its least top speed, "
-                words += f"also in rows that are not fitted: {left_out}"
-                notes.append(Finding("log", words))
+                left_out = ", ".join(f"{count} {why}" for why, count in each.left_out.items())
+                known = {"log": each.log.name, "seen": seen, "left_out": left_out}
+                notes.append(told("log", "fast_elsewhere", unit, **known))
     if notes:
         bounds["v_max"] = Interval(max(seen, lower), math.inf)
         if seen > fit.parameters.v_max:

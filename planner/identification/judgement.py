@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -18,13 +19,9 @@ from planner.identification.grid import Grid, Timing, sound_rows, unequal
 from planner.identification.intervals import at_edge
 from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import GAP, Log
-from planner.identification.result import Finding, HeldOut, Interval, angle_in
+from planner.identification.result import Finding, HeldOut, Interval, Topic, told
 from planner.model.evidence import PROVEN, Verdict
 from planner.trajectory import Array, rms
-
-REASONS = (
-    "is the joint overloaded, held up by friction or by a limit, or is this another joint's column?"
-)
 
 SIMPLER = {
     "raw": "the request itself",
@@ -96,7 +93,7 @@ def verdict_on(
         The verdict, its reason and what else to know; the topic of the reason is "fit", or what
         makes a fit to the log meaningless.
     """
-    angle, error, where = partial(angle_in, unit), sound_rms(fit.residuals), ""
+    error, where = sound_rms(fit.residuals), ""
     if held is not None and held.sound_rms >= error:
         error, where = held.sound_rms, " in the part that was held out"
     missed, mere = error / signal, min(simple["raw"], simple["delay"])
@@ -108,63 +105,43 @@ def verdict_on(
     steps = np.diff(angles)[run[1:] == run[:-1]]  # of noise as large as the motion
     chance = 1.0 - 2.0 / math.sqrt(len(angles))
     if not fits and rms(steps) ** 2 / 2.0 >= chance * signal**2:
-        words = (
-            "this log holds no motion of the joint: its angles change from row to row at random, "
-            f"by {angle(signal)} (rms); is the torque on, and is this the right column?"
-        )
-        return _refused("the log holds no motion of the joint", Finding("motion", words))
+        note = told("motion", "no_motion", unit, signal=signal)
+        return _refused("the log holds no motion of the joint", note)
     if against is not None:
         return _refused("the joint seems to move against its requests", against)
     if exchanged is not None and not fits:
         return _refused("the joint seems to move before it is requested to", exchanged)
-    scale = _other_scale(fit.grid, unit)
+    spans = _other_scale(fit.grid)
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
     beaten, span = ours > SIMPLER_WINS * others[name], float(np.ptp(angles))
     notes = [*shaken]
     if held is not None and held.beyond:
-        words = (
-            "the part that was held out calls for faster motion than the part that was fitted, "
-            "which does not say how fast the joint can be: it is predicted with the top speed of "
-            "the fit to all rows"
-        )
-        notes.append(Finding("held out", words))
+        notes.append(told("held out", "held_out_is_faster"))
     if suspect:
-        words = "the model misses" if fits else "the model does not fit: it misses"
-        words += f" {100.0 * missed:.0f} % of the motion's standard deviation{where}"
-        words += f" (rms {angle(error)})"
-        if useless:
-            words += f", and a mere delay hardly more ({angle(mere)} in place of {angle(fit.rms)})"
-        elif not fits:
-            words += f"; more than {100.0 * REFUSED:.0f} % is not accepted"
-        words += f"; {scale} if not, {REASONS}" if scale else f"; {REASONS}"
-        notes.append(Finding("columns" if scale else "error" if fits else "fit", words))
-        if scale and not fits:
+        topic: Topic = "columns" if spans else "error" if fits else "fit"
+        known: dict[str, Any] = {
+            "useless": useless,
+            "most": REFUSED,
+            "fits": fits,
+            "spans": spans,
+            "where": where,
+        }
+        sizes = {"missed": missed, "error": error, "rms": fit.rms, "mere": mere}
+        notes.append(told(topic, "misses", unit, **known, **sizes))
+        if spans and not fits:
             return _refused(ANOTHER_SCALE, notes[-1])
-    elif scale and span > np.ptp(fit.grid.requests):  # taken for gravity
-        notes.append(Finding("columns", f"{scale} if not, its load moves the joint so far"))
+    elif spans and span > np.ptp(fit.grid.requests):  # taken for gravity
+        notes.append(told("columns", "scale_or_load", unit, spans=spans))
     if not fits and span < 0.2:
-        words = (
-            f"the joint hardly moves in this log, by {angle(span)} in all: record requests that "
-            f"span {angle(30.0 * error, digits=1)} or more, of which friction, play and the "
-            "sensor's steps are a smaller part"
-        )
-        notes.append(Finding("motion", words))
+        notes.append(told("motion", "hardly_moves", unit, span=span, least=30.0 * error))
     if exchanged is not None and suspect:
         notes.append(exchanged)
     if beaten:
-        words = (
-            f"{SIMPLER[name]} predicts better than the model (rms {angle(others[name])} against "
-            f"{angle(ours)}): the log is too short or too gentle for more"
-        )
-        notes.append(Finding("simpler", words))
+        sizes = {"error": others[name], "ours": ours}
+        notes.append(told("simpler", "simpler", unit, name=SIMPLER[name], **sizes))
     if fits and hidden:
-        words = (
-            "the log does not determine dry friction: the dead band may be larger by "
-            f"{angle(friction)}, and slow motion further off; record motion that is slow and "
-            "reverses, such as excite --kind slow-triangle"
-        )
-        notes.append(Finding("friction", words))
+        notes.append(told("friction", "friction", unit, friction=friction))
     notes += _undetermined(fit, bounds, unit)
     share = f"{100.0 * missed:{'.0f' if missed >= 0.01 else '.1f'}}"
     why, delay = f"it misses {share} % of the motion{where}", others["delay"]
@@ -203,42 +180,29 @@ def _refused(why: str, note: Finding) -> tuple[Verdict, Finding, list[Finding]]:
 def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[Finding]:
     """A finding for each parameter that the log does not determine."""
     found = []
-    at, called = fit.parameters, peak_command(fit)
-    gain, v_max, angle = bounds["gain"], bounds["v_max"], partial(angle_in, unit)
+    at, called, gain, v_max = fit.parameters, peak_command(fit), bounds["gain"], bounds["v_max"]
     if math.isinf(v_max.upper):
-        seldom = "hardly" if at.v_max <= called else "never"
-        known = (
-            f"only v_max/theta_0 = {at.gain:.3g} per second is known"
-            if gain.upper - gain.lower <= 2.0 * at.gain
-            else "neither v_max nor theta_0 is known"
+        found.append(
+            told(
+                "top speed",
+                "top_speed",
+                unit,
+                reached=at.v_max <= called,
+                gain=at.gain if gain.upper - gain.lower <= 2.0 * at.gain else None,
+                least=v_max.lower,
+                v_max=at.v_max,
+                steps=max(2.0 * called / at.gain, fit.grid.span),
+            )
         )
-        steps = max(2.0 * called / at.gain, fit.grid.span)
-        words = (
-            f"the joint {seldom} saturates in this log: {known}; v_max is at least "
-            f"{angle(v_max.lower, '/s')}, and the model has {angle(at.v_max, '/s')}, no more than "
-            f"this log shows or calls for; record steps larger than about {angle(steps, digits=1)}"
-        )
-        found.append(Finding("top speed", words))
     elif math.isinf(gain.upper) and gain.lower > 0.0:
-        words = (
-            f"theta_0 is only known to be less than {angle(bounds['theta_0'].upper)}: record "
-            "small steps, or slow motion, in which the joint does not saturate"
-        )
-        found.append(Finding("threshold", words))
-    times = ("lag", "acceleration_time", "time_constant")
-    shares = {"gain": "per second", "asymmetry": "times v_max", "slowing": "times v_max per N m"}
-    per = {"v_max": "/s", "acceleration": "/s^2", "compliance": "/(N m)"}
+        found.append(told("threshold", "threshold", unit, most=bounds["theta_0"].upper))
+    units = dict.fromkeys(("lag", "acceleration_time", "time_constant"), "s")
+    units |= {"gain": "per second", "asymmetry": "times v_max", "slowing": "times v_max per N m"}
+    units |= {"v_max": "/s", "acceleration": "/s^2", "compliance": "/(N m)"}
     for name in fit.free_names:
         if at_edge(fit, name):
-            value = getattr(at, name)
-            size = f"{1e3 * value:.3g} ms" if name in times else angle(value, per.get(name, ""))
-            if name in shares:
-                size = f"{float(f'{value:.3g}'):g} {shares[name]}"
-            words = (
-                f"{name} ended at the edge of the search, at {size}: the logs do not say how much "
-                "further it would go, and the model probably does not fit this joint"
-            )
-            found.append(Finding("search", words))
+            value, of = getattr(at, name), units.get(name, "")
+            found.append(told("search", "search", unit, name=name, value=value, unit_of=of))
     return found + _undetermined_delays(fit, bounds)
 
 
@@ -256,34 +220,24 @@ def _undetermined_delays(fit: Fit, bounds: Mapping[str, Interval]) -> list[Findi
     Sudden steps tell them as well as any motion, and more rows a second than the joint needs to
     respond hardly more: three simulated servos have the same wide intervals at 50, 100 and 200 Hz.
     """
-    at, ends, words = fit.parameters, {}, []
+    at, ends, found = fit.parameters, {}, []
     for name in ("lag", "acceleration_time"):
         low, high = bounds[name]
         ends[name] = f"{1e3 * low:.0f} and {1e3 * high:.0f} ms"
         if is_loose(fit.grid.tick, high - low, getattr(at, name)):
-            words.append(
-                f"{name} is not known at all: record sudden steps"
-                if math.isinf(high)
-                else f"{name} lies anywhere between {ends[name]}: record sudden steps to tell it "
-                "from other delays"
-            )
+            bounded = math.isfinite(high)
+            found.append(told("delays", "delay", name=name, ends=ends[name], bounded=bounded))
     # Sudden are requests most of whose way is in steps, or that have six steps between rests: more
     # would show no more. The signal that ``excite`` proposes has 12.
     steps = np.abs(np.diff(fit.grid.requests))
     jumps, rests = steps >= 0.1 * fit.grid.span, np.diff(fit.grid.edges) >= 0.2  # [s]
     sudden = np.sum(steps[jumps]) > 0.5 * np.sum(steps)
     sudden |= np.sum(jumps[:-1] & rests[:-1] & rests[1:]) >= 6
-    if words and sudden and all(bounds[name].bounded for name in ends):
+    if found and sudden and all(bounds[name].bounded for name in ends):
         late = at.lag + at.acceleration_time / 2.0 + at.time_constant
-        if float(np.median(np.diff(fit.grid.times))) <= late:
-            return []
-        both = (
-            f"lag, between {ends['lag']}, and acceleration_time, between "
-            f"{ends['acceleration_time']}, are not known: the joint responds between two rows; "
-            "record more rows a second"
-        )
-        return [Finding("log", both)]  # another recording at this rate would show no more
-    return [Finding("delays", each) for each in words]
+        close = float(np.median(np.diff(fit.grid.times))) <= late
+        return [] if close else [told("log", "slow_rows", **ends)]
+    return found  # of sudden steps another recording at this rate would show no more
 
 
 def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[Finding]:
@@ -291,41 +245,23 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
 
     ``jumps`` is for each log how often its angles, or else its requests, started after a turn anew.
     """
-    words = []
+    found = []
     periods = [1e3 * log.period for log in logs]
     if unequal(logs):
-        words.append(
-            f"the logs have periods from {min(periods):.3g} to {max(periods):.3g} ms; the model's "
-            f"is {1e3 * timing.period:.3g} ms"
-        )
+        known = {"most": max(periods), "period": 1e3 * timing.period}
+        found.append(told("log", "unequal", least=min(periods), **known))
     for log, often in zip(logs, jumps, strict=True):
+        say = partial(told, "log", log=log.name)
         if often:
-            words.append(
-                f"{log.name}: the actual or requested angle jumps by a whole turn "
-                f"{'once' if often == 1 else f'{often} times'}, as encoders do that start again; "
-                "it is taken to go on"
-            )
+            found.append(say("turns", often=often))
         pauses = np.diff(log.times)
         if (holes := np.flatnonzero(pauses > GAP * log.period)).size:
-            first = ", ".join(
-                f"{pauses[k]:.2g} s after row {k} at {log.times[k]:.4g} s" for k in holes[:3]
-            )
-            more = f" and {len(holes) - 3} more" if len(holes) > 3 else ""
-            words.append(
-                f"{log.name}: rows are missing for {first}{more}: what was requested meanwhile is "
-                "not known, so the motion is not compared there, and begins anew after it"
-            )
+            found.append(say("gaps", gaps=[(pauses[k], k, log.times[k]) for k in holes]))
         if not log.torque_on.all():
-            off = 1.0 - float(np.mean(log.torque_on))
-            words.append(
-                f"{log.name}: torque is off in {100.0 * off:.0f} % of the rows, which are left out"
-            )
+            found.append(say("torque", share=1.0 - float(np.mean(log.torque_on))))
         if count := int(np.sum(log.measured & ~sound_rows(log))):
-            words.append(
-                f"{log.name}: left out are {count} measured angles that no joint takes: they jump "
-                "away and back"
-            )
-    return [Finding("log", each) for each in words]
+            found.append(say("glitches", count=count))
+    return found
 
 
 def wrong_columns(grid: Grid) -> tuple[Finding | None, Finding | None]:
@@ -349,29 +285,19 @@ def wrong_columns(grid: Grid) -> tuple[Finding | None, Finding | None]:
     (same_delay, same), (delay, other) = best
     as_good = _unlike(other) <= SIGN_LIKENESS * _unlike(same)
     if other >= 0.7 and as_good and delay < same_delay:
+        likes = {"other": other, "delay": 1e3 * delay, "same": same, "same_delay": 1e3 * same_delay}
         repeats = _unlike(same) <= SIGN_LIKENESS * _unlike(other)
-        words = (
-            f"the joint seems to move against its requests: its angles correlate by {other:.2f} "
-            f"with requests of the opposite sign {1e3 * delay:.0f} ms before, and by {same:.2f} "
-            f"with the requests themselves {1e3 * same_delay:.0f} ms before; invert the sign of "
-            "one column" + ", or record motion that does not repeat itself" * repeats
-        )
-        against = Finding("sign", words)
+        against = told("sign", "sign", repeats=repeats, **likes)
     k = _first_best(after)
     past, future = float(np.max(before)), float(after[k])
     if future >= 0.7 and SIGN_LIKENESS * _unlike(future) < _unlike(past):
-        words = (
-            "the joint seems to move before it is requested to: its angles correlate by "
-            f"{future:.2f} with the requests {1e3 * delays[k]:.0f} ms later, and by at most "
-            f"{past:.2f} with earlier ones; are the columns of requested and actual angles "
-            "exchanged, or the times of one of them late?"
-        )
-        exchanged = Finding("columns", words)
+        late = 1e3 * float(delays[k])
+        exchanged = told("columns", "exchanged", future=future, delay=late, past=past)
     return against, exchanged
 
 
-def _other_scale(grid: Grid, unit: str) -> str:
-    """The spans and factors of columns in two scales in words; "" where they are in one.
+def _other_scale(grid: Grid) -> tuple[float, float] | None:
+    """The spans of requests and angles in two scales [rad]; None where they are in one.
 
     The angles then are like the requests, but of another span. A slow or overloaded joint spans
     less than its requests, and one that rings little more; what holds a joint up bends its motion,
@@ -379,21 +305,17 @@ def _other_scale(grid: Grid, unit: str) -> str:
     """
     requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
     if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 1.4:
-        return ""
+        return None
     delays = _delays(grid)
     likeness = _likeness(grid, delays)
     if np.max(likeness) < 0.9:
-        return ""
+        return None
     if actual > requested:  # unless it is for a moment only: the joint may overshoot
         requests = delayed_errors(grid, float(delays[np.argmax(likeness)])) + grid.angles
         usual = [np.diff(np.quantile(each, (0.1, 0.9)))[0] for each in (requests, grid.angles)]
         if usual[1] <= 1.4 * usual[0]:
-            return ""
-    return (
-        f"the angles are like the requests but span {angle_in(unit, actual)} beside "
-        f"{angle_in(unit, requested)}: is the scale of a column wrong? expected actual angles "
-        f"times {requested / actual:.3g}, or requested ones times {actual / requested:.3g};"
-    )
+            return None
+    return requested, actual
 
 
 def _delays(grid: Grid) -> Array:

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,9 +18,9 @@ from planner.identification.result import (
     Finding,
     Interval,
     LogFit,
-    angle_in,
     at_even_times,
     runs_of_fits,
+    told,
 )
 from planner.identification.terms import Backlash
 from planner.model.evidence import errors_of_motion
@@ -57,23 +56,18 @@ joints that touched nothing, within their friction, up to 3.)"""
 
 
 class Held(NamedTuple):
-    """Rows of a log in which something other than its servo holds a joint.
+    """Rows of a log in which something other than its servo holds a joint."""
 
-    Attributes:
-        rows: The rows, increasing.
-        words: What holds it; "" for contact, which :func:`joined` describes.
-        places: Of contact, in how many places of rest.
-        most: Of contact, how far the joint rests beside its model there at most [rad].
-    """
-
-    rows: Indices
-    words: str = ""
-    places: int = 0
-    most: float = 0.0
+    rows: Indices  # increasing
+    name: str  # what holds it: its sentence in ``findings.txt``
+    # of contact in how many places of rest, and how far the joint rests beside its model there at
+    # most [rad]
+    known: dict[str, Any]
 
     def finding(self, log: Log, fate: str) -> Finding:
         """What holds it in this log, and what becomes of its rows."""
-        return Finding("log", f"{log.name}: {self.words}; {fate}")
+        rows = {"count": len(self.rows), "first": self.rows[0], "last": self.rows[-1]}
+        return told("log", self.name, log.unit, log=log.name, fate=fate, **rows, **self.known)
 
 
 def stops(fit: LogFit, noise: float) -> list[Held]:
@@ -98,12 +92,7 @@ def stops(fit: LogFit, noise: float) -> list[Held]:
             continue
         held = np.concatenate(visits)
         if np.ptp(log.requests[held]) > clear:
-            words = (
-                f"a mechanical stop: in {len(held)} rows between {held[0]} and {held[-1]} the "
-                f"joint stays at its {end} angle, {angle_in(log.unit, way * extreme)}, while it is "
-                "requested to go on"
-            )
-            found.append(Held(held, words))
+            found.append(Held(held, "stop", {"end": end, "angle": way * extreme}))
     return found
 
 
@@ -129,12 +118,7 @@ def stuck(log: Log) -> list[Held]:
             if np.all(sides > np.multiply(REFUSED, travel)) or _passed(log, rows, part, length):
                 held = rows[part]
                 away = float(np.max(np.abs(log.requests[held] - log.angles[held])))
-                words = (
-                    f"the joint does not move in {len(held)} rows between {held[0]} and "
-                    f"{held[-1]}, with requests up to {angle_in(log.unit, away, digits=2)} away: "
-                    "something holds it, or its sensor stands still"
-                )
-                found.append(Held(held, words))
+                found.append(Held(held, "stuck", {"away": away}))
     return found
 
 
@@ -161,16 +145,11 @@ def _passed(log: Log, rows: Indices, part: Indices, late: int) -> bool:
     return bool(np.any(passes & (moved > near) & (error <= 0.5 * far) & outside[:-late]))
 
 
-def joined(contacts: Sequence[Held], unit: str) -> Held:
-    """Contact of the same log, of angles in this unit, in different rows."""
+def joined(contacts: Sequence[Held]) -> Held:
+    """Contact of the same log in different rows."""
+    places, most = ([each.known[name] for each in contacts] for name in ("places", "most"))
     rows = np.unique(np.concatenate([contact.rows for contact in contacts]))
-    count, most = sum(each.places for each in contacts), max(each.most for each in contacts)
-    return Held(
-        rows,
-        f"contact: in {count} place{'s' * (count > 1)} of rest the joint is up to "
-        f"{angle_in(unit, most, digits=2)} beside where its servo would hold it, as where an arm "
-        f"stands on a table or on itself: {len(rows)} rows between {rows[0]} and {rows[-1]}",
-    )
+    return Held(rows, "contact", {"places": sum(places), "most": max(most)})
 
 
 def contacts(fits: Sequence[LogFit], noise: float) -> list[list[Held]]:
@@ -201,7 +180,9 @@ def contacts(fits: Sequence[LogFit], noise: float) -> list[list[Held]]:
             off = way * (fits[k].residuals - middle) > 0.5 * clear
             rows[_around(off, places[place][1])] = True
         most = float(np.max(np.abs(beside[held] - middle)))
-        contacts[k].append(Held(np.flatnonzero(rows), "", len(held), most))
+        contacts[k].append(
+            Held(np.flatnonzero(rows), "contact", {"places": len(held), "most": most})
+        )
     return contacts
 
 
@@ -279,20 +260,15 @@ def patterns(
     backlash: Backlash | None = None,
 ) -> list[Finding]:
     """A note for each pattern that shows; ``asymmetry`` is the interval of the model's v_offset."""
-    words = [] if backlash is None else [_backlash(backlash, fits)]
+    unit = fits[0].log.unit
+    found = [] if backlash is None else [_backlash(backlash, fits)]
     determined = asymmetry is not None and asymmetry.lower * asymmetry.upper > 0.0
     if determined and abs(model.v_offset) > 0.05 * model.v_max:
-        up, down = (
-            angle_in(fits[0].log.unit, model.v_max + way * model.v_offset, "/s")
-            for way in (1.0, -1.0)
-        )
-        words.append(
-            f"asymmetry: the joint reaches {up} upwards and {down} downwards, as under a load"
-        )
+        up, down = model.v_max + model.v_offset, model.v_max - model.v_offset
+        found.append(told("pattern", "asymmetry", unit, up=up, down=down))
     for fit in fits:
-        for of_log in (_ringing(model, fit, noise), _drift(fit, noise)):
-            words += [f"{fit.log.name}: {of_log}"] if of_log else []
-    return [Finding("pattern", each) for each in (*words, _contradiction(fits)) if each]
+        found += [*_ringing(model, fit, noise), *_drift(fit, noise)]
+    return [*found, *_contradiction(fits)]
 
 
 def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Finding]:
@@ -323,17 +299,11 @@ def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Finding]:
         size = float(np.sqrt(np.mean(moved**2)))
         alike = float(np.mean(moved[:, 1:] * moved[:, :-1])) / max(size**2, 1e-300)
         if alike > 0.5 and size > 0.35 * fit.rms:
-            words = (
-                f"{log.name}: the joint moves by {angle_in(log.unit, size)} (rms) while its "
-                "request does not change: shaking hides dry friction, and calm motion may be "
-                "further off; record slow motion in which nothing shakes it, such as excite "
-                "--kind slow-triangle"
-            )
-            found.append(Finding("shaken", words))
+            found.append(told("shaken", "shaken", log.unit, log=log.name, size=size))
     return found
 
 
-def _backlash(found: Backlash, fits: Sequence[LogFit]) -> str:
+def _backlash(found: Backlash, fits: Sequence[LogFit]) -> Finding:
     """The play, in how many places of the logs it shows, and the clearest of them."""
     ends = np.cumsum([np.sum(fit.used) for fit in fits])[:-1]
     pieces = (np.split(each, ends) for each in (found.difference, found.gained))
@@ -342,41 +312,37 @@ def _backlash(found: Backlash, fits: Sequence[LogFit]) -> str:
         shows = difference > 0.3 * float(np.max(found.difference))
         of_row = np.zeros(len(fit.used))
         of_row[fit.used] = gained
-        name = f"{fit.log.name} " if len(fits) > 1 and fit.log.name else ""
         for place in _places(np.flatnonzero(fit.used)[shows], APART):
             first, last = int(place[0]), int(place[-1])
-            times = float(fit.log.times[first]), float(fit.log.times[last])
-            words = f"{name}rows {first} to {last} ({times[0]:.2f} to {times[1]:.2f} s)"
-            places.append((float(np.sum(of_row[place])), words))
-    clearest = sorted(places, key=lambda place: -place[0])[:2]
-    angle = partial(angle_in, fits[0].log.unit)
-    return (
-        "backlash: after a reversal the joint starts late, as with a play of about "
-        f"{angle(found.size, digits=2)} (the error is {angle(found.rms)} with it and "
-        f"{angle(found.without)} without, rms); it shows in {len(places)} places, most in "
-        f"{' and '.join(words for _, words in clearest)}; friction that gives way late looks "
-        "alike: move the joint by hand while the motor holds, where play is free"
+            times = fit.log.times[[first, last]].tolist()
+            places.append((float(np.sum(of_row[place])), fit.log.name, first, last, *times))
+    return told(
+        "pattern",
+        "backlash",
+        fits[0].log.unit,
+        play=found.size,
+        rms=found.rms,
+        without=found.without,
+        several=len(fits) > 1,
+        places=sorted(places, key=lambda place: -place[0]),
     )
 
 
-def _contradiction(fits: Sequence[LogFit]) -> str:
+def _contradiction(fits: Sequence[LogFit]) -> list[Finding]:
     """That the joint rests beside the model by other amounts, or to other sides, in two logs."""
     named = [(fit.log.name, fit.residuals[fit.used]) for fit in fits]
     means = {name: (np.mean(left), np.std(left)) for name, left in named if len(left) >= FEW_ROWS}
     if len(means) < 2:
-        return ""
+        return []
     low, high = (choose(means, key=lambda name: means[name][0]) for choose in (min, max))
     apart = float(means[high][0] - means[low][0])
     if apart <= 2.0 * max(means[low][1], means[high][1]):
-        return ""
-    return (
-        "the logs contradict each other: against one model the joint is "
-        f"{angle_in(fits[0].log.unit, apart)} higher in {high} than in {low}; was the load, "
-        "the zero or the pose another? Identify them apart"
-    )
+        return []
+    unit = fits[0].log.unit
+    return [told("pattern", "contradiction", unit, apart=apart, high=high, low=low)]
 
 
-def _ringing(model: JointModel, fit: LogFit, noise: float) -> str:
+def _ringing(model: JointModel, fit: LogFit, noise: float) -> list[Finding]:
     """Steps after which the joint goes farther beyond where it comes to rest than its model."""
     log = fit.log
     changes = np.flatnonzero(np.diff(log.requests)) + 1
@@ -400,27 +366,22 @@ def _ringing(model: JointModel, fit: LogFit, noise: float) -> str:
         if not own and beyond > max(0.05 * rests[0], CLEAR * noise):
             over.append((begin, beyond / rests[0], max(modelled, 0.0) / rests[0]))
     if len(over) < max(2, 0.5 * steps):
-        return ""
-    _, share, modelled = np.median(over, axis=0)
-    return (
-        f"ringing: after {len(over)} of {steps} steps the joint goes {100.0 * share:.0f} % too far "
-        f"before it rests, first after row {over[0][0]}; the model goes {100.0 * modelled:.0f} % "
-        "too far"
-    )
+        return []
+    _, share, modelled = np.median(over, axis=0).tolist()
+    known = {"count": len(over), "steps": steps, "share": share, "modelled": modelled}
+    return [told("pattern", "ringing", log=log.name, row=over[0][0], **known)]
 
 
-def _drift(fit: LogFit, noise: float) -> str:
+def _drift(fit: LogFit, noise: float) -> list[Finding]:
     """Residuals that follow a straight line through the log."""
-    used = np.flatnonzero(fit.used)
+    log, used = fit.log, np.flatnonzero(fit.used)
     if len(used) < FEW_ROWS:
-        return ""
-    times, left = fit.log.times[used], fit.residuals[used]
+        return []
+    times, left = log.times[used], fit.residuals[used]
     line = np.polynomial.Polynomial.fit(times, left, 1)
     change = float(line(times[-1]) - line(times[0]))
     explained = float(np.var(line(times)) / max(np.var(left), 1e-300))
     if explained <= 0.3 or abs(change) <= CLEAR * noise:
-        return ""
-    return (
-        f"a slow drift: the angles leave the model by {angle_in(fit.log.unit, change)} from row "
-        f"{used[0]} to row {used[-1]}"
-    )
+        return []
+    rows = {"first": used[0], "last": used[-1]}
+    return [told("pattern", "drift", log.unit, log=log.name, change=change, **rows)]

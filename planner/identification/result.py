@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from functools import cached_property
-from typing import Any, Literal, NamedTuple, get_args
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from planner.model.evidence import (
 from planner.model.joint import JointModel
 from planner.trajectory import Array, Indices, Mask, rms
 from planner.validation import ReadOnly, Summarised, Summary, freeze
+
+if TYPE_CHECKING:
+    import jinja2
 
 
 class Interval(NamedTuple):
@@ -71,22 +75,50 @@ class Finding(NamedTuple):
     words: str
 
 
-def angle_in(unit: str, value: float, per: str = "", *, digits: int = 3) -> str:
-    """An angle of a log in a finding; of a log of angles in the unit in which the user writes.
+def told(topic: Topic, name: str, unit: str = "rad", /, **values: Any) -> Finding:
+    """A finding by its sentence in ``findings.txt``; the unit is that of the logs, "rad" or "1"."""
+    words = _sentences().get_template(name).render(values, unit=unit)
+    return Finding(topic, " ".join(words.split()))
 
-    Args:
-        unit: The unit of the log, "rad" or "1".
-        value: The angle, or what it is per second.
-        per: What stands behind its unit, such as "/s".
-        digits: Digits of its number.
-    """
+
+@cache
+def _sentences() -> jinja2.Environment:
+    """A template for each sentence, compiled when it is first needed."""
+    import jinja2
+
+    @jinja2.pass_context
+    def angle(of: Mapping[str, Any], value: float, per: str = "", *, digits: int = 3) -> str:
+        return angle_in(of["unit"], value, per, digits=digits)
+
+    sentences = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    source, *_ = jinja2.PackageLoader(__package__, "").get_source(sentences, "findings.txt")
+    parts = re.split(r"^\[(\w+)\]$", source, flags=re.MULTILINE)
+    sentences.loader = jinja2.DictLoader(dict(zip(parts[1::2], parts[2::2], strict=True)))
+    sentences.filters |= {
+        "angle": angle,
+        "digits": lambda value, digits=3: f"{value:.{digits}g}",
+        "fixed": lambda value, digits=2: f"{value:.{digits}f}",
+        "percent": lambda share: f"{100.0 * share:.0f}",
+        "plain": plain,
+    }
+    return sentences
+
+
+def angle_in(unit: str, value: float, per: str = "", *, digits: int = 3) -> str:
+    """An angle of a log, or what it is ``per`` second, in the unit in which the user writes."""
     if math.isinf(value):
         return "any amount"
     if unit == "rad":
         unit = ANGLE_UNIT.get()
         value = math.degrees(value) if unit == "deg" else value
-    unit = "" if unit == "1" else unit
-    return f"{float(f'{value:.{digits - 1}e}'):g} {unit}{per}".rstrip()
+    return f"{plain(value, digits)} {'' if unit == '1' else unit}{per}".rstrip()
+
+
+def plain(value: float, digits: int = 3) -> str:
+    """A number of so many digits without a power of ten."""
+    return f"{float(f'{value:.{digits - 1}e}'):g}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

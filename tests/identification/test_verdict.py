@@ -281,8 +281,8 @@ def test_the_error_by_motion_is_that_of_rows_held_out():
         off = replace(found, fits=(whole,), noise=0.0)
         told = [error for _, error in off.tested.by_acceleration]
         assert told == pytest.approx(len(told) * [np.sqrt(0.05 * final)], rel=1e-3)
-    none = np.zeros(len(beside), dtype=bool)
-    alone = replace(found, fits=(replace(fit, held_out=none),), noise=0.0)
+    none = np.full(len(beside), np.nan)
+    alone = replace(found, fits=(replace(fit, held_out_predicted=none),), noise=0.0)
     assert max(error for _, error in alone.tested.by_acceleration) <= 2.0 * fit.rms
 
 
