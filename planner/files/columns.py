@@ -240,14 +240,10 @@ def time_columns(columns: Sequence[str]) -> tuple[str, ...]:
 def time_column(table: Table, *, advice: str = "") -> str | None:
     """The column of times: ``t_s``, or the only one that may hold them; None where none may."""
     columns = time_columns(table.names)
-    if TIME in columns or not columns:
-        return TIME if columns else None
-    if len(columns) > 1:
-        raise table.fault(
-            f"{len(columns)} columns may be the time ({', '.join(columns)}); columns: "
-            f"{', '.join(table.names)}; {advice}rename it {TIME}"
-        )
-    return columns[0]
+    if TIME in columns:
+        return TIME
+    advice = f"columns: {', '.join(table.names)}; {advice}rename it {TIME}"
+    return table.only(columns, "be the time", advice)
 
 
 def read_clock(
@@ -257,9 +253,21 @@ def read_clock(
 
     The unit is one of :data:`.SECONDS`, by default from the name. Cells may be ``missing``: NaN.
     """
-    dates = _dates(table, column, missing=missing)
-    if dates is not None:
-        return dates, f"time from the dates in column '{column}', shifted to start at 0"
+    cells, absent = table.cells(column), ("", "nan", "nat")
+    first = _date(next((cell for cell in cells if cell.lower() not in absent), ""))
+    if first is not None:
+        times = np.full(len(cells), np.nan)
+        for k, cell in enumerate(cells):
+            date = _date(cell)
+            if date is not None and (date.tzinfo is None) == (first.tzinfo is None):
+                times[k] = (date - first).total_seconds()
+            elif not (missing and cell.lower() in absent):
+                raise table.fault(
+                    f"column '{column}': got '{cell[:40]}', expected a date and time as in the "
+                    f"rows before, such as {first.isoformat()}",
+                    k,
+                )
+        return times, f"time from the dates in column '{column}', shifted to start at 0"
     unit = unit or clock_unit(table, column)
     if not unit:
         raise table.fault(f"column '{column}' has no unit; rename it {column}_s")
@@ -272,7 +280,6 @@ def read_clock(
     # times beyond eleven days count from the epoch: float64 would lose microseconds of them
     if not len(finite) or abs(numbers[finite[0]]) * seconds <= 1e6:
         return numbers * seconds, note
-    cells = table.cells(column)
     with localcontext() as context:
         context.prec = 60
         exact = [Decimal(cells[k]) for k in finite.tolist()]
@@ -298,27 +305,6 @@ def clock_unit(table: Table, column: str) -> str | None:
     if unit is None and any(map(_date, table.cells(column))):
         return ""
     return unit or TIME_NAMES.get(column.lower())
-
-
-def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
-    """Times [s] since the first of a column of ISO 8601 dates and times, shape (n,), or None."""
-    cells, absent = table.cells(column), ("", "nan", "nat")
-    first = _date(next((cell for cell in cells if cell.lower() not in absent), ""))
-    if first is None:
-        return None
-    times = np.full(len(cells), np.nan)
-    for k, cell in enumerate(cells):
-        if missing and cell.lower() in absent:
-            continue
-        date = _date(cell)
-        if date is None or (date.tzinfo is None) != (first.tzinfo is None):
-            raise table.fault(
-                f"column '{column}': got '{cell[:40]}', expected a date and time as in the rows "
-                f"before, such as {first.isoformat()}",
-                k,
-            )
-        times[k] = (date - first).total_seconds()
-    return times
 
 
 def _date(cell: str) -> datetime | None:

@@ -79,6 +79,13 @@ class Table(Source):
         place = self.names.index(name)
         return [row[place].strip() for row in self.rows]
 
+    def only(self, columns: Sequence[str], meaning: str, advice: str) -> str | None:
+        """The only one of some columns, None if there is none, or the error that it is unclear."""
+        if len(columns) > 1:
+            listed = ", ".join(columns)
+            raise self.fault(f"{len(columns)} columns may {meaning} ({listed}); {advice}")
+        return columns[0] if columns else None
+
     def numbers(self, names: Sequence[str], *, missing: bool = False) -> Array:
         """The columns as finite numbers, (n, len(names)), read-only; ``missing`` ones are NaN."""
         values = np.empty((len(self.rows), len(names)))

@@ -6,6 +6,7 @@ CSV files are such tables, and so are the entries of BAM's JSON.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -39,6 +40,7 @@ from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
 from planner.files.text import read_json
 from planner.trajectory import Array
+from planner.validation import as_number
 
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 """Values of a torque column."""
@@ -69,8 +71,9 @@ def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
             f"angles of BAM are in rad by definition, but --unit says {options.unit_of('')}; "
             "leave the option out",
         )
-    rows: list[list[str]] = []
-    table = Table(path=path, row="entry", names=BAM_KEYS, rows=rows)
+    moment, rows = _moment(path, content), list[list[str]]()
+    names = (*BAM_KEYS[:-1], *["load_Nm"] * (moment is not None), BAM_KEYS[-1])
+    table = Table(path=path, row="entry", names=names, rows=rows)
     for k, entry in enumerate(entries):
         if not isinstance(entry, dict):
             raise table.fault(f"got {type(entry).__name__}, expected an object with keys", k)
@@ -81,21 +84,14 @@ def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
         cells = ["" if value is None else json.dumps(value) for value in values]
         if cells[1] in ("", "NaN") and SWITCH.get(cells[3]) is False:
             cells[1] = cells[2]  # a servo that is switched off may have no goal
+        if moment is not None:
+            cells.insert(3, repr(-moment * math.sin(as_number(entry["position"]))))
         rows.append(cells)
-    if not any(cells[3] for cells in rows):
-        table = replace(table, names=BAM_KEYS[:-1])
-    bam_options = replace(options, time=f"{BAM_KEYS[0]}:s", unit="rad")
-    recorded = _recorded(table, bam_options, units="BAM defines them")
-    moment = _moment(path, content)
-    note = f"load of a pendulum, {moment or 0.0:.3g} N m where it is level"
-
-    def rows_of(joint: str) -> Rows:
-        rows = recorded.rows(joint)
-        if moment is None:
-            return rows
-        return replace(rows, load=-moment * np.sin(rows.angles), notes=(*rows.notes, note))
-
-    yield Recorded(recorded.joints, rows_of)
+    if not any(cells[-1] for cells in rows):
+        table = replace(table, names=names[:-1])
+    options = replace(options, time=f"{BAM_KEYS[0]}:s", unit="rad")
+    note = () if moment is None else (f"load of a pendulum, {moment:.3g} N m where it is level",)
+    yield _recorded(table, options, units="BAM defines them", notes=note)
 
 
 def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
@@ -114,7 +110,9 @@ def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
     return float((mass + arm_mass / 2.0) * 9.80665 * length)  # [m/s^2]
 
 
-def _recorded(table: Table, options: LogOptions, *, units: str = "") -> Recorded:
+def _recorded(
+    table: Table, options: LogOptions, *, units: str = "", notes: tuple[str, ...] = ()
+) -> Recorded:
     """The recording in a table; ``units`` says in words what defines the units of all angles."""
     joints = {pair.joint: pair for pair in _pairs(table, options)}
     several = options.joint == ALL_JOINTS and ALL_JOINTS not in joints and len(joints) > 1
@@ -128,11 +126,7 @@ def _recorded(table: Table, options: LogOptions, *, units: str = "") -> Recorded
     def rows_of(joint: str) -> Rows:
         pair = joints[joint]
         for role in ROLES:
-            if len(own := getattr(pair, role)) > 1:
-                raise table.fault(
-                    f"{len(own)} columns may be the {role} angle ({', '.join(own)}); name one "
-                    f"with --{role}"
-                )
+            table.only(getattr(pair, role), f"be the {role} angle", f"name one with --{role}")
         columns = [pair.requested[0], pair.actual[0]]
         user_units = [options.unit_of(joint, role) for role in ROLES]
         scales = _scales(table, columns, user_units, options)
@@ -166,6 +160,7 @@ def _recorded(table: Table, options: LogOptions, *, units: str = "") -> Recorded
             notes=(
                 f"{clock}, requested from '{names[0]}', actual from '{names[1]}'{torque}",
                 f"angles in {both}, as {units or said}",
+                *notes,
             ),
         )
 
@@ -268,18 +263,13 @@ def _clock(table: Table, options: LogOptions) -> tuple[str, str | None]:
 def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]:
     """The origin of the torque's switch in words, and the switch, shape (n,), if there is one."""
     columns = [name for name in table.names if name.lower() in TORQUES]
-    if options.torque is not None:
-        columns = [options.torque]
-    if not columns:
+    advice = "name one with --torque"
+    column = options.torque or table.only(columns, "say whether the torque is on", advice)
+    if column is None:
         return "", None
-    if len(columns) > 1:
-        raise table.fault(
-            f"{len(columns)} columns may say whether the torque is on ({', '.join(columns)}); name "
-            "one with --torque"
-        )
-    cells = [cell.lower() for cell in table.cells(columns[0])]
+    cells = [cell.lower() for cell in table.cells(column)]
     for k in [k for k, cell in enumerate(cells) if cell not in SWITCH]:
         raise table.fault(
-            f"column '{columns[0]}': got '{cells[k][:20]}', expected 0, 1, true or false", k
+            f"column '{column}': got '{cells[k][:20]}', expected 0, 1, true or false", k
         )
-    return f", torque from '{columns[0]}'", np.array([SWITCH[cell] for cell in cells])
+    return f", torque from '{column}'", np.array([SWITCH[cell] for cell in cells])
