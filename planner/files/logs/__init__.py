@@ -73,11 +73,9 @@ def read_logs(
     names: dict[str, None] = {}
     for path in every:
         for recorded in format_of(path, chosen).read(path, chosen):
-            names |= dict.fromkeys(recorded.joints)
-            logs += [
-                make_log(recorded.rows(joint))
-                for joint in chosen_joints(path, recorded.joints, chosen.joint)
-            ]
+            names |= dict.fromkeys(recorded)
+            joints = chosen_joints(path, [*recorded], chosen.joint)
+            logs += [make_log(recorded[joint]()) for joint in joints]
     for joint in sorted(set(chosen.units()) - {"", *ROLES, *names}):
         raise InvalidInput(
             f"--unit: no joint '{joint}'{nearest(joint, list(names))}; joints: "
@@ -101,7 +99,7 @@ def joints_in(path: Path | str, options: LogOptions | None = None) -> tuple[str,
         ('knee',)
     """
     chosen = _checked(options)
-    return next(format_of(path, chosen).read(path, chosen)).joints
+    return tuple(next(format_of(path, chosen).read(path, chosen)))
 
 
 def _checked(options: LogOptions | None) -> LogOptions:

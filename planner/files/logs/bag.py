@@ -86,7 +86,7 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
             ),
         )
 
-    yield Recorded(joints, rows_of)
+    yield {joint: partial(rows_of, joint) for joint in joints}
 
 
 Series = tuple["array[int]", "array[int]", "array[float]"]

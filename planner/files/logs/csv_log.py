@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -164,7 +164,7 @@ def _recorded(
             ),
         )
 
-    return Recorded(tuple(joints), rows_of)
+    return {joint: partial(rows_of, joint) for joint in joints}
 
 
 def _pairs(table: Table, options: LogOptions) -> list[Pair]:

@@ -64,15 +64,14 @@ def read_lerobot(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
         joints = _joints(dataset, episodes[0])
         for episode in episodes:
             if episode.number in numbers:
-                yield Recorded(tuple(joints), partial(_rows, path, options, episode, joints))
+                yield {
+                    joint: partial(_rows, path, options, episode, joint, *places)
+                    for joint, places in joints.items()
+                }
 
 
 def _rows(
-    path: Path | str,
-    options: LogOptions,
-    episode: EpisodeRows,
-    joints: Mapping[str, tuple[int, int]],
-    joint: str,
+    path: Path | str, options: LogOptions, rows: EpisodeRows, joint: str, action: int, state: int
 ) -> Rows:
     unit = options.unit_of(joint)
     if unit is None:
@@ -82,16 +81,15 @@ def _rows(
             "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks",
         )
     own = scale(unit, options.ticks_per_turn, partial(InvalidFile, path))
-    action, state = joints[joint]
     return Rows(
-        source=Source(path=episode.file, part=f"episode {episode.number}"),
+        source=Source(path=rows.file, part=f"episode {rows.number}"),
         joint=joint,
-        times=episode.times,
-        requests=episode.action[:, action],
-        angles=episode.state[:, state],
+        times=rows.times,
+        requests=rows.action[:, action],
+        angles=rows.state[:, state],
         request_scale=own,
         angle_scale=own,
-        episode=episode.number,
+        episode=rows.number,
         notes=(
             f"time from '{TIME}', requested from '{ACTION}' (sent at the time of its row), "
             f"actual from '{STATE}'",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -182,11 +182,8 @@ class Rows:
         return missing if self.load is None else missing | np.isnan(self.load)
 
 
-class Recorded(NamedTuple):
-    """A recording in a file: its joints, and the rows of each, read on demand."""
-
-    joints: tuple[str, ...]
-    rows: Callable[[str], Rows]
+Recorded = Mapping[str, Callable[[], Rows]]
+"""A recording in a file: its joints, and the rows of each, read on demand."""
 
 
 def make_log(rows: Rows) -> Log:
