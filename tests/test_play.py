@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import islice
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -148,12 +146,6 @@ def test_a_ramp_is_even_keeps_its_speed_and_wastes_no_time(start, goal, speed, p
     assert np.max(np.abs(steps)) <= speed * period + ROUNDING
     assert len(rows) <= abs(goal - start) / (speed * period) + ROUNDING < len(rows) + 1 + 1e-9
     assert not rows[:, 1].any()
-
-
-def test_timed_requests_go_on_for_ever_without_drift():
-    late = next(islice(planner.timed_requests(WALK, period=0.008), 10**5 + 1, None))
-    assert late.time == (10**5 + 1) * 0.008
-    assert np.array_equal(late.requests, WALK[1])
 
 
 @pytest.mark.parametrize(

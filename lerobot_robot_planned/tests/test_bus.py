@@ -11,7 +11,7 @@ from lerobot.robots.so_follower import SO101Follower  # noqa: F401
 
 from planner.exceptions import BusError, InvalidInput
 from planner.robot.arm import Arm, Servo
-from planner.robot.bus import joints, lerobot_bus, robot_of
+from planner.robot.bus import lerobot_bus, robot_of
 from planner.virtual.servo_bus import VirtualServos, serve, terminal
 
 PERIOD = 0.02
@@ -34,7 +34,8 @@ def port(monkeypatch):
 
 def test_the_joints_have_lerobots_names():
     names = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"]
-    assert joints("so101") == dict(enumerate(names, start=1))
+    motors = robot_of("so101", "").bus.motors
+    assert {motor.id: joint for joint, motor in motors.items()} == dict(enumerate(names, start=1))
 
 
 def test_a_joint_moves_under_lerobots_settings(port):

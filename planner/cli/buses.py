@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -33,39 +34,39 @@ def _bus(text: str) -> str:
     return text
 
 
+BUS = options.Parsed(
+    _bus,
+    "BUS",
+    f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:so101, or virtual:KIND with one of "
+    f"{', '.join(KINDS)}",
+)
+
+
 def bus_options(model: str = "") -> Callable[[Command], Command]:
     """Give a command the options that :func:`open_bus` takes.
 
     ``model`` is the help of the file that names the servos of the joints, and by default the bus;
     without it a bus has to be named.
     """
-    required = not model
-    bus_type = options.Parsed(
-        _bus,
-        "BUS",
-        f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:so101, or virtual:KIND with one "
-        f"of {', '.join(KINDS)}",
-    )
-    bus = options.option(
-        "--bus",
-        "What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
-        f"lerobot:ROBOT, such as lerobot:so101, is a robot by LeRobot's own classes; virtual are "
-        f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
-        + ("" if required else "  [default: that of the model file]"),
-        bus_type,
-        required=required,
-    )
-    default = f"{'' if required else 'that of the model file, else '}1000000"
-    rate = f"Bits per second.  [default: {default}]"
-    decorators = [
-        bus,
+    file = options.option("--model", model, options.INPUT, metavar="FILE", required=True)
+    return options.several(
+        options.option(
+            "--bus",
+            "What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
+            "lerobot:ROBOT, such as lerobot:so101, is a robot by LeRobot's own classes; virtual "
+            f"are simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
+            + ("  [default: that of the model file]" if model else ""),
+            BUS,
+            required=not model,
+        ),
         options.option("--port", "The serial port, such as /dev/ttyACM0.", metavar="P"),
-        options.option("--baud-rate", rate, click.IntRange(9600)),
-    ]
-    if model:
-        file = options.option("--model", model, options.INPUT, metavar="FILE", required=True)
-        decorators.append(file)
-    return options.several(*decorators)
+        options.option(
+            "--baud-rate",
+            f"Bits per second.  [default: {'that of the model file, else ' * bool(model)}1000000]",
+            click.IntRange(9600),
+        ),
+        *([file] if model else []),
+    )
 
 
 def _ids(text: str) -> dict[str, int]:
@@ -92,9 +93,9 @@ def ids_by_joint(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, i
     kind, _, which = choices["bus"].partition(":")
     if kind != "lerobot":
         return ids
-    from planner.robot.bus import joints
+    from planner.robot.bus import robot_of
 
-    joint_names = joints(which)
+    joint_names = {motor.id: joint for joint, motor in robot_of(which, "").bus.motors.items()}
     return {
         joint_names.get(servo, name) if name == f"joint_{servo}" else name: servo
         for name, servo in ids.items()
@@ -128,12 +129,8 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
         with lerobot_bus(which, path) as bus:
             yield bus
         return
-    rate = choices["baud_rate"]
-    port = SerialPort(path) if rate is None else SerialPort(path, rate)
-    try:
+    with closing(SerialPort(path, choices["baud_rate"] or 1_000_000)) as port:
         yield Bus(port, PROTOCOLS[kind])
-    finally:
-        port.close()
 
 
 @contextmanager
@@ -150,14 +147,12 @@ def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str
                 "feetech --port /dev/ttyACM0."
             )
         try:
-            named_bus = _bus(bus_settings["bus"])
+            _bus(bus_settings["bus"])
         except ValueError:
             raise InvalidFile(
                 model, f"bus: got '{bus_settings['bus']}', expected one of {', '.join(BUSES)}"
             ) from None
-        places = {key: choices[key] or bus_settings.get(key) for key in ("port", "baud_rate")}
-        choices = {**choices, **places, "bus": named_bus}
-
+        choices = {**choices, **{key: choices[key] or each for key, each in bus_settings.items()}}
     with open_bus(choices, {name: servo.id for name, servo in servos.items()}) as bus:
         yield Arm(bus, servos)
 
@@ -174,21 +169,17 @@ def stopping(advice: str) -> Iterator[None]:
         raise BusError(f"{error}; {advice}") from error
 
 
-TIMED = ("stall", "overheat", "saturate")
-"""Faults of a single servo, from a given time on."""
-
-
 def _fault(text: str) -> tuple[str, int, float]:
     """A fault, its servo (0 for the bus), and its share or time."""
-    kind, _, value = text.partition("=")
-    if kind in ("drop", "disconnect", "power-off"):
-        number = options.finite(value)
-        if number < 0.0 or (kind == "drop" and number > 1.0):
-            raise ValueError
-        return kind, 0, number
-    if kind not in TIMED or not (parts := re.fullmatch(r"(\d{1,3})@(.+)", value)):
+    parts = re.fullmatch(
+        r"(drop|disconnect|power-off)=(.+)|(stall|overheat|saturate)=(\d{1,3})@(.+)", text
+    )
+    if parts is None:
         raise ValueError
-    return kind, int(parts[1]), options.finite(parts[2])
+    kind, number = parts[1] or parts[3], options.finite(parts[2] or parts[5])
+    if parts[1] and not 0.0 <= number <= (1.0 if kind == "drop" else math.inf):
+        raise ValueError
+    return kind, int(parts[4] or 0), number
 
 
 FAULT = options.Parsed(
@@ -244,7 +235,6 @@ def virtual_bus(
         request-planner calibrate --bus feetech --port /dev/pts/3 --ids 1 -o arm.toml
     """  # noqa: D301
     from planner.virtual import servo_bus
-    from planner.virtual.servo_bus import Faults, VirtualServos, serve, terminal
 
     protocols = {name: each.protocol.name for name, each in servo_bus.KINDS.items()}
     if kind is None:
@@ -253,21 +243,21 @@ def virtual_bus(
         raise click.UsageError(
             f"--protocol: got {protocol}, but --kind {kind} is {protocols[kind]}."
         )
-    fault_settings: dict[str, Any] = {kind: {} for kind in TIMED}
+    fault_settings: dict[str, Any] = {}
     for fault, servo, value in faults:
-        if fault not in TIMED:
+        if fault in ("drop", "disconnect", "power-off"):
             fault_settings[fault.replace("-", "_")] = value
         elif servo in range(1, servos + 1):
-            fault_settings[fault][servo] = value
+            fault_settings.setdefault(fault, {})[servo] = value
         else:
             raise click.UsageError(f"--fault: got servo {servo}, expected 1 to {servos}.")
-    virtual_servos = VirtualServos(
+    virtual_servos = servo_bus.VirtualServos(
         servos,
         servo_bus.KINDS[kind],
-        faults=Faults(**fault_settings),
+        faults=servo_bus.Faults(**fault_settings),
         step=None if step_ms is None else 1e-3 * step_ms,
     )
     virtual_servos.run(0.01)  # compiles its functions before a program waits for answers
-    with terminal() as (end, path):
+    with servo_bus.terminal() as (end, path):
         click.echo(path)
-        serve(virtual_servos, end)
+        servo_bus.serve(virtual_servos, end)

@@ -266,11 +266,6 @@ def robot_of(name: str, port: str) -> Any:
     return robot
 
 
-def joints(name: str) -> dict[int, str]:
-    """LeRobot's names of the joints of a robot, by the identifiers of their servos."""
-    return {motor.id: joint for joint, motor in robot_of(name, "").bus.motors.items()}
-
-
 @contextmanager
 def lerobot_bus(name: str, port: str) -> Iterator[Bus]:
     """The bus of a LeRobot robot, connected in the block as LeRobot does it.

@@ -15,6 +15,7 @@ from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_optimal
+from planner.planning.result import Inversion
 from planner.planning.time_shift import invert_shift
 from planner.trajectory import Array, rms
 
@@ -81,20 +82,18 @@ def compare(
     model = identification.model
     desired = test_motion(model, limits)
     plain = replace(model, **FRICTION_AND_LOAD)
-    requests: dict[Way, tuple[Array, float]] = {"direct": (desired, np.nan)}
-    shifted = invert_shift(model, desired, cyclic=False)
-    requests["shift"] = (shifted.requests, np.nan)
-    for way, answer in (
-        ("closed_form", invert_closed_form(model, desired, cyclic=False)),
-        ("optimal", invert_optimal(plain, desired, cyclic=False, limits=limits)),
-    ):
-        requests[way] = (answer.requests, answer.expected.error)  # type: ignore[index]
+    plans: dict[Way, Inversion] = {
+        "shift": invert_shift(model, desired, cyclic=False),
+        "closed_form": invert_closed_form(model, desired, cyclic=False),
+        "optimal": invert_optimal(plain, desired, cyclic=False, limits=limits),
+    }
     if plain != model:
-        answer = invert_optimal(model, desired, cyclic=False, limits=limits)
-        requests["optimal_friction"] = (answer.requests, answer.expected.error)
+        plans["optimal_friction"] = invert_optimal(model, desired, cyclic=False, limits=limits)
+    ways: tuple[Way, ...] = ("direct", *plans)
     candidates = []
-    for name, (signal, expected) in requests.items():
-        allowed = np.clip(signal, *limits)
+    for name in ways:
+        allowed = np.clip(desired if name == "direct" else plans[name].requests, *limits)
+        expected = np.nan if name in ("direct", "shift") else plans[name].expected.error
         angles = measure(name, allowed)
         errors = (angles - desired)[round(RUN_IN / model.period) :]
         errors = errors[np.isfinite(errors)]

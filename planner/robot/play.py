@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import count
 from statistics import median
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,18 +26,6 @@ Send = Callable[[Array], Any]
 
 JUDGED = 10
 """Ticks after which it is known whether the stream keeps its period."""
-
-
-class TimedRequest(NamedTuple):
-    """One row of requests.
-
-    Attributes:
-        time: When it is due, from the first one on [s].
-        requests: Requests for the joints [rad], shape (k,), read-only.
-    """
-
-    time: float
-    requests: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,36 +218,6 @@ def _play(
         if report is not None:
             report(playback)
     return playback
-
-
-def timed_requests(
-    requests: npt.ArrayLike, *, period: float, cycles: int | None = None
-) -> Iterator[TimedRequest]:
-    """Each row of requests with its time, which is its number times the period and never drifts.
-
-    Args:
-        requests: Requests for the joints [rad], shape (n, k), or (n,) for one joint.
-        period: Time between requests [s].
-        cycles: How often to go through them; for ever by default.
-
-    Returns:
-        An iterator of times and rows; the input is checked at once, before the first is taken.
-
-    Raises:
-        InvalidInput: A period or a number of cycles that is not positive.
-        InvalidTrajectory: Requests that are not a finite array of one of these shapes.
-
-    Example:
-        >>> rows = timed_requests([[0.1], [0.2]], period=0.02, cycles=1)
-        >>> [(time, row.tolist()) for time, row in rows]
-        [(0.0, [0.1]), (0.02, [0.2])]
-    """
-    rows = as_rows(requests, name="requests")
-    check_period(period)
-    if cycles is not None:
-        check_cycles(cycles)
-    numbers = count() if cycles is None else range(cycles * len(rows))
-    return (TimedRequest(k * period, rows[k % len(rows)]) for k in numbers)
 
 
 def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: float) -> Array:

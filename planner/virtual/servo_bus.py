@@ -133,16 +133,14 @@ class VirtualServos:
             motors.run(min(until, before + 0.02))
             if motors.time == before:  # less than a step
                 return
-            for name in ("stall", "overheat", "saturate"):
-                for k in [s - 1 for s, at in getattr(faults, name).items() if motors.time >= at]:
-                    if name == "stall":
-                        motors.jammed[k] = 1.0
-                    elif name == "overheat":
-                        motors.temperatures[k] = max(motors.temperatures[k], HOT + 10.0)
-                    else:
-                        motors.limits[k] = min(motors.limits[k], SAGGING)
-            for k in np.flatnonzero(motors.overload_times > 2.0):
-                motors.limits[k] = min(motors.limits[k], PROTECTIVE)
+            stalled, hot, sagging = (
+                [servo - 1 for servo, at in each.items() if motors.time >= at]
+                for each in (faults.stall, faults.overheat, faults.saturate)
+            )
+            motors.jammed[stalled] = 1.0
+            motors.temperatures[hot] = np.maximum(motors.temperatures[hot], HOT + 10.0)
+            motors.limits[sagging] = np.minimum(motors.limits[sagging], SAGGING)
+            motors.limits[motors.overload_times > 2.0] = PROTECTIVE
             motors.powered[(motors.temperatures > HOT) | self._dead] = 0.0
 
     def feed(self, content: bytes) -> bytes:
@@ -201,8 +199,7 @@ class VirtualServos:
 
     def _answer(self, servo: int, content: bytes | bytearray) -> bytes:
         motors, k = self.motors, servo - 1
-        hot = motors.temperatures[k] > HOT
-        overloaded = motors.limits[k] == PROTECTIVE
+        hot, overloaded = motors.temperatures[k] > HOT, motors.limits[k] == PROTECTIVE
         feetech = self.protocol is FEETECH
         error = (0x04 * hot + 0x20 * overloaded) if feetech else 0x80 * (hot or overloaded)
         return self.protocol.answer(servo, int(error), bytes(content))
@@ -217,13 +214,15 @@ class VirtualServos:
     def _memory(self, servo: int) -> bytearray:
         """The memory of a servo, with its present measurements."""
         motors, k, protocol = self.motors, servo - 1, self.protocol
-        values = {
-            "position": protocol.middle + motors.angles[k] / self._tick_angle,
-            "speed": motors.speeds[k] / protocol.speed_unit,
-            "load": motors.duties[k] / LOAD_UNIT,
-            "temperature": motors.temperatures[k],
-        }
-        self._set(servo, values)
+        self._set(
+            servo,
+            {
+                "position": protocol.middle + motors.angles[k] / self._tick_angle,
+                "speed": motors.speeds[k] / protocol.speed_unit,
+                "load": motors.duties[k] / LOAD_UNIT,
+                "temperature": motors.temperatures[k],
+            },
+        )
         return self._memories[k]
 
     def _write(self, servo: int, first: int, content: bytes) -> None:

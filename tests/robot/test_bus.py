@@ -9,8 +9,9 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
+from planner.cli.buses import ids_by_joint
 from planner.exceptions import BusError, InvalidInput
-from planner.robot.bus import ATTEMPTS, Bus, SerialPort, joints, lerobot_bus, robot_of
+from planner.robot.bus import ATTEMPTS, Bus, SerialPort, lerobot_bus, robot_of
 from planner.robot.protocols import DYNAMIXEL, FEETECH
 from planner.virtual.servo_bus import KINDS, VirtualServos, terminal
 
@@ -216,7 +217,9 @@ def test_the_bus_of_a_lerobot_robot_is_connected_in_the_block(robots):
             with pytest.raises(BusError, match=r"^/dev/ttyA: the bus is gone; check the cable"):
                 use()
     assert robot.calls[1:] == ["disconnect"]
-    assert joints("so101") == {1: "pan", 6: "gripper"}
+    ids = {"joint_1": 1, "mine": 6, "joint_7": 7}
+    named = ids_by_joint({"bus": "lerobot:so101"}, ids)
+    assert named == {"pan": 1, "mine": 6, "joint_7": 7}
     with lerobot_bus("koch", "/dev/ttyA") as bus:
         assert bus.protocol is DYNAMIXEL
 

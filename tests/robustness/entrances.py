@@ -18,7 +18,7 @@ from kinematics import Leg
 
 ANSWERS = {
     *("Certificate", "FootInversion", "Identification", "Inversion", "Plan"),
-    *("Playback", "Replay", "Fastest", "TimedRequest", "InverseSolution", "Limits"),
+    *("Playback", "Replay", "Fastest", "InverseSolution", "Limits"),
     *("Learning", "SensorDelay", "Trial"),
 }
 
@@ -102,11 +102,6 @@ def _play(**given: Any) -> planner.Playback:
             raise KeyboardInterrupt
 
     return planner.play(**{"send": send, "now": lambda: clock[0], "sleep": sleep, **given})
-
-
-def _timed(**given: Any) -> list[planner.TimedRequest]:
-    """The first few."""
-    return [each for each, _ in zip(planner.timed_requests(**given), range(50), strict=False)]
 
 
 def leg_of(method: str) -> Callable[..., Any]:
@@ -243,7 +238,6 @@ ENTRANCES: Mapping[str, Entrance] = {
         "limits cycle max_step on_bad",
     ),
     "Stream.step": (_step, lambda: {"desired": ANGLES[:7]}, "measured load missed"),
-    "timed_requests": (_timed, lambda: {"requests": ANGLES, "period": 0.01}, "cycles"),
     "simulate": (
         planner.simulate,
         lambda: {"model": MODEL, "requests": ANGLES},
