@@ -57,8 +57,6 @@ from planner.recording.replaying import Replay as Replay, replay as replay
 from planner.recording.retiming import Fastest as Fastest, fastest as fastest
 from planner.robot.play import (
     Playback as Playback,
-    TimedRequest as TimedRequest,
     follow as follow,
     play as play,
-    timed_requests as timed_requests,
 )

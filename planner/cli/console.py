@@ -109,7 +109,9 @@ class Answer(NamedTuple):
         """Write all files or none, and print; as ``output``, ``-`` is taken by JSON alone."""
         texts = [(name, text) for name, text in self.files if name is not None]
         if report is not None and self.page is not None:
-            texts.append((report, self.page(report)))
+            with Progress() as progress:
+                progress("the page")
+                texts.append((report, self.page(report)))
         with ExitStack() as files:
             for name, text in texts:
                 if name != STANDARD_STREAM:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, BadSetting
+from planner.cli.console import Answer, BadSetting, marked
 from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile, InvalidInput
 
@@ -69,8 +69,7 @@ def export(
         )
     schedule = Schedule(path.names, path.values, period)
     servos = None if model is None else _servos_in(model, export, schedule)
-    if export.format in FOLDERS and output == "-":
-        raise click.UsageError(f"--format {export.format} is a folder: name it with --output.")
+    check_place("export.format", export.format, output)
     rows, skipped = rows_of(export, schedule)
     check_rows(export, rows, servos)
     answer = rows_answer(export, rows, skipped)
@@ -101,6 +100,12 @@ FOLDERS = ("bag", "mcap", "lerobot")
 
 COUNTED = ("ticks", "us")
 """Units in which servos count."""
+
+
+def check_place(setting: str, form: str, output: str) -> None:
+    """Refuse standard output for a format that is a folder."""
+    if form in FOLDERS and output == "-":
+        raise BadSetting(f"{marked(setting, form)} is a folder: name it with --output")
 
 
 def check_export(export: Export) -> None:

@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
 import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
 from planner.cli.desired import check_felt, find_leg, leg_of, model_words, values_by_joint
-from planner.cli.export import FOLDERS, check_rows, write_rows
+from planner.cli.export import FOLDERS, check_place, check_rows, write_rows
 from planner.cli.planning import search_options
 from planner.cli.settings import ReplayFormat
 from planner.exceptions import PlannerError
@@ -24,6 +25,7 @@ from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, find_dataset
 from planner.files.results import Results, Task, digest_of, made_from
+from planner.files.staging import check_folder, check_writable, claimed
 from planner.files.text import to_json
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
@@ -108,12 +110,11 @@ def tasks_of(
 ) -> tuple[ReplayTask, ...]:
     """A task for every recording."""
     replay, tolerance, fastest = run.replay, run.tolerance, "‹replay.fastest = true›"
-    has_tolerance = tolerance.deg is not None or tolerance.cm is not None
     if tolerance.deg is not None and tolerance.cm is not None:
         raise BadSetting("‹tolerance.deg› and ‹tolerance.cm›: expected one of them; leave one out")
     if tolerance.cm is not None and find_leg(run) is None:
         raise BadSetting("‹tolerance.cm› is for a foot: name its leg or arm with ‹leg.urdf›")
-    if replay.fastest and not has_tolerance:
+    if replay.fastest and tolerance.deg is None and tolerance.cm is None:
         raise BadSetting(f"{fastest} needs ‹tolerance.deg› or ‹tolerance.cm›")
     if replay.retime != "constant" and not replay.fastest:
         key = marked("replay.retime", replay.retime)
@@ -239,16 +240,20 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 
 
 def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
-    """Refuse outputs that cannot be written, before anything is computed."""
-    key = marked("replay.write_as", form)
-    if form in FOLDERS and output == "-":
-        raise BadSetting(f"{key} is a folder: name it with --output")
+    """Refuse outputs that cannot be written, before anything is computed; claim those that can."""
+    check_place("replay.write_as", form, output)
     if form != "lerobot" and len(recordings) > 1:
         raise BadSetting(
-            f"{len(recordings)} recordings, and {key} holds one: name one file, or one episode "
-            '(--episodes 0), or write them all with ‹replay.write_as = "lerobot"›'
+            f"{len(recordings)} recordings, and {marked('replay.write_as', form)} holds one: name "
+            "one file, or one episode (--episodes 0), or write them all with ‹replay.write_as = "
+            '"lerobot"›'
         )
     check_installed(form)
+    if form in FOLDERS:  # which with the results beside it is this command's
+        check_folder(output)
+        click.get_current_context().with_resource(claimed(output))
+    elif output != "-":
+        check_writable(output)
 
 
 def write(file: str, task: ReplayTask, replay: Replay) -> None:

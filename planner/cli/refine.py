@@ -104,7 +104,8 @@ def refine(
     )
 
     desired = prepare(run)
-    if history is None or not Path(history).is_file():  # else the first trial has said it
+    begun = history is not None and Path(history).is_file()
+    if not begun:  # else the first trial has said it
         options.warn_of(desired.remarks)
     if desired.foot is not None and "method" not in run.plan.keys_set:
         warn(
@@ -121,17 +122,15 @@ def refine(
         starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
         nominal = [desired.models[j] for j in columns]
         if in_a_cycle(nominal, executed.values[:, columns], angles.angles, starts):
-            words = (
-                "the measured angles begin as in a cycle that repeats, and ‹plan.cyclic = false› "
-                "is for a motion from rest: if the requests were repeated, leave it out, here and "
-                "in plan"
+            warn(
+                "the measured angles begin as in a cycle that repeats, and --no-cyclic is for a "
+                "motion from rest: if the requests were repeated, leave it out, here and in plan"
             )
-            options.warn_of([words])
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
     every = executed_plans(desired, executed.values, by_joint=angles.names != desired.names)
     states: dict[str, LearningState] = {}  # others stay in the history: of the foot, or of joints
-    if history is not None and Path(history).is_file():
+    if history is not None and begun:
         of_foot = [FOOT] * (run.plan.method == "foot-optimal")
         states = read_history(history, [*of_foot, *desired.names], desired.angles)
         for name in every.keys() & states.keys():
@@ -148,9 +147,8 @@ def refine(
                 every[name] = learn(
                     every[name], cycles_of_plan, sensor_delay=delay, reidentify=reidentify
                 )
-    missing = [name for name in desired.names if name not in angles.names]
     about_missing = ""
-    if missing:
+    if missing := [name for name in desired.names if name not in angles.names]:
         about_missing = f"no measured angles of {', '.join(missing)}: requests kept as they are"
         if run.plan.method == "foot-optimal":
             learnt_by = "learnt by the angles of the plan for the foot, joint by joint"
@@ -216,7 +214,7 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False)
         raise BadSetting('‹plan.method = "foot-optimal"› plans for a foot path of a leg')
     by_joint = by_joint or not of_foot
     setup = replace(desired, load=load(desired.angles) if callable(load) else load)
-    task = task_of(setup, by_joint=by_joint, in_limits=not by_joint)
+    task = task_of(setup, by_joint=by_joint, in_limits=not of_foot)
     task = replace(task, load_of_pose=callable(load) and task.load is not None)
     if not by_joint:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}

@@ -11,7 +11,6 @@ import click
 from planner.cli import options
 from planner.cli.console import Answer, Progress, remark, warn
 from planner.cli.settings import SMOOTHING, TOLERANCE, ReplayRun
-from planner.files.staging import check_folder, check_writable, claimed
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -90,7 +89,6 @@ def replay(
         request-planner replay my_dataset --episodes 0-9 --unit deg --model arm.toml --speed 1.5 \\
             --as lerobot -o planned_dataset
     """  # noqa: D301
-    from planner.cli.export import FOLDERS
     from planner.cli.recordings import ABOUT, check_writing, origin_of, replay_many, tasks_of
     from planner.files.logs import recordings_in
     from planner.files.results import finished
@@ -100,13 +98,9 @@ def replay(
     options.check_parallel(workers, scheduler)
     recordings = recordings_in(logs, options.to_log_options({**choices, "joint": "all"}))
     check_writing(run.replay.write_as, recordings, output)
-    if run.replay.write_as in FOLDERS:  # which with the results beside it is this command's
-        check_folder(output)
-        click.get_current_context().with_resource(claimed(output))
-    elif output != "-":
-        check_writable(output)
-    origin = origin_of(run, recordings) if len(recordings) > 1 and resume else None
-    if origin is not None and (before := finished(output, ABOUT, origin)):
+    if resume and len(recordings) == 1:
+        warn("--resume has no effect on one recording, which is planned anew")
+    elif resume and (before := finished(output, ABOUT, origin_of(run, recordings))):
         count = len(before["recordings"])
         remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
         return _answer(before, logs)
@@ -140,28 +134,25 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
         misses = missed(task, result)
 
     def page(place: str) -> str:
-        with Progress() as progress:
-            progress("the page")
-            arm, recording = task.arm(), task.recording
-            missing = [name for name in arm.joint_names if name not in result.names] if arm else []
-            about = replay_page(
-                result,
-                title=PurePath(recording.name).name,
-                models=task.models.words,
-                fastest=fastest,
-                arm=None if missing else arm,
-                missed=misses,
-                remarks=task.models.remarks,
+        arm, recording = task.arm(), task.recording
+        missing = [name for name in arm.joint_names if name not in result.names] if arm else []
+        about = replay_page(
+            result,
+            title=PurePath(recording.name).name,
+            models=task.models.words,
+            fastest=fastest,
+            arm=None if missing else arm,
+            missed=misses,
+            remarks=task.models.remarks,
+        )
+        if missing:
+            remark(
+                f"{place}: no arm is drawn, as the recording has no joint {', '.join(missing)}; "
+                f"joints: {', '.join(result.names)}; name them with --urdf-joint"
             )
-            if missing:
-                remark(
-                    f"{place}: no arm is drawn, as the recording has no joint "
-                    f"{', '.join(missing)}; joints: {', '.join(result.names)}; name them with "
-                    "--urdf-joint"
-                )
-            origins = [("recording", recording.name), ("track", result.path.track)]
-            files = [("recording", recording.path), ("requests", output)]
-            return about.html(place, origins, files)
+        origins = [("recording", recording.name), ("track", result.path.track)]
+        files = [("recording", recording.path), ("requests", output)]
+        return about.html(place, origins, files)
 
     if fastest is not None:
         content |= {"fastest": fastest_results(fastest)}
@@ -183,11 +174,9 @@ def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None 
     failure = ""
 
     def page(place: str) -> str:
-        with Progress() as progress:
-            progress("the page")
-            title = ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
-            origins = [*(("recordings", name) for name in logs), ("track", document["track"])]
-            return episodes_page(document, title=title).html(place, origins)
+        title = ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
+        origins = [*(("recordings", name) for name in logs), ("track", document["track"])]
+        return episodes_page(document, title=title).html(place, origins)
 
     if failed := document["left_out"]:
         count = len(document["recordings"]) + len(failed)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, MissingExtra, importing
 from planner.files.columns import ANGLES, TIME
@@ -88,40 +87,30 @@ def write_controller_csv(
 ) -> None:
     """Write ``t_s`` and one ``<joint>_<unit>`` column per joint; ``-`` is standard output.
 
-    In the units ``ticks`` and ``us``, in which ``servos`` of the joints count, or else in angles.
+    In the units ``ticks`` and ``us`` they are the nearest counts of the joints' ``servos``, which
+    raise InvalidInput for a count that a servo does not take.
     """
     names = [TIME, *(f"{name}_{unit}" for name in schedule.names)]
     if servos is None:
         angles = schedule.requests / ANGLES[unit]
         write_table(path, names, np.column_stack([schedule.times, angles]))
         return
-    times = np.round(schedule.times, DECIMALS).tolist()
-    rows = zip(times, to_counts(schedule, servos, unit=unit).tolist(), strict=True)
-    write_text(path, csv_text(names, ([time, *row] for time, row in rows)))
-
-
-def to_counts(
-    schedule: Schedule, servos: Mapping[str, Servo], *, unit: str = "ticks"
-) -> npt.NDArray[np.int64]:
-    """The nearest count of its servo to every request, shape (n, k); a hobby servo counts ``us``.
-
-    Raises InvalidInput for a count that a servo does not take.
-    """
-    counts = np.empty(schedule.requests.shape, dtype=np.int64)
-    for j, name in enumerate(schedule.names):
-        servo, requests = servos[name], schedule.requests[:, j]
-        counted = np.rint(servo.count(requests))
+    columns = []
+    for name, requests in zip(schedule.names, schedule.requests.T, strict=True):
+        servo = servos[name]
+        counts = np.rint(servo.count(requests))
         least, most = (500, 2500) if unit == "us" else (0, round(servo.ticks_per_turn) - 1)
-        beyond = np.flatnonzero((counted < least) | (counted > most))
+        beyond = np.flatnonzero((counts < least) | (counts > most))
         if beyond.size:
             k = beyond[0]
-            place = f"a pulse of {counted[k]:.0f} us" if unit == "us" else f"tick {counted[k]:.0f}"
+            place = f"a pulse of {counts[k]:.0f} us" if unit == "us" else f"tick {counts[k]:.0f}"
             raise InvalidInput(
                 f"{name}: request {k}, {np.degrees(requests[k]):.2f} deg, is {place}, expected "
                 f"{least} to {most}; check the zero tick, the ticks per turn and the direction"
             )
-        counts[:, j] = counted
-    return counts
+        columns.append(counts.astype(np.int64).tolist())
+    times = np.round(schedule.times, DECIMALS).tolist()
+    write_text(path, csv_text(names, zip(times, *columns, strict=True)))
 
 
 def joint_trajectory(
@@ -283,14 +272,10 @@ def lerobot_dataset(
                 counted = (rows / layout.rate, rows, *(0 * rows + number for number in numbers))
                 for (name, kind), column in zip(COUNTED.items(), counted, strict=True):
                     columns[name] = column.astype(kind)
-                cells = {}
-                for name, column in columns.items():
-                    flat = pa.array(column.ravel())
-                    several = len(flat) > len(column)
-                    width = column.shape[-1]
-                    cells[name] = (
-                        pa.FixedSizeListArray.from_arrays(flat, width) if several else flat
-                    )
+                cells = {name: pa.array(column.ravel()) for name, column in columns.items()}
+                for name, names in layout.features.items():
+                    if len(names) > 1:
+                        cells[name] = pa.FixedSizeListArray.from_arrays(cells[name], len(names))
                 writer.write_table(pa.table(cells))
                 episodes.append(
                     {
@@ -385,41 +370,34 @@ def _of_all(episodes: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
     Variances add up by the parallel-axis theorem. A quantile is the mean of theirs, weighted by
     rows, as in LeRobot.
     """
-    each = {
-        figure: np.array([episode[f"stats/{name}/{figure}"] for episode in episodes])
-        for figure in ("min", "max", "mean", "std", *QUANTILES, "count")
-    }
-    weights = each["count"] / each["count"].sum()
-    mean = np.sum(weights * each["mean"], axis=0)
-    variance = np.sum(weights * (each["std"] ** 2 + (each["mean"] - mean) ** 2), axis=0)
+
+    def each(figure: str) -> Any:
+        return np.array([episode[f"stats/{name}/{figure}"] for episode in episodes])
+
+    count = each("count")
+    weights = count / count.sum()
+    means = {name: np.sum(weights * each(name), axis=0) for name in ("mean", *QUANTILES)}
+    squares = each("std") ** 2 + (each("mean") - means["mean"]) ** 2
     return {
-        "min": each["min"].min(axis=0),
-        "max": each["max"].max(axis=0),
-        "mean": mean,
-        "std": np.sqrt(variance),
-        **{name: np.sum(weights * each[name], axis=0) for name in QUANTILES},
-        "count": each["count"].sum(axis=0),
+        "min": each("min").min(axis=0),
+        "max": each("max").max(axis=0),
+        "std": np.sqrt(np.sum(weights * squares, axis=0)),
+        **means,
+        "count": count.sum(axis=0),
     }
 
 
+_KEYS = ("name", "field_name", "pandas_type", "numpy_type", "metadata")
+_COLUMNS = (
+    ("task_index", "task_index", "int64", "int64", None),
+    ("task", "task", "unicode", "object", None),
+)
 _INDEXED_BY_TASK = {
     "pandas": json.dumps(
         {
             "index_columns": ["task"],
             "column_indexes": [],
-            "columns": [
-                {
-                    "name": name,
-                    "field_name": name,
-                    "pandas_type": kind,
-                    "numpy_type": numpy_type,
-                    "metadata": None,
-                }
-                for name, kind, numpy_type in (
-                    ("task_index", "int64", "int64"),
-                    ("task", "unicode", "object"),
-                )
-            ],
+            "columns": [dict(zip(_KEYS, column, strict=True)) for column in _COLUMNS],
             "pandas_version": "2.0.0",
         }
     )

@@ -19,7 +19,6 @@ from planner.files.exports import (
     check_format,
     joint_trajectory,
     lerobot_dataset,
-    to_counts,
     write_bag,
     write_controller_csv,
     write_trajectory_yaml,
@@ -62,8 +61,9 @@ def test_ticks_are_whole_numbers_nearest_to_the_requests(tmp_path):
 
 
 def test_a_servo_cannot_go_beyond_its_turn():
+    schedule = Schedule(("knee",), np.array([[np.pi]]), 0.02)
     with pytest.raises(InvalidInput) as caught:
-        to_counts(Schedule(("knee",), np.array([[np.pi]]), 0.02), {"knee": Servo()})
+        write_controller_csv("-", schedule, unit="ticks", servos={"knee": Servo()})
     assert str(caught.value) == (
         "knee: request 0, 180.00 deg, is tick 4096, expected 0 to 4095; check the zero tick, "
         "the ticks per turn and the direction"
@@ -113,8 +113,9 @@ def test_hobby_servos_get_pulses_in_microseconds_of_their_own_centre_and_directi
     write_controller_csv(file, quarter, unit="us", servos=servos)
     assert file.read_text() == "t_s,hip_us,knee_us\n0.0,1500,1460\n0.02,2500,960\n"
     beyond = r"knee: request 1, 45\.00 deg, is a pulse of 2540 us, expected 500 to 2500; check"
+    servos = {"hip": hip, "knee": replace(hip, zero_tick=2040)}
     with pytest.raises(InvalidInput, match=beyond):
-        to_counts(quarter, {"hip": hip, "knee": replace(hip, zero_tick=2040)}, unit="us")
+        write_controller_csv(file, quarter, unit="us", servos=servos)
 
 
 SHORT = Schedule(("knee",), np.zeros((3, 1)), 0.02)
