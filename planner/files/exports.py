@@ -376,13 +376,17 @@ def _of_all(episodes: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
 
     count = each("count")
     weights = count / count.sum()
-    means = {name: np.sum(weights * each(name), axis=0) for name in ("mean", *QUANTILES)}
-    squares = each("std") ** 2 + (each("mean") - means["mean"]) ** 2
+
+    def average(values: Any) -> Any:
+        return np.sum(weights * values, axis=0)
+
+    mean = average(each("mean"))
     return {
         "min": each("min").min(axis=0),
         "max": each("max").max(axis=0),
-        "std": np.sqrt(np.sum(weights * squares, axis=0)),
-        **means,
+        "mean": mean,
+        "std": np.sqrt(average(each("std") ** 2 + (each("mean") - mean) ** 2)),
+        **{name: average(each(name)) for name in QUANTILES},
         "count": count.sum(axis=0),
     }
 
