@@ -70,7 +70,7 @@ def reproduce(*, out: str, robot: str) -> Answer:
         request-planner reproduce --robot virtual --out out/virtual
     """  # noqa: D301
     from planner.report.matplotlib_figure import pictures_of
-    from planner.report.paper_page import experiment_page, experiment_text
+    from planner.report.paper_results import experiment_page, experiment_text
 
     experiment = on_virtual_robot if robot == "virtual" else on_model
     with (

@@ -13,8 +13,7 @@ import numpy as np
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.identification_page import cloud_figure
-from planner.report.identification_text import next_step
-from planner.report.identified_joint import explained, joints_table
+from planner.report.identification_text import explained, joints_table, next_step
 from planner.report.page import Page
 from planner.report.table import Column, Row, Table, number
 from planner.report.wording import words_of
@@ -102,9 +101,9 @@ def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
             sizes = (method.error, method.max_error, method.expected, method.largest_step)
             cells = [number(math.degrees(each)) for each in sizes]
             cells[0] += "\nrecommended" if method is compared.recommended else ""
-            rows.append(Row(WORDS[method.way], tuple(cells), subject=joint))
+            rows.append(Row(WORDS[method.way], cells, subject=joint))
     columns = map(Column, ("error, rms", "largest", "expected", "largest step"))
-    return Table("on the test motion [deg]", tuple(columns), tuple(rows), apart=True)
+    return Table("on the test motion [deg]", tuple(columns), rows, apart=True)
 
 
 def recommendation(joint: str, each: Compared) -> str:
@@ -180,7 +179,7 @@ def ways_figure(comparisons: Mapping[str, Compared]) -> Figure:
         "ways",
         *words_of("ways"),
         Axis("error, rms", "deg", (0.0, top), decimals=3),
-        (Panel(Axis("", range=(count - 0.5, -0.5), names=names), tuple(curves),
+        (Panel(Axis("", range=(count - 0.5, -0.5), names=names), curves,
                height=0.6 + 0.25 * count),),
     )  # fmt: skip
 

@@ -55,7 +55,7 @@ def comparison_page(
     methods = [method for method in (SHOWN, "optimal", SECOND) if method in check.methods]
     expected = [joint.plans["optimal"].expected.error for joint in joints]
     feet = foot and [foot.plans[method].distances for method in ("optimal", "foot_optimal")]
-    pictures = [joint_figure(check, joint, j) for j, joint in enumerate(joints)]
+    moving, pictures = figures_of(check, leg)
     return Page(
         "comparison",
         check=check,
@@ -71,7 +71,7 @@ def comparison_page(
         beyond={name: excess for name, excess in excesses.items() if excess > 1e-7},
         notes=plan_notes(joints),
         more=notes,
-        moving=leg_figure(check, foot, leg) if foot is not None and leg else None,
+        moving=moving,
         agreement=max(each.value for each in check.checks if each.name == AGREES),
         foot=feet and [100.0 * error_norm(each, check.norm) for each in feet],
         foot_gap=foot and foot.gap("foot_optimal"),
@@ -79,7 +79,7 @@ def comparison_page(
         plans=plans_table(joints),
         feet=None if foot is None else foot_table(foot),
         has_expected=bool(np.isfinite(expected).any()),
-        pictures=pictures if foot is None else [*pictures, foot_figure(check, foot)],
+        pictures=pictures,
         table=checks_table(check.checks),
         reasons=tolerance_reasons(check.checks),
         models=models_table(names, [joint.model for joint in joints]),
@@ -102,15 +102,12 @@ def above_bound(check: CrossCheck, method: str) -> dict[str, Any]:
 
 def comparison_text(check: CrossCheck) -> str:
     """The text for a terminal."""
-    tables = [plans_table(check.joints)]
-    if check.foot is not None:
-        tables.append(foot_table(check.foot))
-    reasons = [
-        f"  {unit}, {names}: {reason}" for unit, names, reason in tolerance_reasons(check.checks)
-    ]
-    checks = "\n".join([checks_table(check.checks).text(), "tolerances:", *reasons])
-    lines = [f"note: {note}" for note in plan_notes(check.joints)]
-    return "\n\n".join([*(table.text() for table in tables), checks, *lines])
+    feet = [] if check.foot is None else [foot_table(check.foot).text()]
+    reasons = tolerance_reasons(check.checks)
+    tolerances = [f"  {unit}, {names}: {reason}" for unit, names, reason in reasons]
+    checks = "\n".join([checks_table(check.checks).text(), "tolerances:", *tolerances])
+    notes = [f"note: {note}" for note in plan_notes(check.joints)]
+    return "\n\n".join([plans_table(check.joints).text(), *feet, checks, *notes])
 
 
 def verdict_line(check: CrossCheck) -> str:
@@ -138,48 +135,46 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
     has_expected = any(math.isfinite(joint.plans["optimal"].expected.error) for joint in joints)
     for joint in joints:
         for method in joint.plans:
-            numbers, apart = joint.numbers(method), np.abs(joint.difference(method))
-            cells = [number(numbers["rms_deg"], 3), number(numbers["max_deg"], 3)]
-            cells += [number(numbers["expected_rms_deg"], 3)] * has_expected
+            sizes, apart = joint.numbers(method), np.abs(joint.difference(method))
+            expected = [number(sizes["expected_rms_deg"], 3)] * has_expected
             difference = [
-                number(numbers["request_difference_rms_deg"]),
-                number(numbers["largest_request_difference_deg"]),
+                number(sizes["request_difference_rms_deg"]),
+                number(sizes["largest_request_difference_deg"]),
                 f"{index_of_largest(apart)}",
             ]
-            cells += [percent(joint.gap(method))]
-            cells += [NOTHING] * 3 if method == "optimal" else difference
-            rows.append(Row(METHODS[method], tuple(cells), joint.name))
+            errors = [number(sizes["rms_deg"], 3), number(sizes["max_deg"], 3), *expected]
+            differs = [NOTHING] * 3 if method == "optimal" else difference
+            cells = [*errors, percent(joint.gap(method)), *differs]
+            rows.append(Row(METHODS[method], cells, joint.name))
         for level, bound in joint.bounds.items():
             solver_gap = joint.certificates[level].solver_gap
             which = f"{level}, solver gap {percent(solver_gap)}" if solver_gap else level
-            size = f"{math.degrees(bound):.3f}"
-            errors = ("", size) if joint.plans["optimal"].norm == "max" else (size, "")
-            row = (*errors, *[""] * (4 + has_expected))
-            rows.append(Row(f"lower bound ({which})", row, joint.name, "bound"))
+            cells = [""] * (6 + has_expected)
+            cells[joint.plans["optimal"].norm == "max"] = f"{math.degrees(bound):.3f}"
+            rows.append(Row(f"lower bound ({which})", cells, joint.name, "bound"))
     titles = (
         *("rms [deg]", "max [deg]", *["on the robot [deg]"] * has_expected, "gap"),
         *("requests differ: rms [deg]", "most [deg]", "at request"),
     )
-    return Table("joint, plan", tuple(map(Column, titles)), tuple(rows), label="Plans")
+    return Table("joint, plan", titles, rows, "Plans")
 
 
 def foot_table(foot: FootComparison) -> Table:
     """Errors of the foot under the plans."""
     rows = []
     for method, plan in foot.plans.items():
-        gap = foot.gap(method)
-        difference = [NOTHING] * 2
+        gap, difference = foot.gap(method), [NOTHING] * 2
         if method != "foot_optimal":
             difference = [number(math.degrees(value)) for value in foot.differences[method]]
-        errors = tuple(f"{100.0 * each[0]:.3f}" for each in (plan.rms, plan.max_error))
-        cells = (*errors, NOTHING if gap is None else percent(gap), *difference)
+        errors = (f"{100.0 * each[0]:.3f}" for each in (plan.rms, plan.max_error))
+        cells = [*errors, NOTHING if gap is None else percent(gap), *difference]
         rows.append(Row(METHODS[method], cells, "foot"))
     if foot.bound is not None:
         bound = [""] * 5
         bound[foot.norm == "max"] = f"{100.0 * foot.bound:.3f}"
-        rows.append(Row("lower bound within the limits", tuple(bound), "foot", "bound"))
+        rows.append(Row("lower bound within the limits", bound, "foot", "bound"))
     titles = ("rms [cm]", "max [cm]", "gap", "requests differ: rms [deg]", "most [deg]")
-    return Table("foot, plan", tuple(map(Column, titles)), tuple(rows), label="Foot")
+    return Table("foot, plan", titles, rows, "Foot")
 
 
 def checks_table(checks: Sequence[Check]) -> Table:
@@ -197,8 +192,8 @@ def checks_table(checks: Sequence[Check]) -> Table:
             holds = "yes" if each.passed else "NO"
             cells = (f"{each.value:.1e}", tolerance, holds, where)
             rows.append(Row(each.name, cells, kind="" if each.passed else "broken"))
-    columns = (*map(Column, ("worst", "tolerance", "holds")), Column("where", words=True))
-    return Table("check", columns, tuple(rows), label="Checks")
+    columns = ("worst", "tolerance", "holds", Column("where", words=True))
+    return Table("check", columns, rows, "Checks")
 
 
 def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:
@@ -227,13 +222,29 @@ def plan_notes(joints: Sequence[JointComparison]) -> Iterator[str]:
 # The figures.
 
 
-def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
+def figures_of(check: CrossCheck, leg: Leg | None) -> tuple[Figure | None, list[Figure]]:
+    """The leg that moves as desired and under the plans, and figures of the joints and the foot."""
+    joints, foot = check.joints, check.foot
+    timeline = Timeline(check.period, len(joints[0].desired), check.cyclic)
+    pictures = [joint_figure(timeline, joint, j) for j, joint in enumerate(joints)]
+    if foot is None:
+        return None, pictures
+    plans = [(role, foot.plans[method]) for method, role in FOOT_ROLES.items()]
+    distances = [timeline.curve(100.0 * plan.distances, role) for role, plan in plans]
+    pictures.append(figure.foot_figure(timeline, {"": distances}))
+    if leg is None:
+        return None, pictures
+    desired = leg.joint_positions(np.column_stack([joint.desired for joint in joints]))
+    others = [(role, leg.joint_positions(plan.predicted)) for role, plan in plans]
+    return timeline.leg("leg", words_of("comparison_leg"), desired, others), pictures
+
+
+def joint_figure(timeline: Timeline, joint: JointComparison, j: int) -> Figure:
     """A joint: its angles, its requests, and how far these differ."""
-    timeline = _timeline_of(check)
     plans = [(joint.plans[SHOWN], style.CLOSED_FORM), (joint.plans["optimal"], style.OPTIMAL)]
     look = style.INK._replace(label="difference", width=1.3)
     zero = line((0.0, timeline.step * timeline.last), (0.0, 0.0))
-    difference = (zero, timeline.curve(np.degrees(joint.difference(SHOWN)), look, held=True))
+    difference = timeline.curve(np.degrees(joint.difference(SHOWN)), look, held=True)
     title = "requests, closed form − optimised"
     return figure.joint_figure(
         timeline,
@@ -242,29 +253,5 @@ def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
         angles=[(joint.desired, style.DESIRED), *((plan.predicted, role) for plan, role in plans)],
         requests=[(plan.requests, role) for plan, role in plans],
         limits=joint.limits,
-        below=[Panel(Axis("difference", "deg"), difference, title, height=0.8)],
+        below=[Panel(Axis("difference", "deg"), (zero, difference), title, height=0.8)],
     )
-
-
-def foot_figure(check: CrossCheck, foot: FootComparison) -> Figure:
-    """How far the foot is from its desired position, under the plans."""
-    timeline = _timeline_of(check)
-    curves = [
-        timeline.curve(100.0 * foot.plans[method].distances, role)
-        for method, role in FOOT_ROLES.items()
-    ]
-    return figure.foot_figure(timeline, {"": curves})
-
-
-def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
-    """The leg as desired, and under the plans."""
-    desired = leg.joint_positions(np.column_stack([joint.desired for joint in check.joints]))
-    others = [
-        (role, leg.joint_positions(foot.plans[method].predicted))
-        for method, role in FOOT_ROLES.items()
-    ]
-    return _timeline_of(check).leg("leg", words_of("comparison_leg"), desired, others)
-
-
-def _timeline_of(check: CrossCheck) -> Timeline:
-    return Timeline(check.period, len(check.joints[0].desired), check.cyclic)

@@ -105,7 +105,7 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
         f"errors_{unit}",
         *words_of("episodes"),
         Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers),
-        (Panel(Axis("error, rms", SIGNS[unit], from_zero=True), tuple(curves), height=2.2),),
+        (Panel(Axis("error, rms", SIGNS[unit], from_zero=True), curves, height=2.2),),
     )
 
 

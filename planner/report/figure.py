@@ -103,10 +103,10 @@ class Panel:
     """Curves of one quantity."""
 
     y: Axis  # the vertical axis
-    curves: tuple[Curve, ...]  # later ones lie over earlier ones
+    curves: Sequence[Curve]  # later ones lie over earlier ones
     title: str = ""  # its subject, such as the name of a joint
-    spans: tuple[Span, ...] = ()  # shades behind the curves
-    words: tuple[Words, ...] = ()  # words between them
+    spans: Sequence[Span] = ()  # shades behind the curves
+    words: Sequence[Words] = ()  # words between them
     height: float = 1.0  # height beside that of a usual panel
 
 
@@ -118,7 +118,7 @@ class Figure:
     title: str  # its subject, in a few words
     caption: str  # what to see in it
     x: Axis  # the horizontal axis
-    panels: tuple[Panel, ...] = ()  # from the top
+    panels: Sequence[Panel] = ()  # from the top
     over_time: bool = False  # whether that axis is time
     equal: bool = False  # whether a unit is as long along both axes
 
@@ -265,7 +265,7 @@ def joint_figure(
     requests: Traces,
     unit: tuple[str, float] = ("deg", math.degrees(1.0)),
     limits: tuple[float, float] | None = None,
-    spans: tuple[Span, ...] = (),
+    spans: Sequence[Span] = (),
     below: Sequence[Panel] = (),
     clock: bool = True,
     title: str = "predicted",
@@ -313,10 +313,7 @@ def foot_figure(timeline: Timeline, feet: Mapping[str, Sequence[Curve]]) -> Figu
     axis = Axis("distance", "cm", from_zero=True)
     return timeline.figure(
         "foot_distances" if only else "feet_distances",
-        [
-            Panel(axis, tuple(curves), name, height=1.8 if only else 1.0)
-            for name, curves in feet.items()
-        ],
+        [Panel(axis, curves, name, height=1.8 if only else 1.0) for name, curves in feet.items()],
         words_of("feet", several=not only),
         clock=True,
     )

@@ -79,7 +79,7 @@ def fit_figure(name: str, fit: PiecewiseLinearFit) -> Figure:
     curves.append(Curve(INK, step * knots, np.degrees(fit.values), "knots", marks="rings"))
     return timeline.figure(
         "fit",
-        [Panel(Axis("angle", "deg"), tuple(curves), height=1.3)],
+        [Panel(Axis("angle", "deg"), curves, height=1.3)],
         words_of("fit", name=name, fit=fit),
     )
 
@@ -105,5 +105,5 @@ def choices_figure(choices: Choices, fit: PiecewiseLinearFit) -> Figure:
         "choices",
         *words_of("choices"),
         Axis("number of lines", names={each: f"{each:.0f}" for each in numbers}),
-        (Panel(Axis("rms error", "deg", (low, high)), tuple(curves), height=1.3),),
+        (Panel(Axis("rms error", "deg", (low, high)), curves, height=1.3),),
     )

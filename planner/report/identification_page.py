@@ -12,7 +12,7 @@ import numpy as np
 from planner.identification.result import Identification, Interval, LogFit, SpeedPoints
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
-from planner.report.identified_joint import (
+from planner.report.identification_text import (
     errors_table,
     explained,
     figure,
@@ -174,7 +174,7 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
         )
     wide, speeds = style.CLOSED_FORM._replace(width=2.4), factor * model.speed(ends)
     curves.append(Curve(wide, factor * ends, speeds, "f, identified"))
-    panel = Panel(Axis("speed", units.speed, (-high, high)), tuple(curves), words=words, height=2.2)
+    panel = Panel(Axis("speed", units.speed, (-high, high)), curves, words=words, height=2.2)
     return Figure(
         f"{prefix}speed",
         *words_of(
@@ -234,7 +234,7 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
         f"{prefix}intervals",
         *words_of("intervals"),
         Axis("", range=(-1.0, 101.0), names={}),
-        (Panel(axis, tuple(curves), words=tuple(words), height=0.4 * len(names)),),
+        (Panel(axis, curves, words=words, height=0.4 * len(names)),),
     )
 
 

@@ -1,4 +1,7 @@
-"""An identification for the terminal and for the comments of its model file; a test signal too."""
+"""An identification in numbers and words: for the terminal, the page and the model file.
+
+Parameters, errors, verdict and the next step; a test signal too.
+"""
 
 from __future__ import annotations
 
@@ -6,28 +9,36 @@ import math
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 from planner._version import __version__
 from planner.files.joint_model import PARAMETER_UNITS
 from planner.identification.excitation import Excitation
-from planner.identification.result import Identification, Topic
-from planner.report.identified_joint import (
-    between,
-    errors_table,
-    explained,
-    joints_table,
-    of_several,
-    parameters,
-    parameters_table,
-    profile,
-    units_of,
-    verdict,
-)
-from planner.report.table import by_columns
+from planner.identification.judgement import is_loose
+from planner.identification.parameters import TERMS
+from planner.identification.result import Alternative, Identification, Interval, Topic
+from planner.report.page import PARAMETERS
+from planner.report.table import NOTHING, Column, Row, Table, by_columns
 from planner.report.wording import rendered_text
+
+ALTERNATIVES = {
+    "raw": "the request itself",
+    "delay": "best pure delay",
+    "first_order": "delay and first-order lag",
+}
+"""Names of the simpler descriptions."""
+
+COMPARED = {"delay": "the best pure delay", "first_order": "a delay with a first-order lag"}
+"""Descriptions that the verdict compares with."""
+
+
+NOT_KNOWN = "not known"
+"""In place of an uninformative interval: without ends, or from zero to infinity."""
+
+HARDLY = "hardly at all"
+"""How well a parameter is known whose interval is wider to either side than the estimate."""
 
 RECORD: dict[str, dict[Topic, str]] = {
     "steps": {
@@ -39,6 +50,282 @@ RECORD: dict[str, dict[Topic, str]] = {
     "slow-triangle": {"friction": "dry friction", "shaken": "calm motion", "threshold": "theta_0"},
 }
 """Signals of `excite` that settle a topic, and what each shows; for several, the combined one."""
+
+
+class Units(NamedTuple):
+    """The units of a report; inside, angles are in radians, ``factor`` of which are one.
+
+    Values of joints that are no shares of a range are also given in SI.
+    """
+
+    factor: float
+    angle: str
+    speed: str
+    si: bool
+
+    def sized(self, error: float | None) -> tuple[str, str]:
+        """An error [rad] as a number and its unit."""
+        return (NOTHING, "") if error is None else (f"{self.factor * error:.3g}", self.angle)
+
+
+class Parameter(NamedTuple):
+    """A parameter of an identified joint, with its 95 % interval, and how both are shown."""
+
+    name: str  # as in the model's file; `gain` for v_max / theta_0
+    brief: str  # its description
+    estimate: float  # in SI, as the interval
+    ends: Interval
+    factor: float  # from SI to the unit in which it is shown
+    unit: str
+    value: str  # in this unit, as the interval
+    interval: str
+    si: tuple[str, str] | None  # both in SI, where that is another unit
+    rough: bool  # whether its interval is wide, beside the parameter or what it adds to
+    judgement: str  # how well it is known, in words
+
+    @property
+    def determined(self) -> bool:
+        """Whether the logs determine its approximate value."""
+        return self.ends.bounded and self.judgement != HARDLY
+
+    @property
+    def bounds(self) -> tuple[str, str]:
+        """The interval, or the end that it has, and the unit."""
+        if self.interval == NOT_KNOWN:
+            return NOT_KNOWN, ""
+        return self.interval.replace("at least", "≥").replace("at most", "≤"), self.unit
+
+    @property
+    def short(self) -> tuple[str, str]:
+        """The value, or its bounds, and the unit."""
+        return (self.value, self.unit) if self.ends.bounded else self.bounds
+
+
+def units_of(identification: Identification) -> Units:
+    """Degrees for angles; percent for shares of a range."""
+    if identification.unit == "rad":
+        return Units(math.degrees(1.0), "deg", "deg/s", True)
+    return Units(100.0, "% of range", "%/s", False)
+
+
+def parameters(identification: Identification) -> list[Parameter]:
+    """Every parameter with its interval, in the order of :data:`PARAMETERS`."""
+    model, units, rows = identification.model, units_of(identification), list[Parameter]()
+    intervals = {**identification.intervals, "gain": identification.gain_interval}
+    beside = {
+        "lag": model.lag + model.acceleration_time,
+        "offset": model.theta_0,
+        "v_offset": model.v_max,
+        "sag_sin": model.most_pose_sag,
+        "sag_cos": model.most_pose_sag,
+    }
+    for name in filter(intervals.__contains__, PARAMETERS):
+        estimate = identification.gain if name == "gain" else getattr(model, name)
+        if math.isinf(estimate):  # no limit of the acceleration
+            continue
+        unit, ends = PARAMETER_UNITS.get(name, "1/s").replace("^2", "²"), intervals[name]
+        si, factor = None, 1.0
+        if unit == "s":
+            factor, unit = 1e3, "ms"
+        elif "rad" in unit:
+            if units.si:
+                si = (f"{figure(estimate, ends)} {unit}", between(ends))
+            angle = units.angle if unit == "rad" else units.speed.removesuffix("/s")
+            factor, unit = units.factor, unit.replace("rad", angle)
+        shown, half = Interval(*(factor * end for end in ends)), 0.5 * (ends.upper - ends.lower)
+        rough = not half <= 0.2 * abs(beside.get(name, estimate))
+        # beside itself, too, where a warning says that the log does not determine it
+        rough |= name == "lag" and is_loose(model.tick, 2.0 * half, estimate)
+        interval, known = between(shown), "only " if rough else ""
+        if interval == NOT_KNOWN:
+            known = "not determined"
+        elif not ends.bounded:
+            known = f"only bounded from {'below' if math.isfinite(ends.lower) else 'above'}"
+        elif name in beside:
+            known += f"± {two_figures(factor * half)} {unit}"
+        else:
+            known = HARDLY if half > abs(estimate) else f"{known}± {percent_of(half, estimate)}"
+        brief, value = PARAMETERS[name][1], figure(factor * estimate, shown)
+        rows.append(
+            Parameter(name, brief, estimate, ends, factor, unit, value, interval, si, rough, known)
+        )
+    return rows
+
+
+def parameters_table(identification: Identification, *, page: bool = False) -> Table:
+    """The parameters; SI as notes on a page, in a column on a terminal, where names are short."""
+    column, rows = units_of(identification).si and not page, []
+    for row in parameters(identification):
+        about, cells = row.brief, [f"{row.value} {row.unit}", row.interval]
+        if page and row.si:
+            cells = [f"{cell}\n{si}" for cell, si in zip(cells, row.si, strict=True)]
+        if column:
+            cells.append(", ".join(row.si or [NOTHING]))
+        words = PARAMETERS[row.name][0]
+        if page and not about.startswith(words):
+            about = words if about in words else f"{words}\n{about}"
+        kind = "" if row.ends.bounded else "unknown"
+        rows.append(Row(about, (*cells, row.judgement), kind=kind))
+    titles = ("value", "95 % interval", *(("in SI",) if column else ()))
+    columns = (*map(Column, titles), Column("known", words=True))
+    return Table("parameter", columns, rows, label="Parameters")
+
+
+def telling_error(of: Identification | Alternative) -> tuple[float, str]:
+    """The error on rows held out, where there are any [rad], and on which rows it was measured."""
+    if of.held_out_rms is None:
+        return of.rms, "on the rows it was fitted to"
+    return of.held_out_rms, "on rows held out"
+
+
+def errors_table(identification: Identification) -> Table:
+    """The errors of the simpler descriptions, and of the joint model at the end."""
+    units, rows = units_of(identification), list[Row]()
+    every: tuple[Alternative | Identification, ...] = identification.alternatives
+    for each in (*every, identification):
+        about, kind = "the joint model", "model"
+        if isinstance(each, Alternative):
+            times = (each.parameters.get(name) for name in ("delay", "time_constant"))
+            detail = " + ".join(f"{1e3 * time:.0f} ms" for time in times if time is not None)
+            about = ALTERNATIVES.get(each.name, each.name) + (f"\n{detail}" if detail else "")
+            kind = ""
+        cells = tuple(units.sized(error)[0] for error in (each.rms, each.held_out_rms))
+        rows.append(Row(about, cells, kind=kind))
+    columns = (Column("all rows"), Column("held out"))
+    return Table(f"rms error [{units.angle}]", columns, rows, label="Errors")
+
+
+def verdict(identification: Identification) -> str:
+    """Whether the model holds, and what it adds, in one sentence."""
+    units, (error, where) = units_of(identification), telling_error(identification)
+    words = {
+        "holds": "the model holds",
+        "usable": "the model is usable, but not exact",
+        "worse than a delay": "a pure delay serves better, plan with --method shift",
+        "refused": "THE MODEL DOES NOT FIT",
+    }
+    phrases = [
+        f"{words[identification.verdict]}: {' '.join(units.sized(error))} rms {where}",
+        f"{percent_of(error, identification.signal)} of the motion",
+    ]
+    others = {each.name: telling_error(each)[0] for each in identification.alternatives}
+    for name, other_words in COMPARED.items():
+        if name in others:
+            ratio = others[name] / error if error > 0.0 else math.inf
+            most = max(ratio, 1.0 / ratio if ratio else math.inf)
+            times = "infinitely" if math.isinf(most) else f"{most:.{1 if most < 10 else 0}f} times"
+            far = f"{times} closer than" if ratio > 1.0 else f"{times} farther off than"
+            how = far if most >= 1.05 else "no closer than"
+            phrases.append(f"{how} {other_words}")
+    return ", ".join(phrases)
+
+
+def of_several(identifications: Mapping[str, Identification]) -> str:
+    """For how many joints the model holds, and for how many it is usable, in a sentence."""
+    verdicts = [each.verdict for each in identifications.values()]
+    usable = verdicts.count("usable")
+    more = f", and is usable, but not exact, for {usable} more" if usable else ""
+    return f"the model holds for {verdicts.count('holds')} of {len(verdicts)} joints{more}"
+
+
+def joints_table(identifications: Mapping[str, Identification], *, page: bool = False) -> Table:
+    """Every joint in a row: its verdict, the parameters that some joint has, and its errors.
+
+    On a page a unit that all cells of a column have stands in its title.
+    """
+    names, rows = shown_parameters(identifications), list[list[tuple[str, str]]]()
+    for each in identifications.values():
+        shown = {row.name: row for row in parameters(each)}
+        delays = [telling_error(other)[0] for other in each.alternatives if other.name == "delay"]
+        errors = (each.rms, each.held_out_rms, delays[0] if delays else None)
+        rows.append(
+            [
+                ("DOES NOT FIT" if each.verdict == "refused" else each.verdict, ""),
+                *(shown[name].short if name in shown else (NOTHING, "") for name in names),
+                *map(units_of(each).sized, errors),
+            ]
+        )
+    titles = ("model", *(PARAMETERS[name][1] for name in names), "rms", "held out", "best delay")
+    units = [{unit for _, unit in column if unit} for column in zip(*rows, strict=True)]
+    common = [own.pop() if page and len(own) == 1 else "" for own in units]
+    return Table(
+        "joint",
+        tuple(
+            Column(f"{title} [{unit}]" if unit else title)
+            for title, unit in zip(titles, common, strict=True)
+        ),
+        tuple(
+            Row(
+                joint or "unnamed",
+                tuple(
+                    f"{number} {unit}" if unit not in ("", of_all) else number
+                    for (number, unit), of_all in zip(cells, common, strict=True)
+                ),
+                kind="" if identification.accepted else "broken",
+            )
+            for (joint, identification), cells in zip(identifications.items(), rows, strict=True)
+        ),
+        label="Joints",
+    )
+
+
+def shown_parameters(identifications: Mapping[str, Identification]) -> list[str]:
+    """The parameters that some joint has."""
+    rows = (row for each in identifications.values() for row in parameters(each))
+    return list(dict.fromkeys(row.name for row in rows))
+
+
+def explained(identifications: Mapping[str, Identification]) -> str:
+    """Explanations of parameters that not every joint has, in a sentence; empty for none."""
+    rare = [name for name in shown_parameters(identifications) if name in TERMS.values()]
+    return "; ".join(": ".join(reversed(PARAMETERS[name])) for name in rare)
+
+
+def profile(identification: Identification) -> str:
+    """Where a limit of the acceleration may come from, in a sentence; empty where none is known."""
+    for row in parameters(identification) if identification.verdict != "refused" else ():
+        if row.name == "max_acceleration" and row.determined:
+            return (
+                f"The joint accelerates by at most {row.value} {row.unit}: a weak motor, or a "
+                "profile of the servo's own, of acceleration or of speed, which is better switched "
+                "off (Dynamixel X: Profile Acceleration, address 108, and Profile Velocity, 112, "
+                "at 0; Feetech STS: acceleration, 41, and goal speed, 46, at 0)."
+            )
+    return ""
+
+
+def figure(value: float, interval: Interval) -> str:
+    """A number with two figures of its interval's half width, or more where nothing is left of it.
+
+    Where the interval is infinite, with three figures of its own.
+    """
+    decimals = 2 - math.floor(math.log10(abs(value))) if value else 1
+    half = 0.5 * (interval.upper - interval.lower)
+    if math.isfinite(half) and half > 0.0:
+        of_half = 1 - math.floor(math.log10(half))
+        decimals = max(of_half, min(decimals - 1, of_half + 2))
+    text = f"{value:.{min(6, max(0, decimals))}f}"
+    return text.replace("-", "−") if float(text) else text.lstrip("-")
+
+
+def between(interval: Interval) -> str:
+    """An interval in words."""
+    lower, upper = (math.isfinite(end) for end in interval)
+    if lower and upper:
+        return f"{figure(interval.lower, interval)} to {figure(interval.upper, interval)}"
+    if lower and interval.lower != 0.0:
+        return f"at least {figure(interval.lower, interval)}"
+    return f"at most {figure(interval.upper, interval)}" if upper else NOT_KNOWN
+
+
+def percent_of(part: float, whole: float) -> str:
+    """A part of a whole in percent."""
+    return f"{two_figures(100.0 * part / abs(whole))} %" if whole else "∞ %"
+
+
+def two_figures(number: float) -> str:
+    """A positive number with two figures, or all that stand before the point."""
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
 
 
 def identification_text(

@@ -12,7 +12,7 @@ import numpy as np
 from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Page
-from planner.report.table import NOTHING, Column, Row, Table, number, text_table
+from planner.report.table import NOTHING, Row, Table, number, text_table
 from planner.report.wording import words_of
 from planner.trajectory import Array
 
@@ -92,7 +92,7 @@ def errors_figure(progress: Trials, name: str = "learning") -> Figure:
         name,
         *words_of("trials", name=progress.name, bounded=bounded, goes_on=goes_on),
         Axis("trial", names=names, range=ends),
-        (Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), tuple(curves)),),
+        (Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), curves),),
     )
 
 
@@ -115,28 +115,28 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
 
 def trials_table(progress: Sequence[Trials]) -> Table:
     """The errors of all trials."""
-    rows, best = [], "\nbest"
+    rows = []
     for trial in range(max(len(each.errors) for each in progress)):
-        cells = (
-            f"{_short(each.errors[trial], 4)}{best if trial == each.best else ''}"
-            if trial < len(each.errors)
-            else NOTHING
-            for each in progress
-        )
-        rows.append(Row(str(trial + 1), tuple(cells)))
+        errors = (each.errors[trial] if trial < len(each.errors) else None for each in progress)
+        best = ("\nbest" if trial == each.best else "" for each in progress)
+        cells = [
+            NOTHING if error is None else f"{_short(error, 4)}{note}"
+            for error, note in zip(errors, best, strict=True)
+        ]
+        rows.append(Row(str(trial + 1), cells))
     for about, name, kind in (
         ("predicted next", "predicted", ""),
         ("lower bound", "bound", "bound"),
         ("noise of a cycle", "noise", ""),
     ):
-        values = (getattr(each, name) for each in progress)
-        texts = (NOTHING if math.isnan(value) else _short(value, 4) for value in values)
-        rows.append(Row(about, tuple(texts), kind=kind))
-    columns = tuple(Column(f"{each.name} [{each.unit}]") for each in progress)
-    return Table("trial", columns, tuple(rows), label="Errors of the trials, rms")
+        rows.append(Row(about, [_short(getattr(each, name), 4) for each in progress], kind=kind))
+    columns = (f"{each.name} [{each.unit}]" for each in progress)
+    return Table("trial", columns, rows, "Errors of the trials, rms")
 
 
 def _short(value: float, digits: int = 3) -> str:
+    if math.isnan(value):
+        return NOTHING
     return f"{value:.{digits}g}" if value >= 5e-4 else "0"  # rounding
 
 

@@ -46,9 +46,6 @@ HIDDEN = ("shift", "optimal")
 """Methods that are hidden at first: in space they are the direct method's path, and nearly the
 closed form's."""
 
-FEATURED = ("figure8_foot_paths", "foot_paths", "joints_by_method")
-"""The figures after the key figures: the moving leg and its joints."""
-
 ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
 
 PREDICTED = Role("predicted", style.INK.light, style.INK.dark, width=1.1, dashes=(0, (1, 1.6)))
@@ -217,7 +214,7 @@ def foot_paths_figure(
         ground=ground,
         hidden=[ROLES[method].label for method in HIDDEN],
     )
-    panel = Panel(UPWARD, tuple(curves), words=words, height=2.5)
+    panel = Panel(UPWARD, curves, words=words, height=2.5)
     return replace(moving, x=ACROSS, panels=(panel,), equal=True)
 
 
@@ -248,7 +245,7 @@ def by_method_figure(
         "joints_by_method",
         [*drawn, *more],
         words=words,
-        below=[Panel(axis, tuple(curves), "foot, from its desired path")],
+        below=[Panel(axis, curves, "foot, from its desired path")],
         hidden=[role.label for role in (style.OPTIMAL, *(role for _, role in more))],
     )
 

@@ -6,13 +6,14 @@ Every figure stands beside the paper's own.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from planner._version import __version__
 from planner.evaluation.reproduction import (
+    PAIRS,
     REFINE,
     RULE,
     SOURCE,
@@ -29,8 +30,64 @@ from planner.evaluation.virtual_experiment import (
 )
 from planner.identification.result import Identification
 from planner.model.joint import JointModel
-from planner.report.page import versions
+from planner.report.figure import Figure
+from planner.report.page import Page, file_link, parameters_of, versions
+from planner.report.table import NOTHING, Column, Row, Table, number, percent, signed
+from planner.report.wording import rendered_text
 from planner.trajectory import Array, Distance
+
+Results = Mapping[str, Any]
+
+COMPARISONS = {
+    "Des,Dir": "desired to direct",
+    "Des,Plain": "desired to closed form, as in the paper",
+    "Pwl,Plain": "approximation to closed form, as in the paper",
+    "Des,MB": "desired to closed form, knots refined",
+    "Pwl,MB": "approximation to closed form, knots refined",
+    "Des,Opt": "desired to optimised",
+    "Des,Foot": "desired to foot-optimised",
+}
+"""Names of pairs of trajectories; Plain and MB are the paper's MB."""
+
+METHODS = {
+    "direct": "direct: request the desired angles",
+    "shift": "best time shift of them",
+    "closed_form_plain": "closed form, as in the paper",
+    "closed_form": "closed form, knots refined",
+    "optimal": "optimised joint by joint",
+    "foot_optimal": "foot-optimised: all joints at once",
+}
+
+GAPS = {
+    "closed form, as in the paper": "closed_form_plain_gap",
+    "closed form, knots refined": "closed_form_gap",
+    "optimised": "gap",
+}
+"""Methods whose gaps over the lower bound the results hold, and the key of each."""
+
+NORMS = {"L2": "L₂", "Linf": "L∞"}
+
+TABLE_1 = {
+    "v_max_deg_per_tick": "top speed [degrees per tick]",
+    "theta_0_deg": "error that calls for it [degrees]",
+    "lag_ticks": "lag [ticks]",
+    "acceleration_ticks": "acceleration time [ticks]",
+    "offset_deg": "static sag [degrees]",
+}
+"""Rows of Table 1: key in the results, and title."""
+
+ERRORS = {
+    "rms_deg": "prediction of the step tests [deg rms]",
+    "held_out_rms_deg": "the same, held out [deg rms]",
+    "unseen_walk_rms_deg": "prediction of a walk never seen [deg rms]",
+}
+"""Errors of an identified model: key in the results, and title."""
+
+FEATURED = ("figure8_foot_paths", "foot_paths", "joints_by_method")
+"""The figures after the key figures: the moving leg and its joints."""
+
+PLANS = {method: pair for pair, method in PAIRS.items() if pair.startswith("Des")}
+"""The row of Table 2 with a method's errors in the joints."""
 
 PAPER_NOTE = (
     "The joint here is the paper's model with the parameters of its Table 1; "
@@ -52,86 +109,65 @@ def paper_results(planned: PlannedWalk) -> dict[str, Any]:
     The paper's closed form stands beside both of ours: ``closed_form_plain`` (``Plain`` in Table 2)
     is its method, ``closed_form`` (``MB``) has its knots refined by simulating the joint.
     """
-    return {
-        **_heads("reproduce", PAPER_NOTE),
-        "table2": {
-            joint: {pair: _entry(over, published(joint, pair)) for pair, over in pairs.items()}
-            for joint, pairs in planned.table2().items()
-        },
-        "foot": {
-            method: _entry(over, published_foot(method))
-            for method, over in planned.foot_table().items()
-        },
-        "best_shift_samples": planned.lead,
-        "baseline_deviation": planned.baseline_deviation(),
-        **_bounds(planned),
-        "step_tests": {
-            f"{amplitude:g}": {
-                "lag_ticks": response.lag,
-                "acceleration_ticks": response.acceleration,
-                "v_max_deg_per_tick": math.degrees(response.v_max) * planned.models[0].period,
-            }
-            for amplitude, response in planned.steps.items()
-        },
-        "parameters": {
-            "model": planned.models[0].parameters(),
-            **_plan_parameters(planned),
-        },
-        "versions": versions(),
-        "seconds": {**planned.seconds, "total": sum(planned.seconds.values())},
+    steps = {
+        f"{amplitude:g}": {
+            "lag_ticks": response.lag,
+            "acceleration_ticks": response.acceleration,
+            "v_max_deg_per_tick": math.degrees(response.v_max) * planned.models[0].period,
+        }
+        for amplitude, response in planned.steps.items()
     }
+    return _document(
+        planned,
+        PAPER_NOTE,
+        {"step_tests": steps, "best_shift_samples": planned.lead},
+        {"model": planned.models[0].parameters()},
+        planned.seconds,
+    )
 
 
-def _entry(over: OverCycles, published: OverCycles | None, **more: Any) -> dict[str, Any]:
-    """A distance beside the paper's own, if it has one."""
-    paper = published and {
-        **_norms(published.mean),
-        "L2_deviation": published.deviation.rms,
-        "Linf_deviation": published.deviation.max,
-    }
-    return {**_norms(over.mean), "paper": paper, **more}
-
-
-def _heads(command: str, note: str, **units: str) -> dict[str, Any]:
-    """Origin of the document, its units, and names of its keys."""
-    return {
-        "made_by": f"request-planner {__version__} {command}",
-        "note": note,
-        "source": SOURCE,
-        "units": {
-            "table2": "deg",
-            "foot": "cm",
-            "bounds": "deg",
-            "foot_bound": "cm",
-            "gap": "1",
-            "limits": "deg",
-            **units,
-            "seconds": "s",
-        },
-        "comparisons": dict(COMPARISONS),
-        "methods": dict(METHODS),
-    }
-
-
-def _plan_parameters(planned: PlannedWalk) -> dict[str, Any]:
-    return {
-        "segments": planned.segments,
-        "rule": RULE,
-        "refine": dict(REFINE),
-        "samples": len(planned.walk.desired),
-        "clamped_samples": int((~planned.walk.reachable).sum()),
-    }
-
-
-def _bounds(planned: PlannedWalk) -> dict[str, Any]:
-    """Lower bounds with the plans' gaps, and limits with the excess of requests over them."""
+def _document(
+    planned: PlannedWalk,
+    note: str,
+    own: Mapping[str, Any],
+    parameters: Mapping[str, Any],
+    seconds: Mapping[str, float],
+    *,
+    walked: Sequence[Mapping[str, Array]] = (),
+) -> dict[str, Any]:
+    """What both experiments have; ``walked`` by a robot: the true angles and the sensed ones."""
+    on_robot = bool(walked)
+    joints = [planned.table2(angles) for angles in (*walked, None)]
+    feet = [planned.foot_table(angles) for angles in (*walked, None)]
     plans, foot, limits = planned.plans, planned.plans["foot_optimal"], planned.walk.leg.limits
     beyond = {
         method: np.maximum(limits.lower - plan.requests, plan.requests - limits.upper).max(axis=0)
         for method, plan in plans.items()
         if method not in ("direct", "shift")
     }
+    robot = {"loss": "1", "identified": "SI, but for names that end in _deg and _ticks"}
+    units = {"table2": "deg", "foot": "cm", "bounds": "deg", "foot_bound": "cm", "gap": "1"}
+    command = "reproduce --robot virtual" if on_robot else "reproduce"
     return {
+        "made_by": f"request-planner {__version__} {command}",
+        "note": note,
+        "source": SOURCE,
+        "units": {**units, "limits": "deg", **(robot if on_robot else {}), "seconds": "s"},
+        "comparisons": dict(COMPARISONS),
+        "methods": dict(METHODS),
+        **own,
+        "table2": {
+            joint: {
+                pair: _entry(published(joint, pair), *(table[joint][pair] for table in joints))
+                for pair in pairs
+            }
+            for joint, pairs in joints[0].items()
+        },
+        "foot": {
+            method: _entry(published_foot(method), *(table[method] for table in feet))
+            for method in feet[0]
+        },
+        "baseline_deviation": planned.baseline_deviation(*walked[:1]),
         "bounds": {
             name: {
                 "rms": math.degrees(plans["optimal"].lower_bounds[j]),
@@ -157,27 +193,53 @@ def _bounds(planned: PlannedWalk) -> dict[str, Any]:
             }
             for j, name in enumerate(planned.walk.joint_names)
         },
+        "parameters": {
+            **parameters,
+            "segments": planned.segments,
+            "rule": RULE,
+            "refine": dict(REFINE),
+            "samples": len(planned.walk.desired),
+            "clamped_samples": int((~planned.walk.reachable).sum()),
+        },
+        "versions": versions(*["mujoco"] * on_robot),
+        "seconds": {**seconds, "total": sum(seconds.values())},
+    }
+
+
+def _entry(published: OverCycles | None, over: OverCycles, *robot: OverCycles) -> dict[str, Any]:
+    """A distance beside the paper's own; of a walk by a ``robot`` also as sensed and planned."""
+    entry = {
+        **_norms(over.mean),
+        "paper": published
+        and {
+            **_norms(published.mean),
+            "L2_deviation": published.deviation.rms,
+            "Linf_deviation": published.deviation.max,
+        },
+    }
+    if not robot:
+        return entry
+    sensed, plan = robot
+    return entry | {
+        "std": _norms(over.deviation),
+        "sensed": {**_norms(sensed.mean), "std": _norms(sensed.deviation)},
+        "predicted": _norms(plan.mean),
+        "loss": over.mean.rms / plan.mean.rms - 1.0,
     }
 
 
 def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     """The document that ``reproduce --robot virtual`` writes and prints.
 
-    Every distance is the mean over the cycles by the true angles, in degrees or centimetres; beside
-    it stand the figures of :func:`_executed`, and the paper's own.
+    Every distance is the mean over the cycles by the true angles, in degrees or centimetres. Beside
+    it stand its standard deviation (``std``), the same by the sensors (``sensed``) and by the plan
+    on the identified models (``predicted``), the relative excess over that (``loss``), and the
+    paper's own.
     """
     planned, constants = outcome.planned, outcome.constants
-    sensed = {method: run.sensed for method, run in outcome.runs.items()}
-    executed = outcome.walks
-    joints = planned.table2(executed), planned.table2(sensed), planned.table2()
-    feet = planned.foot_table(executed), planned.foot_table(sensed), planned.foot_table()
-    return {
-        **_heads(
-            "reproduce --robot virtual",
-            VIRTUAL_NOTE,
-            loss="1",
-            identified="SI, but for names that end in _deg and _ticks",
-        ),
+    identified = zip(planned.walk.joint_names, outcome.identifications, strict=True)
+    models = zip(planned.walk.joint_names, planned.models, strict=True)
+    own = {
         "robot": {
             "name": "virtual",
             "seed": outcome.seed,
@@ -189,20 +251,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         },
         "identified": {
             name: _identification_entry(identification, outcome.unseen_rms[name])
-            for name, identification in zip(
-                planned.walk.joint_names, outcome.identifications, strict=True
-            )
-        },
-        "table2": {
-            joint: {
-                pair: _executed(published(joint, pair), *(table[joint][pair] for table in joints))
-                for pair in pairs
-            }
-            for joint, pairs in joints[0].items()
-        },
-        "foot": {
-            method: _executed(published_foot(method), *(table[method] for table in feet))
-            for method in outcome.runs
+            for name, identification in identified
         },
         "learning": {
             "trials": [
@@ -214,37 +263,15 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
             "stopped": outcome.learning.stopped or None,
         },
         "best_shift_samples": outcome.shift_samples,
-        "baseline_deviation": planned.baseline_deviation(executed),
-        **_bounds(planned),
-        "parameters": {
-            "models": {
-                name: model.parameters()
-                for name, model in zip(planned.walk.joint_names, planned.models, strict=True)
-            },
-            "step_amplitudes_deg": list(AMPLITUDES),
-            "step_cycles": STEP_CYCLES,
-            **_plan_parameters(planned),
-        },
-        "versions": versions("mujoco"),
-        "seconds": {**outcome.seconds, "total": sum(outcome.seconds.values())},
     }
-
-
-def _executed(published: OverCycles | None, *distances: OverCycles) -> dict[str, Any]:
-    """A distance when the walk is executed, with its standard deviation (``std``).
-
-    The same by the sensors (``sensed``), and by the plan on the identified models (``predicted``),
-    and the relative excess of the mean over that (``loss``).
-    """
-    over, sensed, predicted = distances
-    return _entry(
-        over,
-        published,
-        std=_norms(over.deviation),
-        sensed={**_norms(sensed.mean), "std": _norms(sensed.deviation)},
-        predicted=_norms(predicted.mean),
-        loss=over.mean.rms / predicted.mean.rms - 1.0,
-    )
+    parameters = {
+        "models": {name: model.parameters() for name, model in models},
+        "step_amplitudes_deg": list(AMPLITUDES),
+        "step_cycles": STEP_CYCLES,
+    }
+    sensed = {method: run.sensed for method, run in outcome.runs.items()}
+    walked = (outcome.walks, sensed)
+    return _document(planned, VIRTUAL_NOTE, own, parameters, outcome.seconds, walked=walked)
 
 
 def _norms(distance: Distance) -> dict[str, float]:
@@ -254,38 +281,29 @@ def _norms(distance: Distance) -> dict[str, float]:
 def _identification_entry(identification: Identification, unseen: float) -> dict[str, Any]:
     """The identification, and the same in the paper's units beside its Table 1."""
     period, held_out = identification.model.period, identification.held_out_rms
-    lower, upper = (
-        {name: of[end] for name, of in identification.intervals.items()} for end in (0, 1)
-    )
-    of_paper, of_ours = JointModel.ers210a().parameters(), identification.model.parameters()
-    paper, ours, least, most = (
-        _in_paper_units(values, period) for values in (of_paper, of_ours, lower, upper)
-    )
+    paper, ours = JointModel.ers210a().parameters(), identification.model.parameters()
+    degrees = math.degrees(1.0)
+    units = {
+        "v_max_deg_per_tick": ("v_max", degrees * period),
+        "theta_0_deg": ("theta_0", degrees),
+        "lag_ticks": ("lag", 1.0 / period),
+        "acceleration_ticks": ("acceleration_time", 1.0 / period),
+        "offset_deg": ("offset", degrees),
+    }
     return {
         **identification.to_dict(),
         "rms_deg": math.degrees(identification.rms),
         "held_out_rms_deg": None if held_out is None else math.degrees(held_out),
         "unseen_walk_rms_deg": math.degrees(unseen),
         "table1": {
-            name: {
-                "value": value,
-                "lower": least[name],
-                "upper": most[name],
-                "paper": paper[name] if name != "offset_deg" else None,
+            key: {
+                "value": factor * ours[name],
+                "lower": factor * identification.intervals[name].lower,
+                "upper": factor * identification.intervals[name].upper,
+                "paper": factor * paper[name] if name != "offset" else None,
             }
-            for name, value in ours.items()
+            for key, (name, factor) in units.items()
         },
-    }
-
-
-def _in_paper_units(values: dict[str, float], period: float) -> dict[str, float]:
-    """Parameters in degrees and ticks of this period [s], as the paper's Table 1 has them."""
-    return {
-        "v_max_deg_per_tick": math.degrees(values["v_max"]) * period,
-        "theta_0_deg": math.degrees(values["theta_0"]),
-        "lag_ticks": values["lag"] / period,
-        "acceleration_ticks": values["acceleration_time"] / period,
-        "offset_deg": math.degrees(values["offset"]),
     }
 
 
@@ -301,24 +319,150 @@ def joint_paths(planned: PlannedWalk) -> dict[str, Array]:
     }
 
 
-Results = Mapping[str, Any]
+# For people.
 
-COMPARISONS = {
-    "Des,Dir": "desired to direct",
-    "Des,Plain": "desired to closed form, as in the paper",
-    "Pwl,Plain": "approximation to closed form, as in the paper",
-    "Des,MB": "desired to closed form, knots refined",
-    "Pwl,MB": "approximation to closed form, knots refined",
-    "Des,Opt": "desired to optimised",
-    "Des,Foot": "desired to foot-optimised",
-}
-"""Names of pairs of trajectories; Plain and MB are the paper's MB."""
 
-METHODS = {
-    "direct": "direct: request the desired angles",
-    "shift": "best time shift of them",
-    "closed_form_plain": "closed form, as in the paper",
-    "closed_form": "closed form, knots refined",
-    "optimal": "optimised joint by joint",
-    "foot_optimal": "foot-optimised: all joints at once",
-}
+def experiment_text(results: Results) -> str:
+    """All tables as plain text, for the terminal."""
+    return rendered_text("virtual.txt" if "robot" in results else "paper.txt", **_values(results))
+
+
+def experiment_page(results: Results, figures: Sequence[Figure], files: Sequence[str]) -> str:
+    """The page, with links to files beside it."""
+    alone = [figure for figure in figures if figure.name == "learning"]
+    return Page(
+        "virtual" if "robot" in results else "paper",
+        **_values(results),
+        featured=[figure for figure in figures if figure.name in FEATURED],
+        learning=alone,
+        others=[each for each in figures if each not in alone and each.name not in FEATURED],
+        files=[(file_link(file), "") for file in files],
+        seconds=[(part.replace("_", " "), f"{s:.2f}") for part, s in results["seconds"].items()],
+    ).html()
+
+
+def _values(results: Results) -> dict[str, Any]:
+    """The tables, and what the sentences say."""
+    values = {"results": results, "table_2": table_2(results), "foot_table": foot_table(results)}
+    if "robot" in results:
+        dropped = results["robot"]["dropped_cycles"].values()
+        return values | {
+            "table_1": table_1(results),
+            "executed": executed_table(results),
+            "dropped": " to ".join(dict.fromkeys(f"{end(dropped)}" for end in (min, max))),
+            "loss": relative(results["foot"]["foot_optimal"]["loss"], 1),
+            "constants": constants_table(results["robot"]["constants"]),
+        }
+    parameters = results["parameters"]
+    model = parameters["model"]
+    return values | {
+        "bounds": bounds_table(results),
+        "parameters": [
+            *((words, f"{model[name]:.6g}") for name, words in parameters_of([model]).items()),
+            ("samples in a step of the walk", parameters["samples"]),
+            ("of these clamped into the leg’s reach", parameters["clamped_samples"]),
+            ("lines of each approximation", parameters["segments"]),
+            ("rule that inverts a line", parameters["rule"]),
+        ],
+    }
+
+
+def table_2(results: Results) -> Table:
+    """Table 2: one row per comparison and norm, a cell per joint [degrees]."""
+    rows = []
+    for comparison, label in COMPARISONS.items():
+        entries = [joint[comparison] for joint in results["table2"].values()]
+        kind = "beyond" if all(entry["paper"] is None for entry in entries) else ""
+        for norm, words in NORMS.items():
+            rows.append(Row(words, [_beside(entry, norm) for entry in entries], label, kind))
+    return Table("degrees", map(_column, results["table2"]), rows, "Table 2", apart=True)
+
+
+def foot_table(results: Results) -> Table:
+    """The foot: one row per method, a cell for each norm [cm]."""
+    entries = {label: results["foot"][method] for method, label in METHODS.items()}
+    rows = [
+        Row(label, [_beside(each, norm) for norm in NORMS], kind="" if each["paper"] else "beyond")
+        for label, each in entries.items()
+    ]
+    return Table("centimetres", map(_column, NORMS.values()), rows, "Foot distances")
+
+
+def bounds_table(results: Results) -> Table:
+    """The lower bound of every joint, the plans' gaps, and how far requests go beyond limits."""
+    bounds, limits = results["bounds"].values(), results["limits"].values()
+    ends = [signed(f"{limit['lower']:.0f} to {limit['upper']:.0f}") for limit in limits]
+    rows = [Row("lower bound [degrees]", [number(bound["rms"], 3) for bound in bounds])]
+    for label, key in GAPS.items():
+        rows.append(Row(f"gap, {label}", [percent(bound[key]) for bound in bounds]))
+    rows.append(Row("limits of the requests [degrees]", ends))
+    for method in ("closed_form_plain", "closed_form", "optimal", "foot_optimal"):
+        excesses = (limit["excess"][method] for limit in limits)
+        cells = [f"{excess:.1f}" if excess else "kept" for excess in excesses]
+        rows.append(Row(f"beyond them, {METHODS[method].split(':')[0]} [degrees]", cells))
+    return Table("", results["bounds"], rows, "Lower bounds")
+
+
+def table_1(results: Results) -> Table:
+    """Table 1: the identified parameters of every joint, and how well they predict."""
+    joints, rows = results["identified"].values(), []
+    for key, label in TABLE_1.items():
+        entries = [joint["table1"][key] for joint in joints]
+        ends = [f"{number(each['lower'])} to {number(each['upper'])}" for each in entries]
+        pairs = zip(entries, ends, strict=True)
+        cells = [signed(f"{each['value']:.2f}\n{known}") for each, known in pairs]
+        rows.append(Row(label, [*cells, number(entries[0]["paper"], 1)]))
+    for key, label in ERRORS.items():
+        cells = [number(joint[key]) for joint in joints]
+        rows.append(Row(label, [*cells, NOTHING], kind="beyond"))
+    return Table("joint", [*results["identified"], "paper"], rows, "Table 1")
+
+
+def executed_table(results: Results) -> Table:
+    """Predicted and executed accuracy (L2) by method: the joints' [degrees], the foot's [cm]."""
+
+    def cell(entry: Results | None) -> tuple[str, ...]:
+        if entry is None:
+            return (NOTHING,) * 3
+        planned, executed = (f"{each['L2']:.2f}" for each in (entry["predicted"], entry))
+        return planned, executed, relative(entry["loss"], 1)
+
+    joints, rows = results["table2"], []
+    for method, label in METHODS.items():
+        entries = [joint.get(PLANS.get(method)) for joint in joints.values()]
+        rows.append(Row(label.split(":")[0], [*map(cell, entries), cell(results["foot"][method])]))
+    parts, joined = ("planned", "executed", "loss"), "{0} > {1} ({2})"
+    columns = (Column(name, parts, joined=joined) for name in (*joints, "foot"))
+    return Table("L₂", columns, rows, "Planned and executed")
+
+
+def relative(share: float, digits: int = 0) -> str:
+    """A share as a percentage with a sign."""
+    text = f"{100.0 * share:+.{digits}f} %"
+    return signed(text) if float(text[:-2]) else text[1:]
+
+
+def _column(title: str) -> Column:
+    return Column(title, ("ours", "paper", "diff."), joined="{0} / {1} ({2})")
+
+
+def _beside(entry: Results, norm: str) -> tuple[str, ...]:
+    """One of our figures, the paper's, and the difference."""
+    ours = f"{entry[norm]:.2f}"
+    if "std" in entry:
+        deviation = entry["std"][norm]
+        ours += f"\n± {deviation:.{2 if deviation >= 0.005 else 3}f}"
+    if entry["paper"] is None:
+        return ours, NOTHING, NOTHING
+    paper = entry["paper"][norm]
+    return ours, f"{paper:.2f}", relative(entry[norm] / paper - 1.0)
+
+
+def constants_table(constants: Results) -> Table:
+    """The constants of the robot, with their sources."""
+    rows = []
+    for name, constant in constants.items():
+        unit = constant["unit"].replace("^2", "²") if constant["unit"] != "1" else ""
+        value = signed(f"{constant['value']:.4g} {unit}".strip())
+        rows.append(Row(name.replace("_", " "), (value, constant["source"])))
+    return Table("constant", ("value", Column("source", words=True)), rows, "Constants")

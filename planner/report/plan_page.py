@@ -13,7 +13,7 @@ from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
 from planner.report.plan_results import PlanAnswer, no_bound, size
-from planner.report.table import NOTHING, Column, Row, Table, by_columns, number, percent, signed
+from planner.report.table import Column, Row, Table, by_columns, percent, signed, thousandths
 from planner.report.wording import words_of
 from planner.trajectory import Array
 
@@ -42,11 +42,10 @@ def plan_page(
     leg reaches.
     """
     plan, role, timeline = answer.plan, METHODS[answer.method], Timeline.of(answer.plan)
-    rows = (
-        Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
+    requests = [
+        Row(f"{timeline.step * k:.6g}", thousandths(angles))
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
-    )
-    requests = Table(timeline.unit, tuple(map(Column, plan.names)), tuple(rows), label="Requests")
+    ]
     foot, joints, as_given = answer.foot, answer.joints, None
     if foot_given is not None:
         as_given = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
@@ -82,7 +81,7 @@ def plan_page(
         joints=joints_table(answer),
         no_bound=no_bound(plan),
         pictures=[joint_figure(plan, role, j) for j in range(len(plan.names))],
-        requests=requests,
+        requests=Table(timeline.unit, plan.names, requests, "Requests"),
         models=models_table(plan.names, plan.models),
     )
 
@@ -99,44 +98,36 @@ def jumps_of(plan: Plan) -> list[int]:
 def joints_table(answer: PlanAnswer) -> Table:
     """Errors, speeds and limits of joints, and lower bounds where there are any."""
     task, joints, norms = answer.plan.task, answer.joints, ("rms", "max")
-    planned, direct = (
-        [tuple(f"{error:.3f}" for error in getattr(each, of)) for each in joints]
-        for of in ("planned", "direct")
-    )
     is_shift, early = answer.plan.method == "shift", [f"{1e3 * each.lead:.0f}" for each in joints]
     shifts = [(f"{each.early:.3f}", lead) for each, lead in zip(joints, early, strict=True)]
+    planned = Column("best time shift [deg]" if is_shift else "planned [deg]", norms)
+    (bound, least), gaps = answer.bounds
     bounded = any(not math.isnan(each.bound) for each in joints)
-    limits = zip(task.lower, task.upper, strict=True)
+    speeds = [(f"{each.speed:.0f}", f"{each.top:.0f}") for each in joints]
+    limits = []
+    for lower, upper in np.degrees([task.lower, task.upper]).T.tolist():
+        low, high = (signed(f"{limit:.1f}").removesuffix(".0") for limit in (lower, upper))
+        one_sided = f"at least {low}" if math.isfinite(lower) else f"at most {high}"
+        known = [math.isfinite(each) for each in (lower, upper)]
+        limits.append(f"{low} to {high}" if all(known) else one_sided if any(known) else "none")
     return by_columns(
         "joint",
         answer.plan.names,
         [
-            (Column("best time shift [deg]" if is_shift else "planned [deg]", norms), planned),
+            (planned, [thousandths(each.planned) for each in joints]),
             is_shift and ("early [ms]", early),
-            answer.has_expected and ("on the robot [deg]", answer.robot_cells),
-            (Column("without a plan [deg]", norms), direct),
+            answer.has_expected and ("on the robot [deg]", answer.on_robot),
+            (Column("without a plan [deg]", norms), [thousandths(each.direct) for each in joints]),
             not is_shift and (Column("best time shift", ("rms [deg]", "early [ms]")), shifts),
-            bounded and (f"{answer.bound_title} [deg]", [number(each.bound, 3) for each in joints]),
-            bounded
-            and ("gap", [percent(j.gap) if math.isfinite(j.gap) else NOTHING for j in joints]),
-            (
-                Column("speed [deg/s]", ("desired", "top")),
-                [(f"{each.speed:.0f}", f"{each.top:.0f}") for each in joints],
-            ),
+            bounded and (f"{bound} [deg]", least),
+            bounded and gaps,
+            (Column("speed [deg/s]", ("desired", "top")), speeds),
             ("too fast", [percent(each.share, 0) for each in joints]),
-            ("limits [deg]", [_limits(*np.degrees(each).tolist()) for each in limits]),
+            ("limits [deg]", limits),
             ("at or beyond limits", [f"{each.at_limit}" for each in joints]),
         ],
         label="Joints",
     )
-
-
-def _limits(lower: float, upper: float) -> str:
-    low, high = (signed(f"{limit:.1f}").removesuffix(".0") for limit in (lower, upper))
-    has_lower, has_upper = math.isfinite(lower), math.isfinite(upper)
-    if has_lower and has_upper:
-        return f"{low} to {high}"
-    return f"at least {low}" if has_lower else f"at most {high}" if has_upper else "none"
 
 
 # The figures.

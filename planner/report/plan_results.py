@@ -27,7 +27,17 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.table import NO_BOUND, NOTHING, Column, Row, Table, by_columns, number, percent
+from planner.report.table import (
+    NO_BOUND,
+    NOTHING,
+    Column,
+    Row,
+    Table,
+    by_columns,
+    number,
+    percent,
+    thousandths,
+)
 from planner.trajectory import Array, Distance, error_norm, rms
 
 if TYPE_CHECKING:
@@ -56,7 +66,6 @@ class JointNumbers(NamedTuple):
     share: float  # of the path beyond the top speed [-]
     at_limit: int  # requests at a limit or beyond it
     beyond: float  # how far requests go beyond the limits
-    motion: RequestMotion  # how its requests move [rad]
 
     @property
     def label(self) -> str:
@@ -87,17 +96,13 @@ def size(errors: Array, factor: float = DEGREE) -> Distance:
 def foot_numbers(feet: Sequence[Plan]) -> FootNumbers:
     """The numbers of a foot, or of several together."""
     shifts = [shifted(foot.task) for foot in feet]
+    each = (feet, [foot.direct for foot in feet], shifts)
     planned, direct, early = (
-        size(np.concatenate(each), 100.0)
-        for each in (
-            [foot.distances for foot in feet],
-            [foot.direct.distances for foot in feet],
-            [shift.distances for shift in shifts],
-        )
+        size(np.concatenate([plan.distances for plan in plans]), 100.0) for plans in each
     )
     expected, expected_early = (
-        None if len(feet) > 1 or each[0].expected_foot is None else 100.0 * each[0].expected_foot
-        for each in (feet, shifts)
+        None if len(feet) > 1 or plans[0].expected_foot is None else 100.0 * plans[0].expected_foot
+        for plans in (feet, shifts)
     )
     return FootNumbers(planned, direct, early, expected, expected_early)
 
@@ -127,7 +132,7 @@ class PlanAnswer:
         plan, shift, task = self.plan, self.shift, self.plan.task
         excess = np.maximum(task.lower - plan.requests, plan.requests - task.upper)
         most, numbers = excess.max(axis=0), list[JointNumbers]()
-        bounded = plan.task.goal == "angles" and self.method != "foot-optimal"
+        bounded = task.goal == "angles" and self.method != "foot-optimal"
         for j, (name, model) in enumerate(zip(plan.names, plan.models, strict=True)):
             has_bound = bounded and not (task.load_of_pose or model.exceeds_v_max)
             speed, top = np.degrees(plan.speeds[j].highest)
@@ -148,7 +153,6 @@ class PlanAnswer:
                     share=float(plan.too_fast[j]),
                     at_limit=int(np.sum(excess[:, j] >= -AT_LIMIT)),
                     beyond=math.degrees(most[j]) if most[j] > AT_LIMIT else 0.0,
-                    motion=plan.motions[j],
                 )
             )
         return numbers
@@ -177,7 +181,7 @@ class PlanAnswer:
     @property
     def has_expected(self) -> bool:
         """Whether an error to expect on the robot is known, of any joint."""
-        return any(math.isfinite(each.expected.error) for each in self.joints)
+        return any(math.isfinite(each.error) for each in self.plan.expected)
 
     @cached_property
     def recommended(self) -> str:
@@ -192,13 +196,14 @@ class PlanAnswer:
     @property
     def advice(self) -> list[str]:
         """What to know and to do before the requests are sent to the robot."""
-        lines = [untested_words(self.plan.names, self.plan.expected)]
-        if self.recommended:
-            lines.append(f"recommended: --method shift, as {self.recommended}")
-        if self.refining:
-            refine = "play the requests and refine them (request-planner refine)"
-            lines.append(f"recommended: {refine}: {self.refining}")
-        return list(filter(None, [*lines, start_words(self.plan)]))
+        refine = "play the requests and refine them (request-planner refine)"
+        lines = [
+            untested_words(self.plan.names, self.plan.expected),
+            self.recommended and f"recommended: --method shift, as {self.recommended}",
+            self.refining and f"recommended: {refine}: {self.refining}",
+            start_words(self.plan),
+        ]
+        return list(filter(None, lines))
 
     @property
     def fast(self) -> list[JointNumbers]:
@@ -215,16 +220,21 @@ class PlanAnswer:
     # The tables.
 
     @property
-    def bound_title(self) -> str:
-        """The title of lower bounds: of what error, where that is not the rms error."""
-        return "lower bound (max)" if self.plan.task.norm == "max" else "lower bound"
+    def bounds(self) -> list[tuple[str, list[str]]]:
+        """Columns of the lower bounds, of what error where that is not the rms error, and gaps."""
+        title = "lower bound (max)" if self.plan.task.norm == "max" else "lower bound"
+        gaps = (each.gap for each in self.joints)
+        return [
+            (title, [number(each.bound, 3) for each in self.joints]),
+            ("gap", [NOTHING if math.isnan(gap) else percent(gap) for gap in gaps]),
+        ]
 
     @property
-    def robot_cells(self) -> list[str]:
+    def on_robot(self) -> list[str]:
         """Error to expect of each joint on the robot, rms, with its range in a note."""
         cells = []
-        for each in self.joints:
-            error, *ends = np.degrees([each.expected.error, each.expected.low, each.expected.high])
+        for each in self.plan.expected:
+            error, *ends = np.degrees([each.error, each.low, each.high])
             low, high = (f"{end:.3g}" for end in ends)
             known = f"{error:.3f}" if low == high else f"{error:.3f}\n{low} to {high}"
             cells.append(NOTHING if math.isnan(error) else known)
@@ -233,7 +243,8 @@ class PlanAnswer:
     @property
     def motions(self) -> Table:
         """How the requests of every joint move; see :func:`motions_table`."""
-        return motions_table((each.name, each.motion, DEGREE) for each in self.joints)
+        pairs = zip(self.plan.names, self.plan.motions, strict=True)
+        return motions_table((*pair, DEGREE) for pair in pairs)
 
     @property
     def over_models(self) -> Table | None:
@@ -246,31 +257,25 @@ class PlanAnswer:
         for label, robust in zip(labels, results, strict=True):
             if robust.nominal is None:
                 return None
-            for result, kind in (
-                (robust, self.plan.task.robust),
-                (robust.nominal, "nominal model"),
-            ):
-                errors = tuple(f"{factor * error:.3f}" for error in result.over_models)
+            kinds = {self.plan.task.robust: robust, "nominal model": robust.nominal}
+            for kind, result in kinds.items():
+                errors = [f"{factor * error:.3f}" for error in result.over_models]
                 rows.append(Row(f"{label}, for the {kind}", errors))
-        columns = tuple(Column(f"{which} [{unit}]") for which in ErrorsOfModels._fields)
-        return Table("plan", columns, tuple(rows), label="Errors over the models")
+        columns = (f"{which} [{unit}]" for which in ErrorsOfModels._fields)
+        return Table("plan", columns, rows, "Errors over the models")
 
     @property
     def feet_table(self) -> Table:
         """How far the foot of each leg of a robot is from its path."""
         feet, norms = self.feet.values(), ("rms", "at most")
-
-        def cells(of: str) -> list[tuple[str, ...]]:
-            return [tuple(f"{error:.3f}" for error in getattr(each, of)) for each in feet]
-
         robot = [f"{each.expected:.3f}" for each in feet if each.expected is not None]
         return by_columns(
             "foot",
             self.feet,
             [
-                (Column("plan [cm]", norms), cells("planned")),
-                (Column("without a plan [cm]", norms), cells("direct")),
-                (Column("best shift [cm]", norms), cells("early")),
+                (Column("plan [cm]", norms), [thousandths(each.planned) for each in feet]),
+                (Column("without a plan [cm]", norms), [thousandths(each.direct) for each in feet]),
+                (Column("best shift [cm]", norms), [thousandths(each.early) for each in feet]),
                 len(robot) == len(feet) and ("on the robot, rms [cm]", robot),
             ],
             label="Feet",
@@ -281,7 +286,7 @@ class PlanAnswer:
     def document(self) -> dict[str, Any]:
         """The plan for machines; fields that a plan for the foot does not have are null."""
         plan, task = self.plan, self.plan.task
-        step = float(np.min(task.max_step))
+        step, method = float(np.min(task.max_step)), "shift" if self.recommended else self.method
         feet = {
             name: {
                 **named(each.planned, "cm"),
@@ -293,11 +298,7 @@ class PlanAnswer:
         }
         return {
             "method": self.method,
-            "recommended_method": None
-            if has_refused(plan)
-            else "shift"
-            if self.recommended
-            else self.method,
+            "recommended_method": None if has_refused(plan) else method,
             "refining_recommended": bool(self.refining),
             "cyclic": plan.cyclic,
             "period_s": plan.period,
@@ -306,14 +307,19 @@ class PlanAnswer:
             "unreachable_samples": self.unreachable,
             "lower_bound_withdrawn": no_bound(plan) or None,
             "joints": {each.name: self._joint(j, each) for j, each in enumerate(self.joints)},
-            "foot": self._foot() if self.of_foot else None,
+            "foot": self._foot(self.foot) if self.of_foot and self.foot else None,
             **({"legs": feet} if feet else {}),
             "within_tolerance": None if self.missed is None else not self.missed,
         }
 
     def _joint(self, j: int, numbers: JointNumbers) -> dict[str, Any]:
         """A joint for machines."""
-        plan, unit, expected, motion = self.plan, numbers.unit, numbers.expected, numbers.motion
+        plan, unit, expected, motion = (
+            self.plan,
+            numbers.unit,
+            numbers.expected,
+            self.plan.motions[j],
+        )
         inversion = plan.inversions[j] if plan.inversions else None
         ends = np.degrees([expected.low, expected.high]).tolist()
         return {
@@ -342,10 +348,9 @@ class PlanAnswer:
             **({} if plan.task.load is None else {"load_Nm": plan.task.load[:, j].tolist()}),
         }
 
-    def _foot(self) -> dict[str, Any]:
+    def _foot(self, numbers: FootNumbers) -> dict[str, Any]:
         """The foot for machines."""
-        numbers, bound, inversion = self.foot, self.plan.foot_bound, self.plan.of_foot
-        assert numbers is not None, "a foot belongs to a leg"
+        bound, inversion = self.plan.foot_bound, self.plan.of_foot
         return {
             **named(numbers.planned, "cm"),
             "expected_rms_cm": numbers.expected,
@@ -369,9 +374,8 @@ class PlanAnswer:
             [
                 ("rms [deg]", [f"{each.planned.rms:.3f}" for each in joints]),
                 ("max [deg]", [f"{each.planned.max:.3f}" for each in joints]),
-                self.has_expected and ("on the robot", self.robot_cells),
-                (self.bound_title, [number(each.bound, 3) for each in joints]),
-                ("gap", [NOTHING if np.isnan(each.gap) else percent(each.gap) for each in joints]),
+                self.has_expected and ("on the robot", self.on_robot),
+                *self.bounds,
             ],
         )
         lines = [
@@ -387,8 +391,18 @@ class PlanAnswer:
             lines += ["", f"{words} intervals:", over_models.text()]
         if self.feet:
             lines += ["", self.feet_table.text(), ""]
-        if self.of_foot:
-            lines += self._foot_lines()
+        if self.of_foot and self.foot:
+            robot, (error, most) = "", self.foot.planned
+            if self.foot.expected is not None:
+                robot = f"; on the robot {self.foot.expected:.3f} cm rms to expect"
+            lines.append(f"foot: {error:.3f} cm rms from its path, {most:.3f} cm at most{robot}")
+            if plan.of_foot is not None and plan.foot_bound:
+                norm = "rms" if plan.task.norm == "rms" else "at most"
+                weighted = " as weighted" if len(set(plan.task.weights)) > 1 else ""
+                lines.append(
+                    f"no requests within the limits bring it below {100.0 * plan.foot_bound:.3f} "
+                    f"cm {norm}{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
+                )
         if plan.method == "shift":
             early = (f"{each.name} {1e3 * each.lead:.0f} ms" for each in joints)
             lines.append(f"early by: {', '.join(early)}")
@@ -419,23 +433,6 @@ class PlanAnswer:
         if self.unreachable:
             lines.append(f"{self.unreachable} samples were out of the leg's reach")
         return "\n".join(lines)
-
-    def _foot_lines(self) -> list[str]:
-        """The errors of the foot, and their lower bound."""
-        plan, numbers, robot = self.plan, self.foot, ""
-        assert numbers is not None, "a foot belongs to a leg"
-        if numbers.expected is not None:
-            robot = f"; on the robot {numbers.expected:.3f} cm rms to expect"
-        rms_error, most = numbers.planned
-        lines = [f"foot: {rms_error:.3f} cm rms from its path, {most:.3f} cm at most{robot}"]
-        if plan.of_foot is not None and plan.foot_bound:
-            norm = "rms" if plan.task.norm == "rms" else "at most"
-            weighted = " as weighted" if len(set(plan.task.weights)) > 1 else ""
-            lines.append(
-                f"no requests within the limits bring it below {100.0 * plan.foot_bound:.3f} cm "
-                f"{norm}{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
-            )
-        return lines
 
     def _shift_words(self) -> str:
         """The errors of the best time shift."""

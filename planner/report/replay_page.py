@@ -25,7 +25,7 @@ from planner.report.figure import (
 )
 from planner.report.page import Page, models_table
 from planner.report.plan_results import motions_table, named, size
-from planner.report.table import NOTHING, Column, Row, Table, number
+from planner.report.table import NOTHING, Column, Row, Table, number, thousandths
 from planner.report.wording import phrase, rendered_text, words_of
 from planner.trajectory import Array, Distance
 
@@ -150,7 +150,7 @@ def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> 
     return rendered_text(
         "replay.txt",
         **_spoken(replay, models, fastest),
-        joints=replace(joints_table(replay), about="rms [deg]"),
+        joints=joints_table(replay, "rms [deg]"),
         requests=motions_table((each.label, motion, each.factor) for each, motion in planned),
     )
 
@@ -178,7 +178,7 @@ def _allowed(fastest: Fastest) -> tuple[float, str]:
     return math.degrees(fastest.tolerance), "deg"
 
 
-def joints_table(replay: Replay) -> Table:
+def joints_table(replay: Replay, about: str = "joint [deg]") -> Table:
     """Errors of every joint by kind of requests; a terminal shows the root mean squares."""
     norms, rows = ("rms", "max"), list[Row]()
     columns = (
@@ -191,9 +191,7 @@ def joints_table(replay: Replay) -> Table:
     )
     for joint in replay.joints:
         sizes, fast = sizes_of(joint), "nowhere"
-        pairs = {
-            kind: tuple(f"{each:.3f}" for each in error) for kind, error in sizes.errors.items()
-        }
+        pairs = {kind: thousandths(error) for kind, error in sizes.errors.items()}
         cells: list[str | tuple[str, ...]] = [pairs["recorded"]]
         if joint.inversion is None:
             cells += [(NOTHING,) * len(column.parts) or NOTHING for column in columns[1:-1]]
@@ -208,8 +206,8 @@ def joints_table(replay: Replay) -> Table:
             cells += [pairs["resent"], pairs["direct"]]
             cells += [(*pairs["shifted"], f"{1e3 * joint.lead:.0f}"), pairs["planned"]]
             cells += [number(sizes.expected, 3), number(sizes.bound, 3), fast]
-        rows.append(Row(sizes.label, tuple(cells)))
-    return Table("joint [deg]", columns, tuple(rows), label="Joints")
+        rows.append(Row(sizes.label, cells))
+    return Table(about, columns, rows, "Joints")
 
 
 # The figures.

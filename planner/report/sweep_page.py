@@ -38,7 +38,7 @@ def sweep_page(swept: Swept) -> Page:
         for reason, points in list(swept.failures.items())[:20]
     ]
     columns = Column("parameters", words=True), Column("points"), Column("reason", words=True)
-    failures = Table("first point", columns, tuple(rows), label="Points without a plan")
+    failures = Table("first point", columns, rows, label="Points without a plan")
     return Page(
         "sweep",
         swept=swept,
@@ -169,7 +169,7 @@ def points_table(swept: Swept) -> Table:
         fast = f"{100.0 * each.too_fast:.0f} % {each.slowest}" if each.slowest else "nowhere"
         best = "\nbest" if each is swept.best else ""
         rows.append(Row(f"{each.number}{best}", (*(f"{value:.4g}" for value in numbers), fast)))
-    return Table("point", tuple(map(Column, titles)), tuple(rows), label="The Pareto front")
+    return Table("point", titles, rows, label="The Pareto front")
 
 
 def front_figure(swept: Swept) -> Figure:
@@ -201,6 +201,6 @@ def front_figure(swept: Swept) -> Figure:
         "front",
         *words_of("front"),
         Axis("speed", swept.speed_unit, None if high > low else (0.9 * low, 1.1 * high)),
-        (Panel(Axis("error", swept.error_unit, from_zero=True, decimals=3), tuple(curves),
+        (Panel(Axis("error", swept.error_unit, from_zero=True, decimals=3), curves,
                height=2.4),),
     )  # fmt: skip

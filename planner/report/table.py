@@ -52,32 +52,40 @@ class Row:
     about: str  # its label, in the first column
 
     # its cells: words, or one for each part of their column. Text after a line break is a note
-    cells: tuple[str | tuple[str, ...], ...]
+    cells: Sequence[str | tuple[str, ...]]
     subject: str = ""  # its group; rows of one subject stand together
     kind: str = ""  # how a page marks it, such as "bound"
 
 
-@dataclass(frozen=True)
 class Table:
     """A table."""
 
-    about: str  # title of the first column
-    columns: tuple[Column, ...]  # the other columns
-    rows: tuple[Row, ...]
-    label: str = ""  # its name for screen readers
-    apart: bool = False  # whether a terminal shows the subject in a column of its own, once
+    def __init__(
+        self,
+        about: str,
+        columns: Iterable[str | Column],
+        rows: Iterable[Row],
+        label: str = "",
+        *,
+        apart: bool = False,
+    ) -> None:
+        """Begin rows with a column titled ``about``.
+
+        The label is for screen readers. ``apart``: whether a terminal shows the subject of rows in
+        a column of its own, once.
+        """
+        self.about, self.rows, self.label, self.apart = about, [*rows], label, apart
+        self.columns = [Column(each) if isinstance(each, str) else each for each in columns]
 
     def text(self) -> str:
         """The table for a terminal, the subject before each row's label."""
         rows = []
         for subject, same in self.subjects():
             for number, row in enumerate(same):
-                cells = map(_joined, row.cells, self.columns)
+                about = [", ".join(filter(None, (subject, _with_note(row.about))))]
                 if self.apart:
-                    rows.append(["" if number else subject, row.about, *cells])
-                else:
-                    parts = (subject, _with_note(row.about))
-                    rows.append([", ".join(part for part in parts if part), *cells])
+                    about = ["" if number else subject, row.about]
+                rows.append([*about, *map(_joined, row.cells, self.columns)])
         header = [self.about, *([""] if self.apart else []), *(each.title for each in self.columns)]
         return text_table(header, rows, about=2 if self.apart else 1)
 
@@ -95,11 +103,9 @@ def by_columns(
 ) -> Table:
     """A table from the labels of its rows and its columns: titles and cells; False is no column."""
     shown = [each for each in columns if each]
-    titles = (Column(title) if isinstance(title, str) else title for title, _ in shown)
-    cells = zip(rows, *(own for _, own in shown), strict=True)
-    return Table(
-        about, tuple(titles), tuple(Row(row, tuple(own)) for row, *own in cells), label=label
-    )
+    cells = zip(*(own for _, own in shown), strict=True)
+    each = zip(rows, cells, strict=True)
+    return Table(about, (title for title, _ in shown), (Row(*row) for row in each), label)
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: int = 1) -> str:
@@ -143,6 +149,11 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
 def number(value: float | None, digits: int = 2) -> str:
     """A number with fixed decimals; a dash for none, and for NaN."""
     return NOTHING if value is None or math.isnan(value) else f"{value:.{digits}f}"
+
+
+def thousandths(values: Iterable[float]) -> tuple[str, ...]:
+    """Numbers with three decimals."""
+    return tuple(f"{value:.3f}" for value in values)
 
 
 def two_digits(value: float) -> str:

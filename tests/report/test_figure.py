@@ -23,9 +23,8 @@ from planner.report.figure import (
     joint_figure,
 )
 from planner.report.matplotlib_figure import draw
-from planner.report.page import Page
+from planner.report.page import Page, plot
 from planner.report.paper_figures import with_cycles
-from planner.report.plotly_figure import plot
 from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED
 
 X = np.array([0.0, 1.0, 2.0])

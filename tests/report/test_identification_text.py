@@ -10,8 +10,13 @@ import pytest
 
 from planner.files.joint_model import models_text
 from planner.identification.result import Alternative, Finding, Interval
-from planner.report.identification_text import identification_text, model_comments, remarks
-from planner.report.identified_joint import parameters, verdict
+from planner.report.identification_text import (
+    identification_text,
+    model_comments,
+    parameters,
+    remarks,
+    verdict,
+)
 from tests.report.made_up import made_up, made_up_log, never_saturated
 
 

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import live_scripts, sources_of
-from planner.report.plotly_figure import plot
+from planner.report.page import live_scripts, plot, sources_of
 from planner.report.style import DIRECT
 from tests.browser import ARGUMENTS
 

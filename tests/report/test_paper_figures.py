@@ -10,8 +10,8 @@ import pytest
 
 from planner.evaluation.reproduction import STEP_AMPLITUDES
 from planner.files.staging import list_files
+from planner.report.page import plot
 from planner.report.paper_figures import ROLES, paper_figures, virtual_figures
-from planner.report.plotly_figure import plot
 from tests.report.test_figure import check_words
 
 
