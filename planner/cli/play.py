@@ -47,7 +47,7 @@ def play(
 
     from planner.files.columns import SHARES
     from planner.files.joint_model import read_servos
-    from planner.files.paths import GrowingLog, read_joint_path, write_joint_path
+    from planner.files.paths import growing_log, read_joint_path, write_joint_path
 
     path = read_joint_path(requests)
     for name, unit in zip(path.names, path.units, strict=True):
@@ -61,17 +61,19 @@ def play(
     period = path.step
     rows: list[tuple[float, Array]] = []
     servos = read_servos(model, path.names)
-    with buses.open_arm(choices, servos, model) as arm, GrowingLog(output, path.names) as log:
+    with (
+        buses.open_arm(choices, servos, model) as arm,
+        growing_log(output, path.names) as write_row,
+    ):
 
         def keep(time: float, row: Array, angles: Array) -> None:
-            log.keep(time, row, angles)
+            write_row(time, row, angles)
             rows.append((time, angles))
 
-        with buses.stopping(f"the log until then is {log.unfinished}"), arm.powered():
+        with buses.stopping(f"the log until then is {output}.part"), arm.powered():
             performance = arm.perform(path.values, period=period, cycles=cycles, keep=keep)
             if performance.interrupted:
                 raise KeyboardInterrupt
-        log.finish()
     count = cycles * len(path.values)
     times, angles = np.array([time for time, _ in rows]), np.array([each for _, each in rows])
     if measured is not None:
@@ -137,19 +139,19 @@ def record(
     import numpy as np
 
     from planner.files.joint_model import read_servos
-    from planner.files.paths import GrowingLog
+    from planner.files.paths import growing_log
 
     servos = read_servos(model)
     kinds = ("",) if by_hand else ("requested", "actual")
     with (
         buses.open_arm(choices, servos, model) as arm,
-        GrowingLog(output, list(servos), kinds=kinds) as log,
-        buses.stopping(f"the log until then is {log.unfinished}"),
+        growing_log(output, list(servos), kinds=kinds) as write_row,
+        buses.stopping(f"the log until then is {output}.part"),
     ):
         if by_hand:
             for servo in servos.values():
                 arm.bus.write(servo.id, "torque", 0)
-        port, begin, row = arm.bus.port, arm.bus.port.now(), 0
+        port, begin, row, kept = arm.bus.port, arm.bus.port.now(), 0, 0
         last_read = np.full(len(servos), begin)
         with suppress(KeyboardInterrupt):  # the end, where no duration is set
             while duration_s is None or row / rate_hz < duration_s:
@@ -159,12 +161,12 @@ def record(
                 measured = arm.measure()
                 columns = [measured.angles] if by_hand else [arm.goals(), measured.angles]
                 if not (by_hand and np.isnan(measured.angles).any()):
-                    log.keep(measured.time - begin, *columns)
+                    write_row(measured.time - begin, *columns)
+                    kept += 1
                 last_read[np.isfinite(measured.angles)] = measured.time
                 arm.check_heard(last_read, measured.time)
                 row = max(row + 1, int((port.now() - begin) * rate_hz))
-        log.finish()
     lost = arm.bus.lost / max(1, arm.bus.asked)
     summarise(
-        f"{log.rows} rows of {', '.join(servos)} in {output}; {100.0 * lost:.1f} % of answers lost"
+        f"{kept} rows of {', '.join(servos)} in {output}; {100.0 * lost:.1f} % of answers lost"
     )

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
@@ -293,50 +293,42 @@ def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Arra
     return columns
 
 
-class GrowingLog:
-    """A CSV of requested and actual angles that has every row as soon as it was measured.
+@contextmanager
+def growing_log(
+    path: Path | str, names: Sequence[str], *, kinds: Sequence[str] = ("requested", "actual")
+) -> Iterator[Callable[..., None]]:
+    """A CSV of the joints' angles that has every row as soon as it was measured.
 
-    It is written as ``NAME.part``, and gets its name when it is complete: other outputs appear
-    whole or not at all, but no measured row may be lost.
+    Other outputs appear whole or not at all, but no measured row may be lost: the log is written as
+    ``NAME.part``, and gets its name at the end of the block. The function in the block writes a
+    row: a time [s], and of each kind the angles [rad], NaN where there is none.
     """
+    unfinished, rows = Path(f"{path}.part"), 0
 
-    def __init__(
-        self,
-        path: Path | str,
-        names: Sequence[str],
-        *,
-        kinds: Sequence[str] = ("requested", "actual"),
-    ) -> None:
-        """Begin a log of these joints, with a column for each kind of angle."""
-        self.path, self.rows = Path(path), 0
-        self.unfinished = self.path.with_name(self.path.name + ".part")
-        columns = ["_".join(filter(None, (name, kind, "deg"))) for name in names for kind in kinds]
-        with writing(self.unfinished):
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file: TextIO = self.unfinished.open("w", encoding="utf-8", newline="\n")
-        self._write(",".join([TIME, *columns]))
+    def write(*cells: str) -> None:
+        with writing(unfinished):
+            file.write(",".join(cells) + "\n")
+            file.flush()
 
-    def keep(self, time: float, *kinds: Array) -> None:
-        """Write a row: a time [s], and of each kind the angles [rad], NaN where there is none."""
-        angles = np.degrees(np.column_stack(kinds)).round(6) + 0.0  # no negative zero
+    def keep(time: float, *of_kinds: Array) -> None:
+        nonlocal rows
+        angles = np.degrees(np.column_stack(of_kinds)).round(6) + 0.0  # no negative zero
         cells = ("" if math.isnan(each) else f"{each:.6f}" for each in angles.ravel().tolist())
-        self._write(",".join([f"{time:.6f}", *cells]))
-        self.rows += 1
+        write(f"{time:.6f}", *cells)
+        rows += 1
 
-    def finish(self) -> None:
-        """Give the log its name."""
-        self._file.close()
-        self.unfinished.replace(self.path)
-
-    def __enter__(self) -> GrowingLog:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
-        if not self.rows and self.unfinished.exists():
-            self.unfinished.unlink()
-
-    def _write(self, line: str) -> None:
-        with writing(self.unfinished):
-            self._file.write(line + "\n")
-            self._file.flush()
+    with writing(unfinished):
+        unfinished.parent.mkdir(parents=True, exist_ok=True)
+        file = unfinished.open("w", encoding="utf-8", newline="\n")
+    try:
+        with file:
+            columns = (
+                "_".join(filter(None, (name, kind, "deg"))) for name in names for kind in kinds
+            )
+            write(TIME, *columns)
+            yield keep
+        if rows:
+            unfinished.replace(path)
+    finally:
+        if not rows:
+            unfinished.unlink(missing_ok=True)

@@ -13,7 +13,7 @@ import numpy as np
 from planner.exceptions import BusError, InvalidFile, InvalidInput, angle_text
 from planner.files.logs import read_logs
 from planner.files.logs.rows import LogOptions
-from planner.files.paths import GrowingLog
+from planner.files.paths import growing_log
 from planner.identification.excitation import excite
 from planner.identification.identify import identify
 from planner.identification.log import Log
@@ -161,17 +161,16 @@ def move(
         limits = np.array([servo.limits for servo in arm.servos.values()])
         rows = np.clip(rows, limits[:, 0], limits[:, 1])
         rows[:, place] = requests
-        with GrowingLog(log, [joint]) as growing:
+        with growing_log(log, [joint]) as keep:
             played = arm.perform(
                 rows,
                 period=period,
-                keep=lambda time, row, angles: growing.keep(
+                keep=lambda time, row, angles: keep(
                     time, row[place : place + 1], angles[place : place + 1]
                 ),
             )
             if played.interrupted:
                 raise KeyboardInterrupt
-            growing.finish()
     (record,) = read_logs([str(log)], options=LogOptions(joint=joint))
     if resume:
         rows = np.rint((record.times - record.times[0]) / period).astype(int)

@@ -124,7 +124,7 @@ def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, mo
         raise BusError("enough")
 
     monkeypatch.chdir(calibrated[0])
-    monkeypatch.setattr(measure, "GrowingLog", None)  # nothing is measured
+    monkeypatch.setattr(measure, "growing_log", None)  # nothing is measured
     monkeypatch.setattr("planner.identification.identify.identify", identify)
     again = command_line("calibrate", *BRIEF, "--ids", "1", "--resume", "-o", "arm.toml")
     assert again.stderr.splitlines()[-1].startswith("request-planner: enough; what was")
@@ -145,7 +145,7 @@ def test_logs_that_a_calibration_replaces_are_told(calibrated, command_line, mon
 def test_logs_of_another_range_are_not_taken(calibrated, command_line, monkeypatch):
     folder, _ = calibrated
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(measure, "GrowingLog", None)  # nothing is measured
+    monkeypatch.setattr(measure, "growing_log", None)  # nothing is measured
     other = ("--reach-deg", "25", "--ids", "1", "--resume", "-o", "arm.toml")
     again = command_line("calibrate", *BRIEF, *other)
     assert again.exit_code == 2

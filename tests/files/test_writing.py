@@ -15,7 +15,7 @@ import pytest
 
 from planner.exceptions import InvalidFile
 from planner.files import staging
-from planner.files.paths import GrowingLog
+from planner.files.paths import growing_log
 from planner.files.staging import list_files, output_folder, staged
 from planner.files.text import to_json, write_text
 from tests.parallel.work import at_work_on
@@ -243,20 +243,19 @@ def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch)
 
 def test_a_log_has_every_row_as_soon_as_it_was_measured_and_its_name_at_the_end(tmp_path):
     file, part = tmp_path / "deep" / "a.log", tmp_path / "deep" / "a.log.part"
-    with GrowingLog(file, ["hip", "knee"]) as log:
+    with growing_log(file, ["hip", "knee"]) as keep:
         head = "t_s,hip_requested_deg,hip_actual_deg,knee_requested_deg,knee_actual_deg\n"
         assert part.read_text() == head
-        log.keep(0.02, np.array([0.1, -1e-12]), np.array([math.nan, 1.0]))
+        keep(0.02, np.array([0.1, -1e-12]), np.array([math.nan, 1.0]))
         text = f"{head}0.020000,5.729578,,0.000000,57.295780\n"
         assert part.read_text() == text
-        log.finish()
     assert list_files(tmp_path) == ["deep/a.log"]
     assert file.read_text() == text
-    with GrowingLog(file, ["hip"], kinds=[""]):
+    with growing_log(file, ["hip"], kinds=[""]):
         assert part.read_text() == "t_s,hip_deg\n"
     assert list_files(tmp_path) == ["deep/a.log"], "a log without a row is left"
-    with suppress(KeyboardInterrupt), GrowingLog(file, ["hip"], kinds=[""]) as log:
-        log.keep(0.0, np.array([0.0]))
+    with suppress(KeyboardInterrupt), growing_log(file, ["hip"], kinds=[""]) as keep:
+        keep(0.0, np.array([0.0]))
         raise KeyboardInterrupt
     assert part.read_text() == "t_s,hip_deg\n0.000000,0.000000\n"
     assert file.read_text() == text
