@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.trajectory import TURN, Array
-
-AnyArray = TypeVar("AnyArray", bound=npt.NDArray[Any])
+from planner.validation import freeze
 
 
 class Link(NamedTuple):
@@ -46,8 +45,7 @@ class Chain:
 
     def __post_init__(self) -> None:
         """Freeze the constants."""
-        for constant in (self.rotations, self.translations, self.axes, self.tip):
-            read_only(constant)
+        freeze(self.rotations, self.translations, self.axes, self.tip)
 
     @cached_property
     def links(self) -> tuple[Link, ...]:
@@ -111,12 +109,6 @@ class Chain:
         """Derivatives of the foot [m/rad], (n, 3, k), along a path of the joints [rad], (n, k)."""
         _, columns = self.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
         return np.ascontiguousarray(np.stack(columns).transpose(2, 1, 0))
-
-
-def read_only(array: AnyArray) -> AnyArray:
-    """The same array, closed to writing."""
-    array.setflags(write=False)
-    return array
 
 
 def _turned(link: Link, vector: Any, cosine: Any, sine: Any) -> Any:

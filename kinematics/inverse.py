@@ -18,16 +18,16 @@ Paden and Kahan's subproblems, stated by the invariant quantity; each of them he
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.chain import Chain, Limits, half_turned, read_only
+from kinematics.chain import Chain, Limits, half_turned
 from planner.exceptions import UnreachableFoot, UnsupportedLeg
 from planner.trajectory import TURN, Array, Indices
-from planner.validation import check_choice
+from planner.validation import check_choice, read_only
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -139,8 +139,12 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
     """
     beyond = np.where(limits.turning, np.inf, 0.0)
     endless = Limits(limits.lower - beyond, limits.upper + beyond)
-    regions = _grid(limits.central)  # (REGIONS ** k, SAMPLES ** k, k)
-    count, _, joints = regions.shape
+    steps = [np.linspace(*ends, REGIONS * SAMPLES) for ends in zip(*limits.central, strict=True)]
+    joints, count = len(steps), REGIONS ** len(steps)
+    grid = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1)
+    cut = grid.reshape(*(REGIONS, SAMPLES) * joints, joints)
+    by_region = cut.transpose(*range(0, 2 * joints, 2), *range(1, 2 * joints, 2), 2 * joints)
+    regions = by_region.reshape(count, -1, joints)
     feet = chain.feet(regions.reshape(-1, joints)).reshape(count, -1, 3)
     poses = np.empty((len(foot), count, joints))
     for begin in range(0, len(foot), CHUNK):
@@ -152,29 +156,21 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
     return limits.clip(limits.wrap(poses))
 
 
-def _grid(limits: Limits) -> Array:
-    """Evenly spaced poses, sorted by region: (REGIONS ** k, SAMPLES ** k, k)."""
-    steps = [np.linspace(*ends, REGIONS * SAMPLES) for ends in zip(*limits, strict=True)]
-    grid = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1)
-    joints = len(steps)
-    cut = grid.reshape(*(REGIONS, SAMPLES) * joints, joints)
-    ordered = cut.transpose(*range(0, 2 * joints, 2), *range(1, 2 * joints, 2), 2 * joints)
-    return ordered.reshape(REGIONS**joints, SAMPLES**joints, joints)
-
-
 def _descend(chain: Chain, limits: Limits, points: Array, poses: Array) -> Array:
     """The minimum below each start: projected Newton steps, damped until they go down."""
+
+    def missed(poses: Array, points: Array) -> Array:  # half the squared distance [m²]
+        return 0.5 * np.asarray(((chain.feet(poses) - points) ** 2).sum(axis=1))
+
     poses = poses.copy()
-    going = np.arange(len(poses))
-    damping = np.zeros(len(poses))
-    value = _half_squares(chain, points, poses)
+    going, damping, value = np.arange(len(poses)), np.zeros(len(poses)), missed(poses, points)
     for _ in range(200):  # a dozen are typical
         if not going.size:
             break
         here = poses[going]
         step = _newton_step(chain, limits, points[going], here, damping[going])
         there = limits.clip(here + step)
-        reached = _half_squares(chain, points[going], there)
+        reached = missed(there, points[going])
         better = reached < value[going]
         poses[going[better]] = there[better]
         value[going[better]] = reached[better]
@@ -184,30 +180,21 @@ def _descend(chain: Chain, limits: Limits, points: Array, poses: Array) -> Array
     return poses
 
 
-def _half_squares(chain: Chain, points: Array, poses: Array) -> Array:
-    """Half the squared distance between foot and point [m²], shape (p,)."""
-    return 0.5 * np.asarray(((chain.feet(poses) - points) ** 2).sum(axis=1))
-
-
 def _newton_step(
     chain: Chain, limits: Limits, points: Array, poses: Array, damping: Array
 ) -> Array:
     """Newton's step for half the squared distance among the joints that are free to move."""
     (*origins, foot), axes = chain.points_and_axes(np.cos(poses.T), np.sin(poses.T))
     miss = foot - points.T  # (3, p)
-    columns = [
-        np.cross(axis, foot - origin, axis=0) for axis, origin in zip(axes, origins, strict=True)
-    ]
-    joints = range(len(columns))
+    pairs = zip(axes, origins, strict=True)
+    columns = [np.cross(axis, foot - origin, axis=0) for axis, origin in pairs]
     gradient = np.stack([(miss * column).sum(axis=0) for column in columns], axis=-1)  # (p, k)
     hessian = np.empty((len(poses), len(columns), len(columns)))
-    for i in joints:
-        for j in joints[i:]:
-            # The second derivative of the foot is the first axis crossed with the second's column.
-            bend = np.cross(axes[i], columns[j], axis=0)
-            hessian[:, i, j] = hessian[:, j, i] = (columns[i] * columns[j] + miss * bend).sum(
-                axis=0
-            )
+    for i, j in combinations_with_replacement(range(len(columns)), 2):
+        # The second derivative of the foot is the first axis crossed with the second's column.
+        bend = np.cross(axes[i], columns[j], axis=0)
+        curvature = (columns[i] * columns[j] + miss * bend).sum(axis=0)
+        hessian[:, i, j] = hessian[:, j, i] = curvature
     at_limit = (poses <= limits.lower) & (gradient > 0.0)
     at_limit |= (poses >= limits.upper) & (gradient < 0.0)
     gradient[at_limit] = 0.0
@@ -324,41 +311,25 @@ def _unwrapped(angles: Array, start: float, lower: float, upper: float) -> Array
     return np.array(inside)
 
 
-class Axis(NamedTuple):
-    """A line to turn about."""
+Axis = tuple[Array, Array]
+"""A line to turn about: its unit direction and a point of it, each (3,)."""
 
-    direction: Array  # (3,), unit
-    point: Array  # (3,)
-
-    def circle(self, points: Array) -> Circle:
-        """The circles that ``points`` (..., 3) describe about the axis."""
-        arms = points - self.point
-        along = (arms @ self.direction)[..., None] * self.direction
-        return Circle(points - arms + along, arms - along, np.cross(self.direction, arms))
-
-    def angle_between(self, start: Array, end: Array) -> Array:
-        """The turn that takes ``start`` to ``end`` [rad], or nearest to it: an arctangent."""
-        circle = self.circle(start)
-        arms = end - circle.middle
-        across, along = ((way * arms).sum(-1) for way in (circle.sine, circle.cosine))
-        return np.asarray(np.arctan2(across, along))
-
-    def distance(self, point: Array) -> float:
-        """Distance of a point (3,) from the axis."""
-        return float(np.linalg.norm(np.cross(self.direction, point - self.point)))
+Circle = tuple[Array, Array, Array]
+"""The points ``middle + cosine cos q + sine sin q`` that a point reaches by a turn by q."""
 
 
-class Circle(NamedTuple):
-    """The points ``middle + cosine cos q + sine sin q`` that a point reaches by a turn by q."""
+def _circle(axis: Axis, points: Array) -> Circle:
+    """The circles that points (..., 3) describe about an axis."""
+    direction, origin = axis
+    arms = points - origin
+    along = (arms @ direction)[..., None] * direction
+    return points - arms + along, arms - along, np.cross(direction, arms)
 
-    middle: Array  # (..., 3)
-    cosine: Array  # (..., 3)
-    sine: Array  # (..., 3)
 
-    def at(self, angle: Array) -> Array:
-        """The points at angles of shape (2, ...) [rad], shape (2, ..., 3)."""
-        cosine, sine = np.cos(angle)[..., None], np.sin(angle)[..., None]
-        return np.asarray(self.middle + self.cosine * cosine + self.sine * sine)
+def _points(circle: Circle, angles: Array) -> Array:
+    """The points of circles at angles of shape (2, ...) [rad], shape (2, ..., 3)."""
+    middle, cosine, sine = circle
+    return middle + cosine * np.cos(angles)[..., None] + sine * np.sin(angles)[..., None]
 
 
 class Kept(NamedTuple):
@@ -372,22 +343,22 @@ class Kept(NamedTuple):
 
         These solve ``a cos q + b sin q = c``, with c clamped to ±hypot(a, b).
         """
+        middle, cosine, sine = circle
         if self.is_height:
-            arm, c = self.vector, (like - circle.middle) @ self.vector
+            arm, c = self.vector, (like - middle) @ self.vector
         else:
-            arm, target = circle.middle - self.vector, like - self.vector
-            c = 0.5 * ((target**2).sum(-1) - (arm**2).sum(-1) - (circle.cosine**2).sum(-1))
-        a, b = ((arm * way).sum(-1) for way in (circle.cosine, circle.sine))
+            arm, target = middle - self.vector, like - self.vector
+            c = 0.5 * ((target**2).sum(-1) - (arm**2).sum(-1) - (cosine**2).sum(-1))
+        a, b = ((arm * way).sum(-1) for way in (cosine, sine))
         size = np.maximum(np.hypot(a, b), np.finfo(np.float64).tiny)
-        middle, half = np.arctan2(b, a), np.arccos(np.clip(c / size, -1.0, 1.0))
-        return np.stack(np.broadcast_arrays(middle + half, middle - half))
+        centre, half = np.arctan2(b, a), np.arccos(np.clip(c / size, -1.0, 1.0))
+        return np.stack(np.broadcast_arrays(centre + half, centre - half))
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedForm:
+class ClosedForm(NamedTuple):
     """A leg whose geometry has a closed form."""
 
-    axes: tuple[Axis, ...]  # the three axes with every angle 0, in the base frame
+    axes: list[Axis]  # the three axes with every angle 0, in the base frame
     foot: Array  # the foot with every angle 0 [m], in the base frame, shape (3,)
     odd: int  # index of the joint outside the pair: 0 or 2
     kept: Kept  # invariant of a turn about either axis of the pair
@@ -401,22 +372,22 @@ class ClosedForm:
         """
         goal, start = foot, self.foot
         if self.odd == 2:
-            circle = self.axes[2].circle(start)
+            circle = _circle(self.axes[2], start)
             odd = self.kept.angles(circle, goal)  # (2, n)
-            start = circle.at(odd)
+            start = _points(circle, odd)
         else:
-            circle = self.axes[0].circle(goal)
-            circle = circle._replace(sine=-circle.sine)  # turned back
+            middle, cosine, sine = _circle(self.axes[0], goal)
+            circle = middle, cosine, -sine  # turned back
             odd = self.kept.angles(circle, start)
-            goal = circle.at(odd)
+            goal = _points(circle, odd)
         first, second = (self.axes[index] for index in (0, 1, 2) if index != self.odd)
-        circle = second.circle(start)
+        circle = _circle(second, start)
         second_angle = self.other.angles(circle, goal)  # (2, 2, n)
-        first_angle = first.angle_between(circle.at(second_angle), goal)
-        angles = [first_angle, second_angle]
+        middle, cosine, sine = _circle(first, _points(circle, second_angle))
+        across, along = ((way * (goal - middle)).sum(-1) for way in (sine, cosine))
+        angles = [np.arctan2(across, along), second_angle]
         angles.insert(self.odd, np.broadcast_to(odd, second_angle.shape))
-        stacked: Array = np.stack(angles)
-        return stacked.reshape(3, 4, -1).T
+        return np.stack(angles).reshape(3, 4, -1).T
 
 
 def find_closed_form(chain: Chain) -> ClosedForm | None:
@@ -424,31 +395,22 @@ def find_closed_form(chain: Chain) -> ClosedForm | None:
     if len(chain.axes) != 3:
         return None
     (*points, foot), directions = chain.points_and_axes(np.ones(3), np.zeros(3))
-    axes = tuple(
-        Axis(direction[:, 0], point[:, 0])
-        for direction, point in zip(directions, points, strict=True)
-    )
+    axes = [(way[:, 0], point[:, 0]) for way, point in zip(directions, points, strict=True)]
     size = chain.size
+
+    def away(axis: Axis, point: Array) -> float:
+        return float(np.linalg.norm(np.cross(axis[0], point - axis[1])))
+
     for odd in (2, 0):
         first, second = (axes[index] for index in (0, 1, 2) if index != odd)
-        common = _common_point(first, second, size)
-        parallel = np.linalg.norm(np.cross(first.direction, second.direction)) <= EXACT
-        if common is not None and axes[odd].distance(common) > APART * size:
-            kept, other = Kept(common, False), Kept(first.direction, True)
-            return ClosedForm(axes, foot[:, 0], odd, kept, other)
-        slanted = np.linalg.norm(np.cross(first.direction, axes[odd].direction)) > APART
-        if parallel and slanted and first.distance(second.point) > APART * size:
-            kept, other = Kept(first.direction, True), Kept(first.point, False)
-            return ClosedForm(axes, foot[:, 0], odd, kept, other)
+        (way, start), between = first, second[1] - first[1]
+        normal = np.cross(way, second[0])
+        sine = float(np.linalg.norm(normal))
+        if sine > APART and abs(between @ normal) / sine <= EXACT * size:  # they intersect
+            common = start + np.cross(between, second[0]) @ normal / sine**2 * way
+            if away(axes[odd], common) > APART * size:
+                return ClosedForm(axes, foot[:, 0], odd, Kept(common, False), Kept(way, True))
+        slanted = np.linalg.norm(np.cross(way, axes[odd][0])) > APART
+        if sine <= EXACT and slanted and away(first, second[1]) > APART * size:  # parallel
+            return ClosedForm(axes, foot[:, 0], odd, Kept(way, True), Kept(start, False))
     return None
-
-
-def _common_point(first: Axis, second: Axis, size: float) -> Array | None:
-    """Where two axes intersect, or None."""
-    normal = np.cross(first.direction, second.direction)
-    sine = float(np.linalg.norm(normal))
-    between = second.point - first.point
-    if sine <= APART or abs(between @ normal) / sine > EXACT * size:
-        return None
-    along = np.cross(between, second.direction) @ normal / sine**2
-    return np.asarray(first.point + along * first.direction)

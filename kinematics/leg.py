@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.chain import Chain, Limits, read_only
+from kinematics.chain import Chain, Limits
 from kinematics.inverse import (
     ClosedForm,
     InverseSolution,
@@ -24,7 +24,7 @@ from kinematics.inverse import (
 from kinematics.robot import TO_LIMIT, Robot, named, read_robot
 from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
 from planner.trajectory import Array, Indices, as_path
-from planner.validation import Summarised, Summary, as_positive, as_reals, shown
+from planner.validation import Summarised, Summary, as_positive, as_reals, read_only, shown
 
 GRAVITY = (0.0, 0.0, -9.80665)
 """Standard gravity [m/s^2] in the frame of the URDF's root link, whose z axis points up."""

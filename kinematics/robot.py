@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.chain import read_only
 from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
 from planner.trajectory import Array
-from planner.validation import shown
+from planner.validation import read_only, shown
 
 MOST_BYTES = 64 * 2**20
 """Longest readable file [bytes]; meshes are in files of their own."""

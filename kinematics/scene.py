@@ -14,10 +14,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from kinematics.chain import read_only
 from kinematics.robot import Robot, captured_stderr, read_robot
 from planner.exceptions import InvalidInput
 from planner.trajectory import Array
+from planner.validation import read_only
 
 MOST_BYTES = 32 * 2**20
 """Largest readable mesh [bytes]."""

@@ -8,13 +8,15 @@ import textwrap
 from collections.abc import Sequence
 from html import escape
 from reprlib import Repr
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.trajectory import Array
+
+AnyArray = TypeVar("AnyArray", bound=npt.NDArray[Any])
 
 _SHORT = Repr()  # its own constructor takes no sizes before Python 3.12
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother, _SHORT.maxlong = 3, 60, 60, 40
@@ -75,6 +77,12 @@ def freeze(*arrays: npt.NDArray[Any] | None) -> None:
     for array in arrays:
         if array is not None:
             array.setflags(write=False)
+
+
+def read_only(array: AnyArray) -> AnyArray:
+    """The same array, closed to writing."""
+    array.setflags(write=False)
+    return array
 
 
 class ReadOnly:

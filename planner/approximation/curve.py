@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import ReadOnly, as_flag, as_positive, as_reals, as_whole, shown
-
-Kind = TypeVar("Kind", bound=np.generic)
+from planner.validation import ReadOnly, as_flag, as_positive, as_reals, as_whole, read_only, shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,8 +46,8 @@ class _Curves(ReadOnly):
                 f"samples: got {shown(self.samples)}, expected a whole number, 1 to {MOST_SAMPLES}"
             )
         checked = {
-            "knots": np.broadcast_to(_frozen(knots), values.shape),
-            "values": _frozen(values),
+            "knots": np.broadcast_to(read_only(knots), values.shape),
+            "values": read_only(values),
             "samples": samples,
             "tick": as_positive("tick", self.tick, "a finite number above 0 [s]"),
             "cyclic": bool(self.cyclic),
@@ -73,14 +71,14 @@ class _Curves(ReadOnly):
     def lengths(self) -> Array:
         """Length of every segment [samples], shape (..., segments)."""
         ends = [self.knots[..., :1] + self.samples] if self.cyclic else []
-        return _frozen(np.diff(np.concatenate([self.knots, *ends], axis=-1)))
+        return read_only(np.diff(np.concatenate([self.knots, *ends], axis=-1)))
 
     @cached_property
     def slopes(self) -> Array:
         """Slope of every segment [rad/s], shape (..., segments)."""
         ends = [self.values[..., :1]] if self.cyclic else []
         rises = np.diff(np.concatenate([self.values, *ends], axis=-1))
-        return _frozen(rises / (self.lengths * self.tick))
+        return read_only(rises / (self.lengths * self.tick))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,11 +110,11 @@ class PiecewiseLinear(_Curves):
     @cached_property
     def angles(self) -> Array:
         """The curve at the samples 0, 1, ..., n-1 [rad], shape (n,)."""
-        return _frozen(np.asarray(self(np.arange(self.samples, dtype=np.float64))))
+        return read_only(np.asarray(self(np.arange(self.samples, dtype=np.float64))))
 
     def slope_at(self, index: npt.ArrayLike) -> Array:
         """Slope at any sample index, whole or not [rad/s]; at a knot, of the segment after."""
-        return _frozen(np.asarray(self.slopes[self._locate(_places(index))[0]]))
+        return read_only(np.asarray(self.slopes[self._locate(_places(index))[0]]))
 
     def __call__(self, index: npt.ArrayLike) -> Array:
         """The curve at any sample index, whole or not [rad]; an array like ``index``."""
@@ -130,7 +128,7 @@ class PiecewiseLinear(_Curves):
             before + share * (after - before),
             after - (1.0 - share) * (after - before),
         )
-        return _frozen(angles)
+        return read_only(angles)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, for JSON: knots [samples], values [rad], samples, tick [s], cyclic."""
@@ -246,8 +244,3 @@ def _places(index: npt.ArrayLike) -> Array:
     if not np.all(np.isfinite(places)):
         raise InvalidInput("index: expected finite sample indices")
     return places
-
-
-def _frozen(array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:
-    array.setflags(write=False)
-    return array

@@ -54,7 +54,7 @@ from planner.approximation.search import KnotSearch
 from planner.approximation.values import slope_bounded, solve_values, within_slopes
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 from planner.trajectory import Array, as_trajectory
-from planner.validation import Summarised, Summary, as_flag
+from planner.validation import Summarised, Summary, as_flag, read_only
 
 CLOSE_TO_IDEAL = 1.02
 """Rms over the ideal's from which on more segments are not worth their corners."""
@@ -103,9 +103,7 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
     @cached_property
     def residuals(self) -> Array:
         """Curve minus desired at the samples [rad], shape (n,)."""
-        residuals = self.angles - self.desired
-        residuals.setflags(write=False)
-        return residuals
+        return read_only(self.angles - self.desired)
 
     @property
     def rms(self) -> float:
@@ -398,8 +396,7 @@ def choices(fit: PiecewiseLinearFit, *, most: int = 12) -> Choices:
     last = min(n if fit.cyclic else n - 1, max(most, chosen.segments, fit.segments))
     counts = tuple(range(2 if fit.cyclic else 1, min(last, 2 * most) + 1))
     # A curve with a segment less is one of so many, if it was found to be better.
-    rms = np.minimum.accumulate([plain(segments=count).rms for count in counts])
-    rms.setflags(write=False)
+    rms = read_only(np.minimum.accumulate([plain(segments=count).rms for count in counts]))
     ideal = slope_bounded(fit.desired, fit.v_max * fit.tick, cyclic=fit.cyclic)
     floor = float(np.sqrt(np.mean((ideal - fit.desired) ** 2)))
     return Choices(counts, rms, floor, chosen.segments)

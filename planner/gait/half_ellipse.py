@@ -12,7 +12,7 @@ from kinematics.leg import Leg
 from kinematics.robot import urdf_path
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import Summarised, Summary, as_number, as_whole, shown
+from planner.validation import Summarised, Summary, as_number, as_whole, read_only, shown
 
 
 def half_ellipse(
@@ -85,8 +85,7 @@ def half_ellipse(
     path[:, 0] = forward + along * math.cos(heading)
     path[:, 1] = sideways + along * math.sin(heading)
     path[:, 2] = -hip_height + height * np.where(on_ground, 0.0, np.sin(angle))
-    path.setflags(write=False)
-    return path
+    return read_only(path)
 
 
 def walking_speed(

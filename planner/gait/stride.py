@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from kinematics.chain import Chain, read_only
+from kinematics.chain import Chain
 from kinematics.inverse import check_joints
 from kinematics.leg import Leg
 from planner.exceptions import Infeasible, InvalidInput, UnreachableFoot, UnsupportedLeg, nearest
@@ -17,7 +17,7 @@ from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot
 from planner.planning.result import FootInversion
 from planner.trajectory import Array
-from planner.validation import as_positive, check_choice, shown
+from planner.validation import as_positive, check_choice, read_only, shown
 
 LONGEST = 0.25
 """Half of the longest stroke chosen by default, over the length of the leg."""
@@ -188,8 +188,7 @@ def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Le
     for name, leg in legs.items():
         leg_stride, phase = stride(leg, **walk), phases[LEGS.index(name)]
         angles = np.roll(leg_stride.angles, round(phase * len(leg_stride.angles)), axis=0)
-        angles.setflags(write=False)
-        walks[name] = LegOfGait(leg_stride, phase, angles)
+        walks[name] = LegOfGait(leg_stride, phase, read_only(angles))
     return walks
 
 

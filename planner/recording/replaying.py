@@ -24,7 +24,7 @@ from planner.recording.recorded_path import (
     recorded_path,
 )
 from planner.trajectory import Array, Mask, error_norm, most_lost
-from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze
+from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze, read_only
 
 Kind = Literal["resent", "direct", "shifted", "planned"]
 """Requests of a joint: as recorded, the path as it is, that with the best time shift, a plan."""
@@ -406,9 +406,7 @@ class Replay(ReadOnly, Summarised):
     @cached_property
     def requests(self) -> Array:
         """Requests for the joints [rad, or shares of a range], shape (n, k)."""
-        columns = np.column_stack([joint.requests for joint in self.joints])
-        columns.setflags(write=False)
-        return columns
+        return read_only(np.column_stack([joint.requests for joint in self.joints]))
 
     @property
     def max_error(self) -> float:
