@@ -1,23 +1,16 @@
 """The proved optimum with knots on samples: branch and bound on a Lagrangian relaxation.
 
 Level s holds the places where knot s may lie. The condition that two segments meet is replaced by a
-Lagrange multiplier pi on their difference: a segment from i to j costs the squared error of its
-samples, plus pi_j times its end, less pi_i times its start ((5b) of docs/math.md). Where the
-segments meet, these terms cancel; so for any multipliers the cheapest chain is a lower bound, and
-the better the multipliers the higher it is. The line of least cost between two knots has a closed
-form, as centre and slope are independent of each other. Places of knots through which every chain
-costs more than the best curve known are struck out; the rest is halved.
-
-Of the numbers of the method none changes an answer; half and twice each change the bounds that are
-computed by a quarter at most.
+Lagrange multiplier on their difference ((5b) of docs/math.md): for any multipliers the cheapest
+chain is a lower bound. Places through which every chain costs more than the best curve known are
+struck out; the rest is halved. No number of the method changes an answer; half and twice each
+change the bounds that are computed by a quarter at most.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -93,14 +86,6 @@ def halves_of(levels: Levels) -> list[Levels]:
     return halves
 
 
-class Bound(NamedTuple):
-    """The cheapest chain."""
-
-    error: float
-    chain: list[int]  # knots, one of every level
-    through: list[Array]  # cost of the cheapest chain through each place of each level
-
-
 class Relaxation:
     """All segments between samples, with the sums from which their costs follow; the best curve.
 
@@ -152,13 +137,6 @@ class Relaxation:
         """A bound that proves."""
         return self.best.error * (1.0 - PROVED) - 1e-12
 
-    def attempt(self, chain: Sequence[int]) -> None:
-        """Remember the curve with these knots if it is the best so far."""
-        if tuple(chain) not in self._tried:
-            self._tried.add(tuple(chain))
-            curve = best_values(self.problem, np.array(chain, dtype=np.float64))
-            self.best = curve if curve.error < self.best.error else self.best
-
     def tightened(
         self, levels: Levels, multipliers: Array, steps: int
     ) -> tuple[float, Levels, Array] | None:
@@ -166,33 +144,34 @@ class Relaxation:
         trial = best = multipliers
         highest, pace, stalled = -math.inf, 1.0, 0
         for step in range(steps):
-            cheapest = self.bound(levels, trial)
-            if not math.isfinite(cheapest.error):
+            bound, chain, through = self.bound(levels, trial)
+            if not math.isfinite(bound):
                 return None
-            self.attempt(cheapest.chain)
-            if cheapest.error >= self.enough:
+            if tuple(chain) not in self._tried:
+                self._tried.add(tuple(chain))
+                curve = best_values(self.problem, np.array(chain, dtype=np.float64))
+                self.best = curve if curve.error < self.best.error else self.best
+            if bound >= self.enough:
                 return None
-            stalled += cheapest.error - highest < 1e-4 * (self.best.error - highest)
-            if cheapest.error > highest:
-                highest, best = cheapest.error, trial
+            stalled += bound - highest < 1e-4 * (self.best.error - highest)
+            if bound > highest:
+                highest, best = bound, trial
             if stalled > 3:
                 pace, stalled = 0.5 * pace, 0
-            levels = [
-                level[cost < self.enough]
-                for level, cost in zip(levels, cheapest.through, strict=True)
-            ]
+            pairs = zip(levels, through, strict=True)
+            levels = [level[cost < self.enough] for level, cost in pairs]
             # Polyak's step upwards, which the neighbours of each knot share.
-            slopes = self.differences(cheapest.chain, trial)
+            slopes = self.differences(chain, trial)
             square = float(np.sum(slopes**2))
             if pace < 0.05 or square < 1e-20:  # the segments meet: as high as can be
                 break
             width = 1 + int(6 / (1.0 + step / 6.0))  # [samples]
-            near = np.where(np.isfinite(self.pins[cheapest.chain]), 1, width)[:, np.newaxis]
-            away = np.abs(np.arange(self.pins.size) - np.array(cheapest.chain)[:, np.newaxis])
+            near = np.where(np.isfinite(self.pins[chain]), 1, width)[:, np.newaxis]
+            away = np.abs(np.arange(self.pins.size) - np.array(chain)[:, np.newaxis])
             if self.problem.cyclic:
                 away = np.minimum(away, self.pins.size - away)
             share = np.maximum(0.0, 1.0 - away / near)
-            reach = 2.0 * pace * (self.best.error - cheapest.error) / square
+            reach = 2.0 * pace * (self.best.error - bound) / square
             trial = trial + reach * slopes[:, :, np.newaxis] * share
         return highest, levels, best
 
@@ -210,8 +189,11 @@ class Relaxation:
         start = self.mean[i, j] - rise / (2.0 * self.w0[i, j]) - slope * self.centre[i, j]
         return error, start, start + slope * self.length[i, j]
 
-    def bound(self, levels: Levels, multipliers: Array) -> Bound:
-        """The cheapest chain with one knot of every level; O(levels · places²), of a cycle ³."""
+    def bound(self, levels: Levels, multipliers: Array) -> tuple[float, list[int], list[Array]]:
+        """The cheapest chain with one knot of every level; O(levels · places²), of a cycle ³.
+
+        Returns its cost, its knots, and the cost of the cheapest chain through each place.
+        """
         into, out = multipliers
         last, pin = len(levels) - 1, np.nan_to_num(self.pins)
         tables = []
@@ -244,7 +226,7 @@ class Relaxation:
             back = (tables[t][None, :, :] + back[:, None, :]).min(axis=2)
             by_level.append((costs[t - 1] + back).min(axis=0))
         by_level.append(total.min(axis=1))
-        return Bound(float(total[first, end]), chain, by_level[::-1])
+        return float(total[first, end]), chain, by_level[::-1]
 
     def differences(self, chain: list[int], multipliers: Array) -> Array:
         """Slopes of the bound by the multipliers at the knots of its chain, (2, levels)."""

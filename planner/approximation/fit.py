@@ -1,22 +1,14 @@
 """Automated piecewise-linear approximation with bounded slopes: paper, Section 4.1.
 
-The values at the knots are those of least squares, a convex QP ((5) of docs/math.md). The
-knots are sought, not proved best (:mod:`planner.approximation.search`): dynamic programming on
-grids proposes them, sequential quadratic programming moves knots and values together, and then
-single knots are moved across samples. Where the squared error is within 0.2 % of that of the ideal,
-which has a knot at every sample and slopes within ±v_max, the search ends. Beyond 32 segments,
-knots come from bottom-up merging. One segment more is hardly ever worse: of 840 pairs at n = 60 and
-88 seven were, by 0.2 to 0.4 %, all of a single impulse. The same samples shifted, mirrored,
-reversed or scaled give the same curve.
+The values at the knots are those of least squares, a convex QP ((5) of docs/math.md). The knots are
+sought, not proved best (:mod:`planner.approximation.search`), in O(n) up to 32 segments and
+O(n log n) beyond; at n = 88, in 5 to 25 ms for 2 to 12 segments. One segment more is hardly ever
+worse: of 840 pairs at n = 60 and 88 seven were, by 0.2 to 0.4 %, all of a single impulse. The same
+samples shifted, mirrored, reversed or scaled give the same curve.
 
-Time: O(n) up to 32 segments, O(n log n) beyond; memory O(n). At n = 88, 5 to 25 ms for 2 to 12
-segments.
-
-With ``exact`` the answer is proved best of all with knots on samples, up to a part in a million of
-its squared error (:mod:`planner.approximation.exact`): exponential at worst (many
-seconds where all slopes are at the bound and many curves are equally good), 0.06 s in the median
-and less than 1.5 s at most over 300 random instances at n = 88 with up to 7 segments. Each step
-takes O(segments n²) time and O(n²) memory, of a cycle O(segments n³) and O(n³).
+With ``exact`` the answer is proved best of all with knots on samples
+(:mod:`planner.approximation.exact`): exponential at worst, 0.06 s in the median and less than 1.5 s
+at most over 300 random instances at n = 88 with up to 7 segments.
 """
 
 from __future__ import annotations
@@ -271,10 +263,10 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
         search = KnotSearch(scaled)
         bound = question.max_error / unit
         curve, fewest = within_largest_error(search.unrounded, bound, question.segments, unit)
-        curve = search.form.restore(curve)
+        curve = search.restored(curve)
     else:
         search = KnotSearch(scaled)
-        curve = search.form.restore(_search_curve(search, question, unit))
+        curve = search.restored(_search_curve(search, question, unit))
     knots = np.array(curve.knots)
     for place in problem.required:
         knots[np.abs(knots - place) < SAME_PLACE] = place

@@ -275,13 +275,17 @@ def minimise_damped(
         damping *= 10.0
         if not damping < 1e13:  # where a number is not finite, it never ends
             return nothing, False, damping
-    along, unbound = product(rows, inverse), combined(gradient, inverse)
+    unbound, along, gram = combined(gradient, inverse), rows.copy(), np.empty((count, count))
     short, move = np.zeros(count), np.zeros(len(gradient))
     for i in range(count):
+        along[i] = combined(rows[i], inverse)
         for j in range(len(move)):
             short[i] -= rows[i, j] * unbound[j]
         short[i] -= bounds[i]
-    beside = combined(non_negative(product(rows, along), short), along)
+    across = along.T.copy()
+    for i in range(count):
+        gram[i] = combined(rows[i], across)
+    beside = combined(non_negative(gram, short), along)
     for j in range(len(move)):
         move[j] = -unbound[j] - beside[j]
     reach, beyond = 1e-300, -np.inf
@@ -304,19 +308,6 @@ def combined(shares: Array, rows: Array) -> Array:
             for j in range(len(total)):
                 total[j] += shares[i] * rows[i, j]
     return total
-
-
-@inner
-def product(left: Array, right: Array) -> Array:
-    """A matrix times the transpose of another; zeros of the left one take no time."""
-    answer = np.zeros((len(left), len(right)))
-    for i in range(len(left)):
-        for k in range(left.shape[1]):
-            factor = left[i, k]
-            if factor != 0.0:
-                for j in range(len(right)):
-                    answer[i, j] += factor * right[j, k]
-    return answer
 
 
 @inner

@@ -1,12 +1,10 @@
 """The curve of fewest segments within a largest error, and of these one of small squared error.
 
 The number of segments is that of a minimum-link path (:mod:`planner.approximation.fewest`). Then
-all knots move at once, each within the gap between two samples where it lies: with the samples
-dealt out to the segments, the lines themselves are the unknowns of a convex QP, (5c) of
-docs/math.md, since the largest error, the bound on the slopes, and that two neighbours cross in the
-gap between their samples are linear in them once it is known which of the two is the steeper one. A
-knot that ends on a sample moves on the same way in the next round, or the other way if it has not
-moved. No round leaves the bounds or raises the squared error.
+all knots move at once, each within the gap between two samples where it lies, by a convex QP, (5c)
+of docs/math.md, whose unknowns are the lines: it is known which samples each of them passes, and
+which of two neighbours is the steeper one. A knot that ends on a sample moves on the same way in
+the next round, or the other way if it has not moved.
 """
 
 from __future__ import annotations

@@ -34,10 +34,6 @@ SHORTEST = 1.0 - 1e-9
 BARELY = 1e-9
 """Relative distance from a bound on the error that rounding cannot cross."""
 
-EQUAL = 1e-9
-"""Relative difference up to which two numbers count as equal where the larger one decides, so that
-rounding, which differs between processors, does not."""
-
 
 class Problem(NamedTuple):
     """An approximation problem, in a unit of its own; compiled functions take it as it is."""
@@ -301,63 +297,3 @@ def check_error_at_pins(problem: Problem, bound: float) -> None:
             f"{angle_text(least[k, pin])}, expected at most {angle_text(bound)}; move the angle or "
             "allow more error"
         )
-
-
-class CanonicalForm(NamedTuple):
-    """How input samples become canonical: rolled to their first, and perhaps reversed.
-
-    It is the same for all shifts and reversals of the same samples: a search in this form finds the
-    same curve for all of them. Canonical sample k is the input sample ``first + way * k``.
-    """
-
-    samples: int  # n
-    cyclic: bool
-    first: int  # input sample that comes first
-    way: int  # -1 where time runs backwards, else 1
-
-    @classmethod
-    def of(cls, desired: Array, ideal: Array, *, cyclic: bool) -> CanonicalForm:
-        """The sharpest corner of a cycle first, the larger half last."""
-        n = desired.size
-        form = cls(n, cyclic, _sharpest_corner(desired, ideal) if cyclic else 0, 1)
-        rolled, k = form.apply(desired), np.arange(n)
-        # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise. A sine instead
-        # gives zero for samples whose second half is the first one mirrored.
-        side = np.where(k > 0, 0.5 * n - k, 0.0) if cyclic else 0.5 * (n - 1) - k
-        power = (rolled - np.mean(rolled)) ** 2
-        if side @ power > EQUAL * (np.abs(side) @ power):
-            form = form._replace(first=form.first if cyclic else n - 1, way=-1)
-        return form
-
-    def apply(self, samples: Array) -> Array:
-        """Samples, shape (n,), in this form."""
-        order = self.first + self.way * np.arange(self.samples)
-        return np.asarray(samples[order % self.samples])
-
-    def of_problem(self, problem: Problem) -> Problem:
-        """A problem in this form."""
-        required = self.way * (problem.required - self.first)
-        required, pins = self._in_order(required, problem.pins)
-        desired = self.apply(problem.desired)
-        return problem._replace(desired=desired, required=required, pins=pins)
-
-    def restore(self, curve: Candidate) -> Candidate:
-        """Knots and values for the input samples, in order and within the cycle."""
-        knots = self.first + self.way * curve.knots
-        return Candidate(*self._in_order(knots, curve.values), curve.error)
-
-    def _in_order(self, places: Array, values: Array) -> tuple[Array, Array]:
-        places = np.mod(places, self.samples) if self.cyclic else places
-        order = np.argsort(places)
-        return places[order], values[order]
-
-
-def _sharpest_corner(desired: Array, ideal: Array) -> int:
-    """Where the ideal bends most; of many turns at top speed, where the samples bend most."""
-    reach = max(1, ideal.size // 32)
-    bend, own_bend = (
-        np.abs(np.roll(curve, -reach) - 2.0 * curve + np.roll(curve, reach))
-        for curve in (ideal, desired)
-    )
-    sharpness = bend + 1e-3 * own_bend
-    return int(np.argmax(sharpness >= (1.0 - EQUAL) * np.max(sharpness)))

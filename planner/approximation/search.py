@@ -1,15 +1,11 @@
 """The search for knots: chains on grids, bottom-up merging, descents, and moves of single knots.
 
-Nothing is proved here. Cheapest chains and merged samples are starts of descents
-(:mod:`planner.approximation.values`). The squared error has a kink wherever a knot meets a sample,
-so a local minimum between any two samples is possible; so the knots of the best two curves are
-moved across samples, one at a time, each move with a descent of its own: by a few samples, or into
-the segment with the largest squared error. Beyond 32 segments, knots come from merging and one
-descent. Samples that are piecewise linear already have their corners read off.
-
-A chord of the ideal has a cost, its squared error, that needs no other segment, so the cheapest
-chain of a given number of chords is a shortest path (Bellman, On the approximation of curves by
-line segments using dynamic programming, 1961; (5a) of docs/math.md).
+Cheapest chains of chords of the ideal (Bellman, On the approximation of curves by line segments
+using dynamic programming, 1961; (5a) of docs/math.md) and merged samples are starts of descents.
+The squared error has a kink wherever a knot meets a sample, so the knots of the best two curves are
+moved across samples, one at a time, each move with a descent of its own. Beyond 32 segments, knots
+come from merging and one descent. Samples that are piecewise linear already have their corners read
+off. Nothing is proved here.
 """
 
 from __future__ import annotations
@@ -23,7 +19,6 @@ import numpy as np
 from planner.approximation.problem import (
     SHORTEST,
     Candidate,
-    CanonicalForm,
     Problem,
     candidate,
     even_knots,
@@ -84,6 +79,11 @@ BEND = 1e-10
 """Second difference, relative to the size of the samples, that counts as zero."""
 
 
+EQUAL = 1e-9
+"""Relative difference up to which two numbers count as equal where the larger one decides, so that
+rounding, which differs between processors, does not."""
+
+
 class KnotSearch:
     """Curves of any number of segments through the same samples, each computed once.
 
@@ -101,15 +101,27 @@ class KnotSearch:
             step=math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent),
         )
         ideal = ideal_of(coarse)
-        self.form = CanonicalForm.of(coarse.desired, ideal, cyclic=problem.cyclic)
-        self.problem, self.ideal = self.form.of_problem(coarse), self.form.apply(ideal)
-        self.unrounded = self.form.of_problem(problem)
+        self._first, self._way = canonical_order(coarse, ideal)
+        self._order = (self._first + self._way * np.arange(problem.samples)) % problem.samples
+        self.problem, self.unrounded = self._canonical(coarse), self._canonical(problem)
+        self.ideal = ideal[self._order]
         most = segment_capacity(self.problem)[1]  # between required knots
         self.fewest = max(2 if problem.cyclic else 1, most.size)
         self.most = int(np.sum(most))
         self.ideal_error = float(np.sum((self.ideal - self.problem.desired) ** 2))
         self.curve = cache(self._curve)
         self._starts = cache(self._begin)
+
+    def _canonical(self, problem: Problem) -> Problem:
+        """A problem in the canonical form."""
+        places = self._way * (problem.required - self._first)
+        required, pins = in_order(problem, places, problem.pins)
+        return problem._replace(desired=problem.desired[self._order], required=required, pins=pins)
+
+    def restored(self, curve: Candidate) -> Candidate:
+        """The curve through the samples as they were given, knots in order and within the cycle."""
+        knots = self._first + self._way * curve.knots
+        return Candidate(*in_order(self.problem, knots, curve.values), curve.error)
 
     def rough_error(self, segments: int) -> float:
         """Squared error of the best start of the search."""
@@ -161,6 +173,39 @@ class KnotSearch:
             rough = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts[:2]]
             best = descend_by_windows(problem, min(rough, key=by_error), rounds=MANY)
         return [self.valued(best.knots)]
+
+
+def canonical_order(problem: Problem, ideal: Array) -> tuple[int, int]:
+    """The sample that comes first, and -1 where time runs backwards, else 1.
+
+    They are the same for all shifts and reversals of the same samples: the sharpest corner of a
+    cycle comes first, the larger half last. Sharp is where the ideal bends; of many turns at top
+    speed, where the samples do.
+    """
+    n, cyclic, first = problem.samples, problem.cyclic, 0
+    if cyclic:
+        reach = max(1, n // 32)
+        bend, own_bend = (
+            np.abs(np.roll(curve, -reach) - 2.0 * curve + np.roll(curve, reach))
+            for curve in (ideal, problem.desired)
+        )
+        sharpness = bend + 1e-3 * own_bend
+        first = int(np.argmax(sharpness >= (1.0 - EQUAL) * np.max(sharpness)))
+    rolled, k = np.roll(problem.desired, -first), np.arange(n)
+    # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise. A sine instead
+    # gives zero for samples whose second half is the first one mirrored.
+    side = np.where(k > 0, 0.5 * n - k, 0.0) if cyclic else 0.5 * (n - 1) - k
+    power = (rolled - np.mean(rolled)) ** 2
+    if side @ power > EQUAL * (np.abs(side) @ power):
+        return first if cyclic else n - 1, -1
+    return first, 1
+
+
+def in_order(problem: Problem, places: Array, values: Array) -> tuple[Array, Array]:
+    """Places [samples], within the cycle if there is one, and their values, in order."""
+    places = np.mod(places, problem.samples) if problem.cyclic else places
+    order = np.argsort(places)
+    return places[order], values[order]
 
 
 def by_error(curve: Candidate) -> float:

@@ -2,22 +2,12 @@
 
     minimise  Σ_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
 
-The Hessian is tridiagonal, closed to a ring for a cycle. Few values are found by the compiled dense
-QP of the descents (:mod:`planner.approximation.kernel`), many by OSQP. :func:`within_slopes` makes
-the bounds hold to the last digit.
-
-A descent moves knots and values together by sequential quadratic programming. Between the knots t_j
-and t_{j+1} the curve at sample k is P(k) = (1 - u) y_j + u y_{j+1} with the share
-u = (k - t_j) / (t_{j+1} - t_j). The derivatives of the squared error by knots and values need four
-sums over the samples of each segment only. A step minimises the quadratic model of it, damped as
-Levenberg and Marquardt do, within the bounds on slopes and lengths (Nocedal and Wright, Numerical
-Optimization, 2006, Chapter 18). The bounds are linear in knots and values together, so every
-iterate keeps them. Each step is a dense QP of at most 32 variables, of which a fit solves 100 to
-600: compiled non-negative least squares takes microseconds. No number of the
-method matters: half and twice each change the errors of 160 fits by less than 0.02 % in the mean.
-
-The ideal has a knot at every sample: the least-squares projection on the sequences with bounded
-slopes, by an exact dynamic programme.
+Few values are found by the compiled dense QP of the descents (:mod:`planner.approximation.kernel`),
+many by OSQP. A descent moves knots and values together by sequential quadratic programming, damped
+as Levenberg and Marquardt do (Nocedal and Wright, Numerical Optimization, 2006, Chapter 18). The
+bounds on slopes and lengths are linear in both, so every iterate keeps them. A fit takes 100 to 600
+steps. No number of the method matters: half and twice each change the errors of 160 fits by less
+than 0.02 % in the mean.
 """
 
 from __future__ import annotations
