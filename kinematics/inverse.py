@@ -1,18 +1,11 @@
 """Joint angles that put the foot at the points of a path: enumerate, check, choose.
 
-The closed form of a three-joint leg enumerates its poses. The foot is e1 e2 e3 p0, where e_i turns
-about axis i and p0 is the foot with every angle 0. Of the three axes two neighbours must intersect
-or be parallel; they are called the pair, the third axis the odd one. Turning about either axis of
-the pair keeps
-
-- the distance from their common point, if they intersect;
-- the height along their common direction, if they are parallel.
-
-So this quantity alone gives two angles of the odd joint. Inside the pair, turning about its first
-axis keeps both distance and height; the quantity not used for the odd joint gives two angles of
-the pair's second joint, and an arctangent gives the first. This makes four poses. (These are
-Paden and Kahan's subproblems, stated by the invariant quantity; each of them here is
-``a cos q + b sin q = c``.)
+The closed form of a three-joint leg enumerates its poses. Of its axes two neighbours, the pair,
+must intersect or be parallel; the third axis is the odd one. Turning about either axis of the pair
+keeps the distance from their common point, or the height along their common direction. So this
+quantity alone gives two angles of the odd joint; the other one, which turning about the pair's
+first axis keeps too, gives two angles of its second joint, and an arctangent gives the first. These
+are Paden and Kahan's subproblems, each of which here is ``a cos q + b sin q = c``.
 """
 
 from __future__ import annotations
@@ -43,9 +36,6 @@ REACHED = 1e-9
 REGIONS, SAMPLES = 3, 4
 """Parts that each joint's range is cut into, of which every combination is searched on its own, and
 poses per joint and part among which each search starts."""
-
-CHUNK = 128
-"""Points searched at once, which bounds the memory."""
 
 SAME = 6
 """Decimals [rad] to which margins and moves are compared, so that rounding decides nothing."""
@@ -147,12 +137,12 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
     regions = by_region.reshape(count, -1, joints)
     feet = chain.feet(regions.reshape(-1, joints)).reshape(count, -1, 3)
     poses = np.empty((len(foot), count, joints))
-    for begin in range(0, len(foot), CHUNK):
-        points = foot[begin : begin + CHUNK]
+    for begin in range(0, len(foot), 128):  # at once, which bounds the memory
+        points = foot[begin : begin + 128]
         squares = ((points[:, None, None] - feet) ** 2).sum(axis=-1)
         starts = regions[np.arange(count), squares.argmin(axis=-1)].reshape(-1, joints)
         settled = _descend(chain, endless, np.repeat(points, count, axis=0), starts)
-        poses[begin : begin + CHUNK] = settled.reshape(-1, count, joints)
+        poses[begin : begin + 128] = settled.reshape(-1, count, joints)
     return limits.clip(limits.wrap(poses))
 
 
@@ -215,8 +205,8 @@ def choose(
     allowed: npt.NDArray[np.bool_],
     limits: Limits,
     *,
-    near: Array | None = None,
-    chain: Chain | None = None,
+    near: Array | None,
+    chain: Chain,
 ) -> Array:
     """One pose at each point: the first deep inside the limits, each later one close to the last.
 
@@ -224,9 +214,8 @@ def choose(
     each point, the first is the one whose least distance to any limit is largest, or with the least
     move from the pose ``near``, (k,); each later one is that with the least move from the one
     before (root of the sum of squares). Among equal poses the one with the larger angle of the last
-    joint counts, then of the joint before it. If that path jumps and there is a ``chain``, the
-    search starts again from the next pose at the first point, and so on: the first path with the
-    fewest jumps is chosen.
+    joint counts, then of the joint before it. If that path jumps, the search starts again from the
+    next pose at the first point, and so on: the first path with the fewest jumps is chosen.
 
     A joint that can turn by a full turn or more starts within half a turn of the middle of its
     limits, or of ``near``, and goes on from sample to sample by half a turn at most. Where that
@@ -254,20 +243,18 @@ def choose(
         for point in range(1, len(poses)):
             branch = branches[point] = following[branch][point - 1]
         chosen = np.asarray(poses[np.arange(len(poses)), branches])
-        if len(poses):
-            for joint in np.flatnonzero(limits.turning):
-                ends = float(limits.lower[joint]), float(limits.upper[joint])
-                chosen[:, joint] = _unwrapped(chosen[:, joint], float(start[joint]), *ends)
+        for joint in np.flatnonzero(limits.turning) if len(poses) else ():
+            ends = (float(each[joint]) for each in (start, limits.lower, limits.upper))
+            chosen[:, joint] = _unwrapped(chosen[:, joint], *ends)
         return limits.clip(chosen)  # by rounding at most
 
-    first = path_from(0)
-    if chain is None or not (fewest := len(jumps(chain, first))):
-        return first
-    for branch in range(1, int(np.sum(allowed[0]))):
+    best = path_from(0)
+    fewest = len(jumps(chain, best))
+    for branch in range(1, int(np.sum(allowed[0])) if fewest else 0):
         other = path_from(branch)
         if (count := len(jumps(chain, other))) < fewest:
-            first, fewest = other, count
-    return first
+            best, fewest = other, count
+    return best
 
 
 def jumps(chain: Chain, angles: Array) -> Indices:

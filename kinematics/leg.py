@@ -22,9 +22,9 @@ from kinematics.inverse import (
     solve_inverse,
 )
 from kinematics.robot import TO_LIMIT, Robot, named, read_robot
-from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
+from planner.exceptions import InvalidInput, InvalidTrajectory, UnsupportedLeg, angle_text
 from planner.trajectory import Array, Indices, as_path
-from planner.validation import Summarised, Summary, as_positive, as_reals, read_only, shown
+from planner.validation import Summarised, Summary, as_positive, read_only, shown
 
 GRAVITY = (0.0, 0.0, -9.80665)
 """Standard gravity [m/s^2] in the frame of the URDF's root link, whose z axis points up."""
@@ -231,7 +231,12 @@ class Leg(Summarised):
             before, after = padded[:-2], padded[2:]
             speeds = (after - before) / (2.0 * step)
             accelerations = (after - 2.0 * path + before) / step**2
-        model.gravity.linear = _vector(gravity)
+        try:
+            model.gravity.linear = as_path([gravity], name="", columns=3, unit="")[0]
+        except InvalidTrajectory as error:
+            raise InvalidInput(
+                f"gravity: got {shown(gravity)}, expected three numbers [m/s^2], such as {GRAVITY}"
+            ) from error
         data = model.createData()
         places = [model.joints[joint].idx_v for joint in self.robot.joints]
         moving = np.zeros((2, model.nv))
@@ -265,12 +270,8 @@ class Leg(Summarised):
         """
         inside = [j for j, name in enumerate(names) if name in self.joint_names]
         places = [self.joint_names.index(names[j]) for j in inside]
-        gravity = self.load_torques(poses)
-        inertia = np.zeros_like(gravity)
-        if dynamics:
-            inertia = (
-                self.load_torques(poses, dynamics=True, period=period, cyclic=cyclic) - gravity
-            )
+        of_path = self.load_torques(poses, dynamics=dynamics, period=period, cyclic=cyclic)
+        inertia = of_path - self.load_torques(poses)
 
         def torques(angles: Array) -> Array:
             pose, loads = poses.copy(), np.zeros(angles.shape)
@@ -360,19 +361,6 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
             )
         pose[names.index(name)] = angle
     return read_only(pose)
-
-
-def _vector(gravity: npt.ArrayLike) -> Array:
-    """Gravity as an array of three [m/s^2]."""
-    try:
-        vector = as_reals(gravity)
-    except (TypeError, ValueError):
-        vector = np.empty(0)
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise InvalidInput(
-            f"gravity: got {shown(gravity)}, expected three numbers [m/s^2], such as {GRAVITY}"
-        )
-    return vector
 
 
 def _axis(model: Any, joint: int) -> Array:

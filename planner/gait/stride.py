@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from kinematics.chain import Chain
-from kinematics.inverse import check_joints
+from kinematics.inverse import MOST_JOINTS, check_joints
 from kinematics.leg import Leg
 from planner.exceptions import Infeasible, InvalidInput, UnreachableFoot, UnsupportedLeg, nearest
 from planner.gait.half_ellipse import half_ellipse, in_range
@@ -34,9 +34,6 @@ LEGS = ("hind-left", "front-left", "hind-right", "front-right")
 LEAST_DEXTERITY, STILL_DEXTEROUS = 0.9, 0.7
 """Least dexterity of a standing pose, relative to the best one, and of one with the foot below the
 hip."""
-
-MOST_GRID_JOINTS = 3
-"""Most joints for a search over the whole grid: 25 angles to this power."""
 
 FEWEST, MOST = 12, 1000
 """Samples of a cycle: below the fewest a path is no half ellipse any more, and the most are 8 s at
@@ -145,7 +142,6 @@ def stride(
 
 Pattern = Literal["walk", "trot", "pace", "bound"]
 
-
 PATTERNS: Mapping[Pattern, tuple[float, tuple[float, ...]]] = {
     "walk": (0.75, (0.0, 0.25, 0.5, 0.75)),
     "trot": (0.5, (0.0, 0.5, 0.5, 0.0)),
@@ -217,9 +213,9 @@ def standing_pose(leg: Leg) -> Array:
     if leg.near is not None:
         return leg.near
     count = len(leg.joint_names)
-    if count > MOST_GRID_JOINTS:
+    if count > MOST_JOINTS:
         raise UnsupportedLeg(
-            f"a standing pose is sought for {MOST_GRID_JOINTS} joints at most, this leg has "
+            f"a standing pose is sought for {MOST_JOINTS} joints at most, this leg has "
             f"{count}: lock the others, or give the angles that they are near"
         )
     lower, upper = leg.limits.central
@@ -329,28 +325,20 @@ def shortest_cycle(
         middle = (low + high) // 2
         within = plan(middle).max_error <= tolerance
         low, high = (low, middle) if within else (middle, high)
-    return ShortestCycle(plan=plan(high), too_short=_too_short(plan, low, tolerance, progress))
-
-
-def _too_short(
-    plan: Callable[[int], FootInversion],
-    highest: int,
-    tolerance: float,
-    progress: Callable[[str], None],
-) -> TooShort | None:
-    """The longest cycle tried, of at most ``highest`` samples, that a lower bound refutes."""
-    proof, low, high = None, FEWEST, highest
-    for number in range(PROOFS):
+    # The longest cycle tried that a lower bound refutes
+    shortest, proof, count = plan(high), None, low
+    low, high = FEWEST, low
+    for _ in range(PROOFS):
         if low > high:
             break
-        count = high if number == 0 else (low + high) // 2
         progress(f"the lower bound for {count} samples")
         bound = plan(count).lower_bound
         if bound > tolerance:
             proof, low = TooShort(count, bound), count + 1
         else:
             high = count - 1
-    return proof
+        count = (low + high) // 2
+    return ShortestCycle(plan=shortest, too_short=proof)
 
 
 def in_samples(path: Array, count: int) -> Array:

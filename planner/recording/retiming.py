@@ -261,12 +261,11 @@ class Measure:
 
     def late(self, replay: Replay) -> list[JointReplay]:
         """The joints that a plan for the largest error may bring within the tolerance."""
-        if self.leg is not None:
-            return list(replay.planned)
         return [
             each
             for each in replay.planned
-            if each.inversion and each.inversion.max_error > self.of_path(each.path)
+            if self.leg is not None
+            or (each.inversion and each.inversion.max_error > self.of_path(each.path))
         ]
 
 
@@ -282,9 +281,13 @@ def fastest_at(
     search = _Search(path, measure, progress, options)
     contradicted = search.contradicted()
     low, high = search.bracket()
-    impossible = None if contradicted else search.first_impossible(low)
+    impossible = None
+    if search.bounded and not contradicted:
+        below, refuted = search.doubled(low, search.refuted)
+        if below < refuted:
+            impossible = search.refuted(narrowed(below, refuted, search.refuted)[1])
     high = min(high, impossible.speed) if impossible else high
-    constant = search.replays[narrowed(low, high, search.keeps)[0]]
+    constant = search.replays[narrowed(low, high, search.misses)[0]]
     replay = constant if retime == "constant" else search.varying(constant)
     return Fastest(
         replay=replay,
@@ -319,13 +322,9 @@ class _Search:
             Infeasible: None does.
         """
         low = 1.0
-        if self.keeps(low):
-            while 2.0 * low <= FASTEST and self.has_rows(2.0 * low):
-                if not self.keeps(2.0 * low):
-                    return low, 2.0 * low
-                low *= 2.0
-            return low, low
-        while not self.keeps(low := low / 2.0):
+        if not self.misses(low):
+            return self.doubled(low, self.misses)
+        while self.misses(low := low / 2.0):
             if low / 2.0 < SLOWEST:
                 least = self.measure.largest(self.replays[min(self.replays)])
                 raise Infeasible(
@@ -335,14 +334,13 @@ class _Search:
                 )
         return low, 2.0 * low
 
-    def first_impossible(self, low: float) -> Impossible | None:
-        """The lowest factor above ``low`` at which a lower bound exceeds the tolerance."""
-        high = 2.0 * low
-        while self.bounded and high <= FASTEST and self.has_rows(high):
-            if self.refuted(high):
-                return self.refuted(narrowed(low, high, lambda each: not self.refuted(each))[1])
-            low, high = high, 2.0 * high
-        return None
+    def doubled(self, low: float, too_fast: Callable[[float], Any]) -> tuple[float, float]:
+        """A factor doubled until twice it is ``too_fast``, and twice it; itself if nothing is."""
+        while 2.0 * low <= FASTEST and self.has_rows(2.0 * low):
+            if too_fast(2.0 * low):
+                return low, 2.0 * low
+            low *= 2.0
+        return low, low
 
     def contradicted(self) -> tuple[str, ...]:
         """Joints whose motion at the recorded speed no requests reach by their models.
@@ -351,7 +349,7 @@ class _Search:
             Infeasible: They do it where the replay begins at a later row.
         """
         path = self.path
-        if not self.bounded or path.track != "state" or self.keeps(1.0):
+        if not self.bounded or path.track != "state" or not self.misses(1.0):
             return ()
         late = tuple(name for name, ratio in self.bounds(1.0, path.first) if ratio > 1.0)
         # at most a hundred moments, from each of which the first seconds are looked at first
@@ -421,11 +419,9 @@ class _Search:
         """The replay at a constant factor; see :meth:`attempt`."""
         if speed not in self.replays:
             self.progress(f"{speed:.3g} times the speed")
-            replay = self.attempt(self.path.moments(speed), speed)
-            if replay is None:
-                return None
-            self.replays[speed] = replay
-        return self.replays[speed]
+            if replay := self.attempt(self.path.moments(speed), speed):
+                self.replays[speed] = replay
+        return self.replays.get(speed)
 
     def attempt(self, moments: Array, speed: float | None = None) -> Replay | None:
         """A replay within the tolerance, or near it.
@@ -449,9 +445,10 @@ class _Search:
         errors = [np.max(self.measure.errors(each, "planned")) for each in (replay, again)]
         return again if errors[1] < errors[0] else replay
 
-    def keeps(self, speed: float) -> bool:
+    def misses(self, speed: float) -> bool:
+        """Whether no replay at a constant factor keeps the tolerance."""
         replay = self.at(speed)
-        return replay is not None and self.measure.largest(replay) <= 1.0
+        return replay is None or not self.measure.largest(replay) <= 1.0
 
     def has_rows(self, speed: float) -> bool:
         """Whether enough requests remain to speak of a motion."""
@@ -490,11 +487,11 @@ class _Search:
             yield path.name, bound / self.measure.of_path(path)
 
 
-def narrowed(low: float, high: float, keeps: Callable[[float], bool]) -> tuple[float, float]:
-    """Two factors, close to each other, of which the lower one ``keeps`` and the other does not."""
+def narrowed(low: float, high: float, too_fast: Callable[[float], Any]) -> tuple[float, float]:
+    """Two factors, close to each other, of which the higher one alone is ``too_fast``."""
     while high / low > 1.0 + RESOLUTION:
         middle = math.sqrt(low * high)
-        low, high = (middle, high) if keeps(middle) else (low, middle)
+        low, high = (low, middle) if too_fast(middle) else (middle, high)
     return low, high
 
 
