@@ -276,9 +276,9 @@ def minimise_damped(
         if not damping < 1e13:  # where a number is not finite, it never ends
             return nothing, False, damping
     unbound, along, gram = combined(gradient, inverse), rows.copy(), np.empty((count, count))
-    short, move = np.zeros(count), np.zeros(len(gradient))
+    short, move, across = np.zeros(count), np.zeros(len(gradient)), inverse.T.copy()
     for i in range(count):
-        along[i] = combined(rows[i], inverse)
+        along[i] = combined(rows[i], across)
         for j in range(len(move)):
             short[i] -= rows[i, j] * unbound[j]
         short[i] -= bounds[i]

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.identification.grid import measured_speed
 from planner.planning.inversion import plan
-from planner.planning.plan import Plan, RequestMotion
+from planner.planning.plan import Plan
 from planner.planning.result import Inversion
 from planner.planning.task import JointLimits, LoadOfPose
 from planner.planning.time_shift import shifted
@@ -184,7 +184,7 @@ class JointReplay:
         """The angles to follow, shape (n,)."""
         return self.path.at(self.moments, self.path.followed)
 
-    @cached_property
+    @property
     def lost(self) -> float:
         """Share of the recorded motion that straight lines between the samples lose, rms, or 0."""
         rows, desired = self.path.followed[self._rows, np.newaxis], self.desired[:, np.newaxis]
@@ -247,15 +247,15 @@ class JointReplay:
         return self._shift.predicted[:, 0]
 
     @cached_property
-    def _plan(self) -> Plan:
-        """The plan of this joint alone."""
+    def plan(self) -> Plan:
+        """The plan of a planned joint alone."""
         assert self.inversion is not None, "a joint without a model has no plan"
         return self.inversion.plan.joint(self.inversion.column)
 
     @cached_property
     def _by_rms(self) -> Plan:
         """The same plan, judged by the root mean square of the errors."""
-        return replace(self._plan, task=replace(self._plan.task, norm="rms"))
+        return replace(self.plan, task=replace(self.plan.task, norm="rms"))
 
     @cached_property
     def _shift(self) -> Plan:
@@ -281,22 +281,7 @@ class JointReplay:
 
         NaN under a load of the pose: other requests would meet another load.
         """
-        return math.nan if self._plan.task.load_of_pose else float(self._by_rms.lower_bounds[0])
-
-    @property
-    def motion(self) -> RequestMotion:
-        """How the requests of a planned joint move, in the unit of its log."""
-        return self._plan.motions[0]
-
-    @property
-    def expected(self) -> float:
-        """Error to expect on the robot, rms: of plan and model together; NaN where not known."""
-        return self._plan.expected[0].error
-
-    @property
-    def untested(self) -> tuple[str, ...]:
-        """Quantities in which the motion exceeds the tests of the model: "speed", "angle", ..."""
-        return self._plan.expected[0].untested
+        return math.nan if self.plan.task.load_of_pose else float(self._by_rms.lower_bounds[0])
 
     @cached_property
     def resent_may_serve(self) -> bool:
@@ -308,19 +293,21 @@ class JointReplay:
         replayed row: something else moved the joint.
         """
         driven = bool(np.all(self.path.log.torque_on[self._rows]))
-        return driven and self.expected > 0.5 * error_norm(self.error_of("resent"), "rms")
+        return driven and self.plan.expected[0].error > 0.5 * error_norm(
+            self.error_of("resent"), "rms"
+        )
 
     @cached_property
     def too_fast(self) -> tuple[tuple[float, float], ...]:
         """Parts in which the desired angles are faster than the joint can be, from and to [s]."""
-        beyond, period = self._plan.speeds[0].too_fast, self._plan.period
+        beyond, period = self.plan.speeds[0].too_fast, self.plan.period
         edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]])))
         return tuple((a * period, b * period) for a, b in edges.reshape(-1, 2).tolist())
 
     def _under(self, requests: Array) -> Array:
         """Angles of the model under other requests, shape (n,); the first holds it, as planned."""
-        sent = np.append(self._plan.requests[0], requests[1:])
-        return self._plan.task.response(sent[:, np.newaxis])[:, 0]
+        sent = np.append(self.plan.requests[0], requests[1:])
+        return self.plan.task.response(sent[:, np.newaxis])[:, 0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -346,12 +333,11 @@ class Replay(ReadOnly, Summarised):
             f"Replay at {self.speed:.4g} times the speed: {len(self.moments)} requests to {count} "
             f"joint{'s' * (count > 1)}, one every {1e3 * self.period:.4g} ms"
         )
-        rows = [
-            (each.name, f"{each.inversion.rms:.4g}", f"{each.inversion.max_error:.4g}", unit)
-            for each in self.planned
-            if each.inversion is not None
-            for unit in ["rad" if each.path.unit == "rad" else "of its range"]
-        ]
+        rows = []
+        for each in self.planned:
+            unit = "rad" if each.path.unit == "rad" else "of its range"
+            errors = (each.plan.rms[0], each.plan.max_error[0])
+            rows.append((each.name, *(f"{error:.4g}" for error in errors), unit))
         return Summary(head, ("", "rms", "max", "unit"), rows)
 
     @property
@@ -372,9 +358,8 @@ class Replay(ReadOnly, Summarised):
     @property
     def untested(self) -> str:
         """The joints that move outside the tested range of their models, and how, in words."""
-        return ", ".join(
-            f"{each.name} ({', '.join(each.untested)})" for each in self.planned if each.untested
-        )
+        pairs = [(each.name, each.plan.expected[0].untested) for each in self.planned]
+        return ", ".join(f"{name} ({', '.join(words)})" for name, words in pairs if words)
 
     @property
     def resent_may_serve(self) -> tuple[JointReplay, ...]:
@@ -411,4 +396,4 @@ class Replay(ReadOnly, Summarised):
     @property
     def max_error(self) -> float:
         """Largest error of any planned joint [rad, or shares of a range]."""
-        return max(each.inversion.max_error for each in self.planned if each.inversion)
+        return max(float(each.plan.max_error[0]) for each in self.planned)

@@ -75,7 +75,7 @@ def sizes_of(joint: JointReplay) -> JointSizes:
         sign=SIGNS[unit],
         factor=factor,
         errors={kind: size(each, factor) for kind, each in errors.items()},
-        expected=factor * joint.expected if planned else math.nan,
+        expected=factor * joint.plan.expected[0].error if planned else math.nan,
         bound=factor * joint.lower_bound if planned else math.nan,
     )
 
@@ -136,7 +136,7 @@ def replay_page(
         pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
         models=models_table(
             [each.name for each in replay.planned],
-            [each.inversion.model for each in replay.planned if each.inversion],
+            [each.plan.models[0] for each in replay.planned],
         ),
     )
 
@@ -146,7 +146,7 @@ def replay_page(
 
 def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms, and how its requests move."""
-    planned = [(sizes_of(each), each.motion) for each in replay.planned]
+    planned = [(sizes_of(each), each.plan.motions[0]) for each in replay.planned]
     return rendered_text(
         "replay.txt",
         **_spoken(replay, models, fastest),
@@ -353,7 +353,7 @@ def replay_results(replay: Replay, models: str, remarks: Sequence[str]) -> dict[
                 f"lower_bound_{unit}": sizes.bound,
                 f"largest_step_{unit}": factor * plan.largest_step,
                 "recorded_requests_may_serve": joint in replay.resent_may_serve,
-                "untested": list(joint.untested),
+                "untested": list(joint.plan.expected[0].untested),
                 "top_speed_known": joint.name not in replay.path.open_top_speeds,
                 "faster_than_the_joint_s": [list(span) for span in joint.too_fast],
                 f"desired_{unit}": (factor * joint.desired).tolist(),
