@@ -3,16 +3,9 @@
 from __future__ import annotations
 
 import re
-import shlex
 from pathlib import Path
 
-import click
-import pytest
-from click.testing import CliRunner
-
 from planner import LogOptions
-from planner.cli.identify import identify
-from planner.cli.options import log_options, to_log_options
 from planner.files import columns
 from planner.files.logs import csv_log, rows
 from planner.files.logs.bag import ACTUAL_TYPES, REQUEST_TYPES
@@ -35,49 +28,13 @@ def test_options_that_fit_no_log_are_refused(snapshot):
     snapshot.refusals("log_options", lambda options: LogOptions(**options), BAD)
 
 
-def test_the_command_lines_options_become_log_options():
-    told = []
-
-    @click.command()
-    @log_options
-    def command(**choices):
-        told.append(to_log_options(choices))
-
-    arguments = {
-        "joint": "Jaw",
-        "time": "clock:ms",
-        "requested": "a",
-        "actual": "b",
-        "torque": "c",
-        "unit": "ticks",
-        "ticks_per_turn": 4096.0,
-        "topic": "/a",
-        "command_topic": "/b",
-        "episodes": "0-3",
-    }
-    words = [f"--{name.replace('_', '-')}={value}" for name, value in arguments.items()]
-    assert CliRunner().invoke(command, words).exit_code == 0
-    assert told == [LogOptions(**arguments)]
-    assert CliRunner().invoke(command, []).exit_code == 0
-    assert told[1] == LogOptions()
-
-
 PAGE = (Path(__file__).parents[3] / "docs" / "logs.md").read_text(encoding="utf-8")
 
 
-COMMANDS = re.findall(r"^    request-planner identify (.*)$", PAGE, re.MULTILINE)
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_of_the_page_is_one(command):
-    with identify.make_context("identify", shlex.split(command)) as context:
-        assert isinstance(to_log_options(context.params), LogOptions)
-
-
 def test_the_page_has_a_command_for_every_format():
-    paths = " ".join(shlex.split(command)[0] for command in COMMANDS)
+    commands = re.findall(r"^    request-planner identify (\S+)", PAGE, re.MULTILINE)
     for ending in ("csv", "parquet", "json", "mcap", "bag", "my_dataset", "my_bag"):
-        assert ending in paths
+        assert any(path.endswith(ending) for path in commands)
 
 
 def test_the_page_names_every_unit_and_type():
