@@ -62,24 +62,10 @@ def summarise(text: str) -> None:
     print_line(click.style(first, bold=True) + newline + rest)
 
 
-def complain(message: str) -> None:
-    """Print an error in one line on standard error."""
-    _print_notice(message, fg="red", bold=True)
-
-
-def warn(message: str) -> None:
-    """Print a warning in one line on standard error."""
-    _print_notice(message, "warning:", fg="yellow")
-
-
-def remark(message: str) -> None:
-    """Print a remark in one line on standard error."""
-    if verbosity() != "quiet":
-        _print_notice(message)
-
-
-def _print_notice(message: str, label: str = "", **style: Any) -> None:
-    """Print a message in one line; on a terminal it is wrapped between words."""
+def _print_notice(message: str, label: str = "", *, in_quiet: bool = True, **style: Any) -> None:
+    """Print a message in one line on standard error; on a terminal it is wrapped between words."""
+    if verbosity() == "quiet" and not in_quiet:
+        return
     opening = f"request-planner: {label}".strip()
     text = f"{opening} {printable(' '.join(message.split()))}"
     if sys.stderr is not None and sys.stderr.isatty():
@@ -92,6 +78,16 @@ def _print_notice(message: str, label: str = "", **style: Any) -> None:
         )
     styled = label or opening
     print_line(text.replace(styled, click.style(styled, **style), 1) if style else text)
+
+
+complain = partial(_print_notice, fg="red", bold=True)
+"""Print an error in one line on standard error."""
+
+warn = partial(_print_notice, label="warning:", fg="yellow")
+"""Print a warning in one line on standard error."""
+
+remark = partial(_print_notice, in_quiet=False)
+"""Print a remark in one line on standard error."""
 
 
 class Answer(NamedTuple):
@@ -184,15 +180,9 @@ def add_verbosity(command: click.Command) -> None:
         ("quiet", "Print nothing but data, warnings and errors."),
         ("verbose", "Print the duration of each step and the reports of the solvers."),
     ):
-        command.params.append(
-            click.Option(
-                [f"-{option[0]}", f"--{option}"],
-                is_flag=True,
-                expose_value=False,
-                callback=_settle,
-                help=about,
-            )
-        )
+        names = [f"-{option[0]}", f"--{option}"]
+        flag = click.Option(names, is_flag=True, expose_value=False, callback=_settle, help=about)
+        command.params.append(flag)
 
 
 def _settle(context: click.Context, option: click.Parameter, value: Any) -> None:
@@ -207,20 +197,18 @@ def _settle(context: click.Context, option: click.Parameter, value: Any) -> None
     context.call_on_close(partial(log.setLevel, log.level))
     log.setLevel(logging.DEBUG if level == "verbose" else logging.ERROR)
     if level == "verbose":
-        handler = _Printing()
+        handler = logging.Handler()
+        handler.emit = lambda record: detail(record.getMessage())  # type: ignore[method-assign]
         log.addHandler(handler)
         context.call_on_close(partial(log.removeHandler, handler))
-
-
-class _Printing(logging.Handler):
-    def emit(self, record: logging.LogRecord) -> None:
-        detail(record.getMessage())
 
 
 class Progress:
     """The progress of long work: a line on a terminal, and with ``--verbose`` one after each step.
 
-    A thread draws the line again during a long step; without a terminal there is none.
+    A thread draws the line again during a long step; without a terminal there is none. With a
+    ``count`` of steps there are a bar and a remaining time. Of ``parallel`` steps each is reported
+    when it is finished.
     """
 
     current: Progress | None = None
@@ -229,17 +217,12 @@ class Progress:
     def __init__(
         self, count: int = 0, *, parallel: bool = False, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Find out whether standard error is a terminal.
-
-        With a ``count`` of steps there are a bar and a remaining time. Of ``parallel`` steps each
-        is reported when it is finished, and the line is drawn twice a second.
-        """
         on_terminal = sys.stderr is not None and sys.stderr.isatty()
         self._visible = on_terminal and verbosity() != "quiet"
         self._count, self._finished, self._parallel = count, 0, parallel
         self._step = "the first" if parallel else ""  # of which none is finished yet
         self._time = clock
-        self._began = self._step_began = clock()
+        self._began = self._last = clock()  # of the work, and of the step
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._keep_time, daemon=True)
 
@@ -251,7 +234,7 @@ class Progress:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._finish_step()
+        self._begin("")
         self._ended.set()
         if self._visible:
             self._thread.join()
@@ -260,8 +243,7 @@ class Progress:
 
     def __call__(self, step: str) -> None:
         """Begin a step; the step before it is finished."""
-        self._finish_step()
-        self._step = step
+        self._begin(step)
         if self._visible and not self._parallel:  # whose line the thread draws
             self._draw()
 
@@ -271,27 +253,25 @@ class Progress:
 
     def line(self) -> str:
         """The text of the line now."""
-        now = self._time()
-        spent, finished = now - self._began, self._finished
+        now, finished = self._time(), self._finished
+        spent = now - self._began
         step = f"{finished} of {self._count}" if self._parallel else self._step
         for_long = f"  {_duration(spent)}" if spent >= BRIEF else ""
         if not self._count:
             return f"{step} …{for_long}"
         bar = ("█" * (BAR * finished // self._count)).ljust(BAR, "░")
-        if spent < BRIEF or not finished:
-            return f"{step} …  {bar}{'' if self._parallel else for_long}"
-        since = now if self._parallel else self._step_began
-        left = (since - self._began) * (self._count / finished - 1.0) - (now - since)
-        return f"{step} …  {bar}  {_duration(left)} left"
+        if finished and for_long:  # at the pace up to the last step's end
+            whole = (self._last - self._began) * self._count / finished
+            for_long = f"  {_duration(whole - spent)} left"
+        return f"{step} …  {bar}{for_long}"
 
-    def _finish_step(self) -> None:
+    def _begin(self, step: str) -> None:
         now = self._time()
         if self._step:
             self._finished += 1
             if not self._parallel:
-                detail(f"{self._step}: {now - self._step_began:.3g} s")
-        self._step = ""
-        self._step_began = now
+                detail(f"{self._step}: {now - self._last:.3g} s")
+        self._step, self._last = step, now
 
     def _draw(self) -> None:
         width = shutil.get_terminal_size().columns - 1
@@ -340,10 +320,6 @@ class BadSetting(SettingsError, InvalidInput):
     """Settings that contradict each other, or the files that they name."""
 
 
-class FailedCheck(SettingsError):
-    """A plan that fails a check."""
-
-
 ADVICE = {
     "unreachable='nearest'": '‹leg.unreachable = "nearest"›',
     "cyclic=False": "‹plan.cyclic = false›",
@@ -371,8 +347,6 @@ def speaking_of(file: Toml) -> Iterator[None]:
         lines = (file.line_of(place_of(name)) for name in names)
         line = next((line for line in lines if line is not None), None)
         raise InvalidFile(file.path, str(error), line=line) from error
-    except FailedCheck as error:
-        raise PlannerError(str(error)) from error
     except PlannerError as error:
         error.args = (advised(error),)
         raise

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 from click.shell_completion import CompletionItem
 
-from planner.cli.console import MARKED, Answer, BadSetting, FailedCheck, warn
+from planner.cli.console import MARKED, Answer, BadSetting, SettingsError, warn
 from planner.cli.declared import NUMBER, SOURCE, Declared, tables
 from planner.cli.settings import LEG_NAMES, ReplayRun, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
@@ -354,7 +354,7 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
                 return command(run=whole.of(content, standard_input=True), **arguments)
             except BadSetting as error:
                 raise click.UsageError(f"{in_options(error.args[0])}.") from error
-            except FailedCheck as error:
+            except SettingsError as error:
                 raise click.ClickException(in_options(error.args[0])) from error
 
         decorators = []

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cli import settings
-from planner.cli.console import BadSetting, FailedCheck, marked
+from planner.cli.console import BadSetting, SettingsError, marked
 from planner.cli.desired import Desired, desired_of, leg_title, model_words
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
@@ -92,14 +92,14 @@ def plan_of(
         if each.error < each.lower_bound - ROUNDING:
             unit = desired.shown_units[desired.names[each.column]]
             error, bound = np.degrees([each.error, each.lower_bound])
-            raise FailedCheck(
+            raise SettingsError(
                 f"{desired.names[each.column]}: an error of {error:.6g} {unit} is below its own "
                 f"lower bound of {bound:.6g} {unit}; please report this with the path and the model"
             )
     has_limits = run.limits.deg is not None or run.limits.joints
     beyond = beyond_limits(desired, plan)
     if beyond and (has_limits or chosen.method != "closed-form"):  # which ignores limits
-        raise FailedCheck(beyond[0])
+        raise SettingsError(beyond[0])
     if bounded and plan.task.goal == "foot":
         progress("the lower bound")
         _ = plan.foot_bound  # takes seconds, and is cached

@@ -9,7 +9,6 @@ import signal
 import sys
 import time
 import warnings
-from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 from io import TextIOWrapper
@@ -33,7 +32,6 @@ from planner.exceptions import (
     InvalidInput,
     OutsideEquation13,
     PlannerError,
-    nearest,
 )
 from planner.files.text import STANDARD_STREAM, write_text
 from planner.report.table import fitted_to
@@ -79,8 +77,6 @@ ARGUMENTS = {
     "highest": "--highest-hz",
     "knots": "--knot-s",
     "locked": "--lock",
-    "max_error": "--max-error",
-    "max_rms": "--max-rms",
     "noise": "--noise-deg",
     "required": "--required-s",
     "resolution": "--resolution-deg",
@@ -90,10 +86,6 @@ ARGUMENTS = {
 
 class Commands(click.Group):
     """The commands, each imported on demand, and one exit for all their exceptions."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """Names of the commands, sorted."""
-        return list(COMMANDS)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Write the list of commands, without importing them."""
@@ -110,15 +102,6 @@ class Commands(click.Group):
         add_verbosity(command)
         return command
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command that the arguments begin with, or an error that names the nearest."""
-        name = args[0]
-        if name not in COMMANDS:
-            ctx.fail(f"No such command '{name}'{nearest(name, list(COMMANDS))}.")
-        return super().resolve_command(ctx, args)
-
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a closed pipe ends it without an error message."""
         began = time.monotonic()
@@ -130,25 +113,17 @@ class Commands(click.Group):
             _discard(sys.stdout)
             raise click.exceptions.Exit(141) from error  # 128 + SIGPIPE, as shells have it
 
-    def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        **extra: Any,
-    ) -> Any:
+    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:  # type: ignore[override]
         """Run a command; standalone, end the process with its exit status."""
         if not standalone_mode:
-            return super().main(args, prog_name, complete_var, standalone_mode, **extra)
-        unit = ANGLE_UNIT.set("deg")
+            return super().main(*args, standalone_mode=False, **extra)
+        unit, name = ANGLE_UNIT.set("deg"), extra.pop("prog_name", None) or "request-planner"
         try:
             with warnings.catch_warnings(), fitted_to(terminal_width(sys.stderr)):
                 warn_once = cache(warn)  # for the same warning from several places
                 warnings.showwarning = lambda message, *_where: warn_once(str(message))
                 warnings.simplefilter("default", OutsideEquation13)
-                name = prog_name or "request-planner"
-                status = self._status(args, name, complete_var, **extra)
+                status = self._status(*args, prog_name=name, **extra)
                 _flush(sys.stdout)
         finally:  # also if an unexpected error goes on to the caller
             ANGLE_UNIT.reset(unit)
@@ -250,6 +225,7 @@ def main() -> NoReturn:
     raise AssertionError("the command line returned")
 
 
+cli.commands = dict.fromkeys(COMMANDS, cli)  # names alone: each is imported where it is called
 add_verbosity(cli)
 
 
@@ -263,9 +239,7 @@ def _in_options(error: PlannerError) -> str:
         options = {**by_argument(), **ARGUMENTS}
         parts = re.split(r"(, | and )", head)
         message = "".join(options.get(part, part) for part in parts) + colon + rest
-    for name in ("max_error", "max_rms"):
-        message = re.sub(rf"(?<![-\w]){name}(?!\w)", ARGUMENTS[name], message)
-    return message
+    return re.sub(r"(?<![-\w])max_(error|rms)(?!\w)", r"--max-\1", message)
 
 
 def _flush(stream: TextIO | None) -> None:
