@@ -113,10 +113,11 @@ class Commands(click.Group):
             _discard(sys.stdout)
             raise click.exceptions.Exit(141) from error  # 128 + SIGPIPE, as shells have it
 
-    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:  # type: ignore[override]
+    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Run a command; standalone, end the process with its exit status."""
+        run: Any = super().main
         if not standalone_mode:
-            return super().main(*args, standalone_mode=False, **extra)
+            return run(*args, standalone_mode=False, **extra)
         unit, name = ANGLE_UNIT.set("deg"), extra.pop("prog_name", None) or "request-planner"
         try:
             with warnings.catch_warnings(), fitted_to(terminal_width(sys.stderr)):
