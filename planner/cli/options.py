@@ -11,7 +11,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import wraps
 from pathlib import Path
@@ -403,7 +403,7 @@ def check_parallel(workers: int | None, scheduler: str | None) -> None:
         raise click.UsageError("--workers are of this machine: leave out --workers or --scheduler.")
 
 
-def warn_of(remarks: Sequence[str]) -> None:
+def warn_of(remarks: Iterable[str]) -> None:
     """Print remarks on a path or an answer, with settings as options."""
     for remark in remarks:
         warn(in_options(remark))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from copy import deepcopy
@@ -21,7 +21,7 @@ import click
 import numpy as np
 
 from planner.cli import options
-from planner.cli.console import BadSetting, marked, speaking_of
+from planner.cli.console import BadSetting, speaking_of
 from planner.cli.declared import understand
 from planner.cli.desired import Desired, leg_of, models_of, refused_models
 from planner.cli.planning import plan_of, prepare
@@ -35,13 +35,13 @@ from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
 from planner.trajectory import error_norm, index_of_largest
 
-REQUIRED: Mapping[str, tuple[Literal["error", "speed"], str]] = {
-    "at_error_cm": ("error", "a foot"),
-    "at_error_deg": ("error", "joints"),
-    "at_speed_cm_s": ("speed", "a gait"),
-    "at_speed": ("speed", "a file"),
+REQUIRED = {
+    "at_error_cm": "a foot",
+    "at_error_deg": "joints",
+    "at_speed_cm_s": "a gait",
+    "at_speed": "a file",
 }
-"""What each of the required errors and speeds limits, and the path that it is for."""
+"""The errors and speeds that may be required, and the path that each is for."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,10 @@ class Space:
         if self.settings.sweep.method == "cma":
             return self.settings.sweep.evaluations or 200
         return math.prod(map(len, self.values.values()))
+
+    def grid(self) -> Iterator[Point]:
+        """The points of all combinations of the values."""
+        return map(self.point, product(*self.values.values()))
 
     def point(self, values: Iterable[float]) -> Point:
         """A point from a value for each parameter, with a cycle of whole requests."""
@@ -99,25 +103,21 @@ class Space:
         with speaking_of(self.file):
             return _prepared(self.content(point), self.settings.folder)
 
-    def refused_models(self) -> tuple[str, ...]:
-        """A remark on joints with rejected models; the models are the same for all points."""
-        for values in product(*self.values.values()):
+    def remarks(self) -> Iterator[str]:
+        """On joints with rejected models, the same at all points, and on rounded periods."""
+        for point in self.grid():
             with suppress(PlannerError):  # such as a point out of reach
-                desired = self.desired(self.point(values))
-                return refused_models(desired.names, desired.models)
-        return ()
-
-    def rounded(self) -> tuple[str, ...]:
-        """A remark on periods of a grid that are no whole number of requests."""
-        if self.settings.sweep.method == "cma":  # which chooses between the ends
-            return ()
-        pairs = [
+                desired = self.desired(point)
+                yield from refused_models(desired.names, desired.models)
+                break
+        rounded = [
             f"{each:g} becomes {whole:g}"
             for each in self.values.get("period_s", ())
             if abs((whole := round(each / self.period) * self.period) - each) > 1e-6 * each
         ]
-        words = f"{', '.join(pairs)} s, rounded to requests {self.period:g} s apart"
-        return (f"‹sweep.parameters.period_s›: {words}",) if pairs else ()
+        if rounded and self.settings.sweep.method == "grid":  # a search chooses between the ends
+            words = f"{', '.join(rounded)} s, rounded to requests {self.period:g} s apart"
+            yield f"‹sweep.parameters.period_s›: {words}"
 
     def inputs(self) -> dict[str, Any]:
         """The inputs of all outcomes, beside the point."""
@@ -138,33 +138,32 @@ def read_sweep(path: str) -> Space:
     search, gait = run.sweep, run.path.file is None
     kind = "a gait" if gait else "a file"
     with speaking_of(file):
+        search.check_effect("sweep", "method")
         values = _values(run, kind)
-        leg = leg_of(run)
+        leg, period, requirement = leg_of(run), math.nan, None
         of_foot = gait or is_foot_path(path_table(run.place(str(run.path.file))))
         required = [name for name in REQUIRED if getattr(search, name) is not None]
         if len(required) > 1:
             first, second, *_ = required
             raise BadSetting(f"‹sweep.{second}›: got ‹sweep.{first}› too, expected one of them")
-        requirement = None
         for name in required:
-            of, path_of = REQUIRED[name]
-            if path_of not in ("a foot" if of_foot else "joints", kind):
-                raise BadSetting(f"‹sweep.{name}›: is for the path of {path_of}")
+            if REQUIRED[name] not in ("a foot" if of_foot else "joints", kind):
+                raise BadSetting(f"‹sweep.{name}›: is for the path of {REQUIRED[name]}")
+            of: Literal["error", "speed"] = "error" if "error" in name else "speed"
             requirement = Requirement(of, getattr(search, name))
         if gait and leg is None:
             raise BadSetting("‹sweep.parameters›: a gait needs a leg; set ‹leg.name›")
-        period = math.nan
         if leg is not None and "period_s" in values:
             period = models_of(run, leg.joint_names, leg)[0].period
         for name, each in values.items():
-            kind_of_value, unit = options.SETTINGS[SWEPT[name]].kind, 1.0
-            expected = kind_of_value.expected
+            of_value, unit = options.SETTINGS[SWEPT[name]].kind, 1.0
+            expected = of_value.expected
             if name == "period_s":
                 count, unit = expected.removeprefix("a whole number from "), period
                 expected = f"{count} requests, which are {period:g} s apart"
             for value in each:
                 try:
-                    kind_of_value.fitted(round(value / unit) if name == "period_s" else value)
+                    of_value.fitted(round(value / unit) if name == "period_s" else value)
                 except (ValueError, OverflowError) as error:
                     words = f"got {value:g}, expected {expected}"
                     raise BadSetting(f"‹sweep.parameters.{name}›: {words}") from error
@@ -174,12 +173,10 @@ def read_sweep(path: str) -> Space:
 def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
     """The values of each parameter."""
     search, every = run.sweep, run.sweep.parameters.values()
-    method = marked("sweep.method", search.method)
     by_name = {name: values for name, values in every.items() if values is not None}
     if not by_name:
         words = f"is empty, expected values of one or more of {', '.join(every)}"
         raise BadSetting(f"‹sweep.parameters›: {words}")
-    search.check_effect("sweep", "method")
     for name, values in by_name.items():
         key, table = f"‹sweep.parameters.{name}›", SWEPT[name].partition(".")[0]
         of = {"path": "a file" if name == "speed" else "a gait"}.get(table, path)
@@ -191,12 +188,14 @@ def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
     if search.method == "cma":
         if len(by_name) < 2:
             words = 'needs two parameters or more; use ‹sweep.method = "grid"›'
-            raise BadSetting(f"{method}: {words}")
+            raise BadSetting(f'‹sweep.method = "cma"› {words}')
         with importing("a search by CMA-ES", "sweep"):
             import cma  # noqa: F401
-    if search.steps is not None:
-        for name, values in by_name.items():
-            by_name[name] = tuple(np.linspace(values[0], values[-1], search.steps).tolist())
+    if (steps := search.steps) is not None:
+        return {
+            name: tuple(np.linspace(values[0], values[-1], steps).tolist())
+            for name, values in by_name.items()
+        }
     return by_name
 
 
@@ -205,9 +204,10 @@ def planned_points(
 ) -> Swept:
     """Plan the points of a grid or of a search."""
     by_point: dict[Point, Outcome] = {}
-    folder = str(Path(space.settings.folder).resolve())
+    search_settings, folder = space.settings.sweep, str(Path(space.settings.folder).resolve())
 
-    def outcomes_at(points: Sequence[Point]) -> list[Outcome]:
+    def outcomes_at(points: Iterable[Point]) -> list[Outcome]:
+        points = list(points)
         new = [point for point in dict.fromkeys(points) if point not in by_point]
         tasks = [Task(repr(point), (space.content(point), folder)) for point in new]
         failures = carry_out(evaluate, tasks, results, executor, progress=progress)
@@ -217,15 +217,15 @@ def planned_points(
             by_point[point] = Outcome(point, number=len(by_point) + 1, **figures)
         return [by_point[point] for point in points]
 
-    if space.settings.sweep.method == "grid":
-        outcomes_at([space.point(values) for values in product(*space.values.values())])
+    if search_settings.method == "grid":
+        outcomes_at(space.grid())
     else:
         search(
-            lambda places: outcomes_at([space.point(each) for each in places]),
+            lambda places: outcomes_at(map(space.point, places)),
             [(each[0], each[-1]) for each in space.values.values()],
             most=space.most_points,
             requirement=space.requirement,
-            seed=space.settings.sweep.seed or 0,
+            seed=search_settings.seed or 0,
         )
     return Swept(
         file=space.file.path,
@@ -249,9 +249,8 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
 
     The argument is the run file of the point, and the folder from which files are named.
     """
-    content, folder = argument
     try:
-        desired = _prepared(content, folder)
+        desired = _prepared(*argument)
         plan = plan_of(desired, bounded=False)
     except PlannerError as error:  # kept, too: it is found only by planning
         reason = reason_of(error)

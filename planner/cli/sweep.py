@@ -84,7 +84,7 @@ def sweep(
         return carried_out(space.file, space.desired(space.point_of(at)), out)
     check_folder(place)
     click.get_current_context().with_resource(claimed(place))
-    options.warn_of([*space.refused_models(), *space.rounded()])
+    options.warn_of(space.remarks())
     inputs = space.inputs()
     origin = {**inputs, "sweep": space.settings.sweep.values()}
     if resume and (before := finished(place, MANIFEST, origin)):
