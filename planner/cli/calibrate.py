@@ -48,16 +48,18 @@ if TYPE_CHECKING:
     options.TICKS,
     multiple=True,
 )
-@options.positive("--rate-hz", "Requests per second, as the joints will get them later.", 100.0)
+@options.positive(
+    "--rate-hz", "Requests per second, as the joints will get them later.", default=100.0
+)
 @options.positive(
     "--duration-s",
     "Time for which each joint is excited; its test motions take another half a minute.",
-    60.0,
+    default=60.0,
 )
 @options.positive(
     "--reach-deg",
     "How far a joint may go from where it is, unless its range is shown by hand.",
-    45.0,
+    default=45.0,
 )
 @options.option("--yes", "Ask nothing: ranges by the servos' limits, and go.", bool)
 @options.option("--resume", "Take the logs of an interrupted run as they are.", bool)
@@ -275,7 +277,7 @@ def _calibrate_joint(
 @options.option(
     "--joint chosen", "Check this joint only.  [default: all]", metavar="NAME", multiple=True
 )
-@options.positive("--duration-s", "How long each joint moves.", 20.0)
+@options.positive("--duration-s", "How long each joint moves.", default=20.0)
 @options.positive("--rate-hz", "Requests per second.  [default: those of the model]")
 @options.answers()
 def check(

@@ -90,7 +90,7 @@ def compare(
             unreachable=unreachable,
             notes=notes_of(desired),
         )
-        origins = [*origins_of(desired, whole), ("bounds up to", level)]
+        origins = [*origins_of(run), ("bounds up to", level)]
         return about.html(place, origins, inputs_of(desired))
 
     def print_table(_: str) -> None:

@@ -250,13 +250,7 @@ class Settings:
 
     def values(self) -> dict[str, Any]:
         """The value of every key, with mappings in place of tables."""
-
-        def plain(value: Any) -> Any:
-            if isinstance(value, tuple):
-                return tuple(map(plain, value))
-            return value.values() if isinstance(value, Settings) else value
-
-        return {name: plain(getattr(self, name)) for name in self.keys}
+        return {name: _plain(getattr(self, name)) for name in self.keys}
 
     @classmethod
     def of(
@@ -332,23 +326,28 @@ def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
     return settings
 
 
-def flat(settings: Settings) -> dict[str, Any]:
-    """Every key that has a name of its own, such as ``plan.method``, with its value.
+def flat(settings: Settings, place: Place = ()) -> dict[str, tuple[Any, bool]]:
+    """Every key that has a name of its own, such as ``plan.method``: value, and whether it is set.
 
     The keys of a table that is missing are None.
     """
-    names = dict[str, Any]()
-
-    def add(cls: type[Settings], values: Mapping[str, Any] | None, place: Place) -> None:
-        for name, key in cls.keys.items():
-            value = values and values[name]
-            if key.kind.is_table:
-                add(key.kind.type, value, (*place, name))
-            else:
-                names[key_name((*place, name))] = value
-
-    add(type(settings), settings.values(), ())
+    names = dict[str, tuple[Any, bool]]()
+    for name, key in settings.keys.items():
+        value, at = getattr(settings, name), (*place, name)
+        if isinstance(value, Settings):
+            names |= flat(value, at)
+        elif key.kind.is_table:
+            names |= dict.fromkeys(flat(key.kind.type(), at), (None, False))
+        else:
+            names[key_name(at)] = _plain(value), name in settings.keys_set
     return names
+
+
+def _plain(value: Any) -> Any:
+    """A value with mappings in place of tables."""
+    if isinstance(value, tuple):
+        return tuple(map(_plain, value))
+    return value.values() if isinstance(value, Settings) else value
 
 
 def _hint(kind: Kind, value: Any) -> str:

@@ -47,29 +47,25 @@ class Desired:
     names: tuple[str, ...]
     angles: Array  # desired [rad], shape (n, k)
     models: tuple[JointModel, ...]
-
-    # smallest and largest request by joint [rad]
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    starts: Mapping[str, float] = field(default_factory=dict)  # rest angles by joint [rad]
-    load: Load | None = None  # torques on the joints, if the settings have any
-    leg: Leg | None = None  # the leg, if the settings name one
-
-    # the legs of a whole robot, by name, whose joints are all among these
-    legs: Mapping[str, Leg] = field(default_factory=dict)
-
-    # desired positions of the foot [m], shape (n, 3), for a foot path; with "clamp", the
-    # positions at the clamped angles
-    foot: Array | None = None
-
-    # with "clamp", the positions before clamping; None if the leg reaches them all
-    foot_given: Array | None = None
-    unreachable: int = 0  # samples whose position the leg cannot reach
-    units: tuple[str, ...] | None = None  # the joints' units in the file; None if all are angles
+    units: tuple[str, ...]  # the joints' units in the file
     cyclic: bool = True  # whether the path repeats for ever
     remarks: tuple[str, ...] = ()  # what the user should know about the path
+    loads: Array | None = None  # torques in the file [N m], shape (n, k); None without any
+    load: Load | None = None  # torques on the joints, if the settings have any
 
-    # torques on the joints in the file [N m], shape (n, k); None if it has no torques
-    loads: Array | None = None
+    # by joint: smallest and largest request, and rest angle [rad]
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    starts: Mapping[str, float] = field(default_factory=dict)
+
+    # the leg that the settings name, or by name the legs of a whole robot with all joints here
+    leg: Leg | None = None
+    legs: Mapping[str, Leg] = field(default_factory=dict)
+
+    # of a foot path: desired positions [m], shape (n, 3), with "clamp" those at the clamped
+    # angles; None or those before; and how many of them the leg cannot reach
+    foot: Array | None = None
+    foot_given: Array | None = None
+    unreachable: int = 0
 
     @property
     def period(self) -> float:
@@ -79,7 +75,7 @@ class Desired:
     @property
     def shown_units(self) -> dict[str, Literal["deg", "percent"]]:
         """The unit of each joint's degrees, by joint: "deg", or "percent" of its range."""
-        pairs = zip(self.names, self.units or ("deg",) * len(self.names), strict=True)
+        pairs = zip(self.names, self.units, strict=True)
         return {name: "percent" if unit in SHARES else "deg" for name, unit in pairs}
 
     @contextmanager
@@ -98,6 +94,7 @@ class Desired:
         return replace(
             self,
             names=leg.joint_names,
+            units=tuple(self.units[j] for j in columns),
             angles=self.angles[:, columns],
             models=tuple(self.models[j] for j in columns),
             leg=leg,
@@ -116,21 +113,18 @@ def desired_of(run: settings.Run) -> Desired:
     path, leg, of_foot = _path_of(run)
     names = leg.joint_names if of_foot and leg is not None else path.names
     models = models_of(run, names, leg, units=path.units)
-    path, closed, remarks = _in_step(path, run, models[0].period)
-    legs = {} if leg is not None else legs_of(run, among=names)
-    foreign = [name for name in names if leg is not None and name not in leg.joint_names]
-    if leg is not None and foreign:
+    path, cyclic, remarks = _in_step(path, run, models[0].period)
+    if leg is not None and (foreign := [name for name in names if name not in leg.joint_names]):
         raise BadSetting(
             f"joint '{foreign[0]}' of {path.path} is not on the leg; its joints: "
             f"{', '.join(leg.joint_names)}"
         )
-    limits = _limits_of(run, names, legs.values() if leg is None else (leg,))
-    for name, span in values_by_joint("limits", run.limits, names).items():
-        limits[name] = math.radians(span[0]), math.radians(span[1])
-    starts = starts_of(run.start, names, cyclic=closed)
     if path.loads is not None and run.plan.load is None:
         words = "the load in the path's columns is not used: ask for it with "
-        remarks = (*remarks, f'{words}‹plan.load = "column"›')
+        remarks += (f'{words}‹plan.load = "column"›',)
+    legs = {} if leg is not None else legs_of(run, among=names)
+    limits = _limits_of(run, names, legs.values() if leg is None else (leg,))
+    starts = starts_of(run.start, names, cyclic=cyclic)
     angles, foot, foot_given, unreachable = path.values, None, None, 0
     if of_foot and leg is not None:  # by inverse kinematics
         solution = leg.inverse(path.values, unreachable=run.leg.unreachable)
@@ -142,19 +136,19 @@ def desired_of(run: settings.Run) -> Desired:
         names,
         angles,
         models,
-        limits={joint: limits[joint] for joint in names if joint in limits},
+        units=("deg",) * len(names) if of_foot else path.units,
+        cyclic=cyclic,
+        remarks=(*remarks, *refused_models(names, models)),
+        loads=path.loads,
+        limits=limits,
         starts=starts,
         leg=leg,
         legs=legs,
         foot=foot,
         foot_given=foot_given,
         unreachable=unreachable,
-        units=None if of_foot else path.units,
-        cyclic=closed,
-        remarks=(*remarks, *refused_models(names, models)),
-        loads=path.loads,
     )
-    return replace(desired, load=_load_of(run.plan, desired))
+    return replace(desired, load=_load_of(desired))
 
 
 def _path_of(run: settings.Run) -> tuple[SampledPath, Leg | None, bool]:
@@ -164,8 +158,7 @@ def _path_of(run: settings.Run) -> tuple[SampledPath, Leg | None, bool]:
         from planner.gait.half_ellipse import half_ellipse  # with kinematics
         from planner.gait.stride import stride
 
-        if path.file is not None or path.joints:
-            other = "path.file" if path.file is not None else "path.joints"
+        if other := "path.file" if path.file else "path.joints" if path.joints else "":
             words = f"got ‹{other}› too, expected one of them; remove the other"
             raise BadSetting(f"‹path.half_ellipse›: {words}")
         if leg is None:
@@ -199,15 +192,9 @@ def load_joints(file: str, run: settings.Run) -> Desired:
     models = models_of(run, path.names, units=path.units)
     path.check_period(models[0].period)
     cyclic, remarks = repeats(path.values, run.plan.cyclic)
+    remarks = (*remarks, *refused_models(path.names, models))
     return Desired(
-        run,
-        path.names,
-        path.values,
-        models,
-        units=path.units,
-        cyclic=cyclic,
-        remarks=(*remarks, *refused_models(path.names, models)),
-        loads=path.loads,
+        run, path.names, path.values, models, path.units, cyclic, remarks, loads=path.loads
     )
 
 
@@ -268,9 +255,9 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[str, ...]]:
     return False, (remark,)
 
 
-def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
+def check_angles(names: Sequence[str], units: Sequence[str]) -> None:
     """Refuse joints in shares of their range where angles are needed."""
-    if shares := [name for name, unit in zip(names, units or (), strict=False) if unit in SHARES]:
+    if shares := [name for name, unit in zip(names, units, strict=True) if unit in SHARES]:
         raise BadSetting(
             f"'{shares[0]}' is in shares of its range, expected an angle; choose others with "
             "‹path.joints›"
@@ -295,18 +282,18 @@ def values_by_joint(
 def _limits_of(
     run: settings.Run, names: Sequence[str], legs: Iterable[Leg]
 ) -> dict[str, tuple[float, float]]:
-    """Ranges of joints [rad]: the intersection of the servos' ranges and the legs'."""
+    """Ranges of joints [rad]: of the settings, or else common to the servos and the legs."""
     limits = dict[str, tuple[float, float]]()
     for leg in legs:
-        limits |= zip(
-            leg.joint_names, zip(*np.array(leg.limits).tolist(), strict=True), strict=True
-        )
+        limits |= zip(leg.joint_names, map(tuple, np.transpose(leg.limits).tolist()), strict=True)
     file = robot_file(run)
     servos = {} if file is None else read_servos(file, optional=True)
-    for name in [name for name in names if name in servos]:
+    for name in servos.keys() & {*names}:
         (low, high), (lower, upper) = servos[name].limits, limits.get(name, (-math.inf, math.inf))
         limits[name] = max(lower, low), min(upper, high)
-    return limits
+    for name, (low, high) in values_by_joint("limits", run.limits, names).items():
+        limits[name] = math.radians(low), math.radians(high)
+    return {name: limits[name] for name in names if name in limits}
 
 
 def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
@@ -317,27 +304,27 @@ def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> 
     return {name: math.radians(angle) for name, angle in angles.items()}
 
 
-def _load_of(plan: settings.Plan, desired: Desired) -> Load | None:
+def _load_of(desired: Desired) -> Load | None:
     """The torques on the joints of a path; None if the settings have no load.
 
     Of ``urdf-dynamics`` inertia counts along the desired path and gravity in the predicted pose:
     differences of a prediction would not settle.
     """
-    if plan.load is None:
+    load, leg = desired.settings.plan.load, desired.leg
+    if load is None:
         return None
-    key = marked("plan.load", plan.load)
+    key = marked("plan.load", load)
     check_felt(key, desired.models)
-    if plan.load == "column":
+    if load == "column":
         if desired.loads is None:
             raise BadSetting(f"{key}: the path has no columns <joint>_load_Nm")
         return desired.loads
-    leg = desired.leg
     if leg is None or set(leg.joint_names) != set(desired.names):
         raise BadSetting(f"{key}: needs a path of all joints of a leg; name it with ‹leg.name›")
     poses = desired.angles[:, [desired.names.index(name) for name in leg.joint_names]]
-    period, cyclic = desired.period, desired.cyclic
+    period, dynamics = desired.period, load == "urdf-dynamics"
     return leg.load_of_pose(
-        desired.names, poses, dynamics=plan.load == "urdf-dynamics", period=period, cyclic=cyclic
+        desired.names, poses, dynamics=dynamics, period=period, cyclic=desired.cyclic
     )
 
 
@@ -399,9 +386,8 @@ def leg_of(run: settings.Run) -> Leg | None:
 def _loaded(place: LegPlace) -> Leg:
     from kinematics import Leg
 
-    return Leg.from_urdf(
-        place.urdf, base=place.base, foot=place.foot, locked=place.locked, near=place.near
-    )
+    urdf, base, foot, locked, near = place
+    return Leg.from_urdf(urdf, base=base, foot=foot, locked=locked, near=near)
 
 
 def legs_of(run: settings.Run, *, among: Sequence[str] | None = None) -> dict[str, Leg]:
@@ -417,9 +403,9 @@ def legs_of(run: settings.Run, *, among: Sequence[str] | None = None) -> dict[st
         if among is None or any(joint.startswith(own) for joint in among):
             places = {name: _shipped(name) for name in names}
     legs = {name: _loaded(place) for name, place in places.items()}
-    if among is None:
-        return legs
-    return {name: leg for name, leg in legs.items() if {*leg.joint_names} <= {*among}}
+    return {
+        name: leg for name, leg in legs.items() if among is None or {*leg.joint_names} <= {*among}
+    }
 
 
 def leg_title(leg: settings.Leg) -> str:
@@ -443,12 +429,13 @@ def models_of(
         except InvalidModel as error:
             reason = str(error).removeprefix("period: ")
             raise BadSetting(f"‹path.rate_hz›: {reason}") from error
+    period = models[0].period
     for name, each in zip(joints, models, strict=True):
-        if abs(each.period - models[0].period) > 1e-9 * models[0].period:
+        if abs(each.period - period) > 1e-9 * period:
             raise InvalidFile(
                 run.place(file),
                 f"'{name}' takes a request every {each.period:g} s and '{joints[0]}' every "
-                f"{models[0].period:g} s, expected one rate; plan them one by one",
+                f"{period:g} s, expected one rate; plan them one by one",
             )
     if not set(units) & set(SHARES):
         return models

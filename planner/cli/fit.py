@@ -25,10 +25,12 @@ def _knot(text: str) -> tuple[float, float | None]:
     "model: file", "path: joints", "plan: cyclic segments", segments="Lines of the approximation."
 )
 @options.positive(
-    "--max-error", "Use as few lines as stay this close to the path everywhere.", unit="deg"
+    "--max-error", "Use as few lines as stay this close to the path everywhere.", metavar="DEG"
 )
 @options.positive(
-    "--max-rms", "Use as few lines as stay this close to the path in root mean square.", unit="deg"
+    "--max-rms",
+    "Use as few lines as stay this close to the path in root mean square.",
+    metavar="DEG",
 )
 @options.option(
     "--knot-s knot_s",

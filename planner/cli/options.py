@@ -8,12 +8,11 @@ an input.
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -21,8 +20,8 @@ import click
 from click.shell_completion import CompletionItem
 
 from planner.cli.console import MARKED, Answer, BadSetting, SettingsError, warn
-from planner.cli.declared import NUMBER, SOURCE, Declared, tables
-from planner.cli.settings import LEG_NAMES, ReplayRun, Run
+from planner.cli.declared import NUMBER, SOURCE, Declared, Kind, Positive, Span, Text, tables
+from planner.cli.settings import LEG_NAMES, ReplayRun, Run, Tick
 from planner.files.staging import cannot_write, check_folder, check_writable
 from planner.files.text import place_of
 
@@ -58,16 +57,30 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
         return names or [CompletionItem(incomplete, type="file")] * bool(self.choices)
 
 
-def by_joint(parse: Callable[[str], Any], form: str, expected: str) -> Parsed:
-    """A pair of joint and value: NAME=VALUE, or for [NAME=]VALUE of all joints, named ""."""
+def of_kind(annotation: Any, form: str, example: str = "") -> Parsed:
+    """A value as of settings with this annotation: a text, or numbers with ":" between them."""
+    kind = annotation if isinstance(annotation, Kind) else Kind(annotation)
 
-    def parse_named(text: str) -> tuple[str, Any]:
-        joint, equals, value = text.rpartition("=")
+    def parse(text: str) -> Any:
+        if kind.origin is tuple:
+            return kind.fitted([float(part) for part in text.split(":")])
+        return kind.fitted(kind.type(text))
+
+    such_as = f"{form} such as {example}, " if example else ""
+    return Parsed(parse, form, f"{such_as}{kind.expected}")
+
+
+def by_joint(annotation: Any, form: str, example: str) -> Parsed:
+    """A pair of joint and value: NAME=VALUE, or for [NAME=]VALUE of all joints, named ""."""
+    value = of_kind(annotation, form, example)
+
+    def parse(text: str) -> tuple[str, Any]:
+        joint, equals, rest = text.rpartition("=")
         if not joint and (equals or not form.startswith("[")):
             raise ValueError
-        return joint, parse(value)
+        return joint, value.parse(rest)
 
-    return Parsed(parse_named, form, expected)
+    return Parsed(parse, form, value.expected)
 
 
 class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
@@ -122,75 +135,54 @@ REWRITTEN = Place("file", None)
 
 def finite(text: str) -> float:
     """A finite number."""
-    number = float(text)
-    if not math.isfinite(number):
-        raise ValueError
+    number: float = Kind(float).fitted(float(text))
     return number
 
 
-def _span(text: str) -> list[float]:
-    low, high = (finite(part) for part in text.split(":"))
-    if not low < high:
+def _position(text: str) -> tuple[str, tuple[str, float]]:
+    joint, _, place = text.rpartition("=")
+    if not joint:
         raise ValueError
-    return [low, high]
+    slides = place.endswith("m")
+    return joint, ("lock_m" if slides else "lock", finite(place.removesuffix("m")))
 
 
-def _tick(text: str) -> int:
-    if not re.fullmatch(r"-?\d{1,9}", text, flags=re.ASCII):
-        raise ValueError
-    return int(text)
-
-
-def _position(text: str) -> tuple[str, float]:
-    slides = text.endswith("m")
-    return "lock_m" if slides else "lock", finite(text.removesuffix("m"))
-
-
-SPAN = Parsed(_span, "LOW:HIGH", "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
-PARAMETER = by_joint(finite, "NAME=VALUE", "NAME=VALUE, such as length=0.04")
-TICKS = by_joint(_tick, "[JOINT=]N", "N or JOINT=N, such as knee=2048")
-POSE = "JOINT=DEG, such as wrist=-90"
+SPAN = of_kind(Span, "LOW:HIGH", "-27:147")
+PARAMETER = by_joint(float, "NAME=VALUE", "length=0.04")
+TICKS = by_joint(Tick, "[JOINT=]N", "knee=2048")
 
 TYPES = {
     "leg.name": Parsed(str, "NAME|URDF", "", LEG_NAMES),
-    "leg.lock": by_joint(_position, "JOINT=DEG", f"{POSE}, or slide=0.1m of one that slides"),
-    "leg.near": by_joint(finite, "JOINT=DEG", POSE),
-    "limits.deg": by_joint(
-        _span,
-        "[JOINT=]LOW:HIGH",
-        "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147",
+    "leg.lock": Parsed(
+        _position, "JOINT=DEG", "JOINT=DEG, such as wrist=-90, or slide=0.1m of one that slides"
     ),
-    "start.deg": by_joint(finite, "[JOINT=]DEG", "degrees, as DEG or JOINT=DEG, such as knee=30"),
+    "leg.near": by_joint(float, "JOINT=DEG", "wrist=-90"),
+    "limits.deg": by_joint(Span, "[JOINT=]LOW:HIGH", "knee=-27:147"),
+    "start.deg": by_joint(float, "[JOINT=]DEG", "knee=30"),
     "export.joint_names": Parsed(
         lambda text: [each.strip() for each in text.split(",")], "A,B,C", "A,B,C"
     ),
     "export.zero_tick": TICKS,
-    "replay.urdf_joints": by_joint(str, "JOINT=NAME", "JOINT=NAME, such as Rotation=shoulder_pan"),
+    "replay.urdf_joints": by_joint(Text, "JOINT=NAME", "Rotation=shoulder_pan"),
 }
 """Types of settings that do not follow from the types of their values."""
-
-UNITS_OF_OPTIONS = {
-    "hz": "hertz",
-    "s": "seconds",
-    "ms": "milliseconds",
-    "deg": "degrees",
-    "cm": "centimetres",
-}
-"""Units that end the name of an option, such as --rate-hz."""
 
 
 def option(names: str, about: str, kind: Any = None, **more: Any) -> Callable[[Command], Command]:
     """Give a command an option; a number is shown as N, or as the unit that ends its name."""
     unit = names.split()[0].rpartition("-")[2]
-    if kind is int or isinstance(kind, click.IntRange):
+    form = unit.upper() if unit in ("hz", "s", "ms", "deg", "cm") else "FLOAT"
+    if isinstance(kind, click.IntRange):
         more.setdefault("metavar", "N")
-    elif kind is float and unit in UNITS_OF_OPTIONS:
-        more.setdefault("metavar", unit.upper())
-    elif kind is bool and "/" not in names:
-        more["is_flag"] = True
+    elif kind is bool:
+        more["is_flag"] = "/" not in names or None
+    elif isinstance(kind, Kind) or kind in (int, float, Positive):
+        number = kind if isinstance(kind, Kind) else Kind(kind)
+        kind = of_kind(number, "N" if number.type is int else form)
     return click.option(*names.split(), type=kind, help=about, **more)
 
 
+positive = partial(option, kind=Positive)
 output = option(
     "-o --output", "Where to write the CSV; '-' is standard output.", OUTPUT, default="-"
 )
@@ -201,21 +193,6 @@ output_or_folder = option(
     metavar="OUT",
     default="-",
 )
-
-
-def positive(
-    name: str, about: str, default: float | None = None, unit: str = ""
-) -> Callable[[Command], Command]:
-    """Give a command an option for a number above 0, whose unit may end its name: ``--rate-hz``."""
-    unit = unit or name.rpartition("-")[2]
-
-    def parse(text: str) -> float:
-        if not (number := finite(text)) > 0.0:
-            raise ValueError
-        return number
-
-    kind = Parsed(parse, unit.upper(), f"more than 0 {UNITS_OF_OPTIONS[unit]}")
-    return option(name, about, kind, default=default)
 
 
 def several(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
@@ -391,10 +368,15 @@ def _option(key: str, declared: Declared, about: str) -> Callable[[Command], Com
         attributes["default"] = None
     elif own_type is None and kind.form:
         attributes["metavar"] = kind.form
-    of_kind = {tuple: str if is_list else float, Literal: click.Choice(kind.inner)}
-    click_type = INPUT if SOURCE in kind.notes else of_kind.get(kind.origin, kind.type)
+    click_type: Any = own_type or (kind if kind.type in (int, float) else kind.type)
+    if SOURCE in kind.notes:
+        click_type = INPUT
+    elif kind.origin is Literal:
+        click_type = click.Choice(kind.inner)
+    elif kind.origin is tuple and own_type is None:
+        click_type = str if is_list else kind.inner[0]
     names, required = f"{declared.option} {_parameter(key)}", declared.default is ...
-    return option(names, text, own_type or click_type, required=required, **attributes)
+    return option(names, text, click_type, required=required, **attributes)
 
 
 def check_parallel(workers: int | None, scheduler: str | None) -> None:

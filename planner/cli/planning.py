@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,28 +11,21 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, SettingsError, marked
+from planner.cli.declared import flat
 from planner.cli.desired import Desired, desired_of, leg_title, model_words
+from planner.files.text import toml_value
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
-from planner.planning.plan import Method, Plan
+from planner.planning.plan import Plan
 from planner.planning.task import Task, checked_leg, limits_of_each
 from planner.report.plan_results import PlanAnswer, against_tolerances
 from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
-    from kinematics import Leg
     from planner.report.page import Written
 
 ROUNDING = 1e-9
 """Limits and bounds hold up to this [rad]; files carry 12 decimals of a degree."""
-
-CORE_METHODS: Mapping[settings.Method, Method] = {
-    "shift": "shift",
-    "closed-form": "closed_form",
-    "optimal": "optimal",
-    "foot-optimal": "optimal",
-}
-"""Names of the methods in the core, where a foot is optimised too."""
 
 
 def prepare(run: settings.Run) -> Desired:
@@ -74,6 +66,7 @@ def plan_of(
     """
     run, chosen = desired.settings, desired.settings.plan
     by_feet = chosen.method == "foot-optimal" and desired.foot is None  # of a whole robot
+    method: Any = chosen.method.removeprefix("foot-").replace("-", "_")
     if chosen.method == "foot-optimal" and not by_feet:
         progress("the foot")
     with desired.units_in_messages():
@@ -83,7 +76,7 @@ def plan_of(
             plan = planned(
                 task_of(desired),
                 load=desired.load,
-                method=CORE_METHODS[chosen.method],
+                method=method,
                 solver=chosen.solver or "gauss-newton",
                 lines={"segments": chosen.segments, "rule": chosen.rule or "paper"},
                 progress=progress,
@@ -136,27 +129,6 @@ def beyond_limits(desired: Desired, plan: Plan) -> list[str]:
     return messages
 
 
-def search_options(
-    plan: settings.Plan, period: float, *, units: Mapping[str, float] | None = None
-) -> dict[str, Any]:
-    """The settings of the search, as arguments of :func:`planner.plan`, for a period [s].
-
-    ``units``: by joint, how many of the settings' degrees are one of the joint's unit; by default
-    all are angles [rad].
-    """
-    steps = [math.inf if plan.max_step_deg is None else plan.max_step_deg]
-    if plan.max_request_speed_deg_s is not None:
-        steps.append(plan.max_request_speed_deg_s * period)
-    degrees = min(steps)
-    by_joint = units and {name: degrees / each for name, each in units.items()}
-    return {
-        "norm": plan.norm or "rms",
-        "max_step": math.radians(degrees) if by_joint is None else by_joint,
-        "smoothness": plan.smoothness,
-        "robust": plan.robust,
-    }
-
-
 def task_of(desired: Desired, *, by_joint: bool = False, in_limits: bool = True) -> Task:
     """The task of the settings; without the torques of a load that depends on the pose.
 
@@ -165,7 +137,7 @@ def task_of(desired: Desired, *, by_joint: bool = False, in_limits: bool = True)
     are not checked.
     """
     chosen, limits, leg = desired.settings.plan, desired.limits, desired.leg
-    options = search_options(chosen, desired.period)
+    options = chosen.arguments(desired.period)
     options["cyclic"] = desired.cyclic
     options["load"] = None if callable(desired.load) else desired.load
     if chosen.method == "foot-optimal" and desired.foot is not None and not by_joint:
@@ -216,8 +188,7 @@ def plan_report(
         foot_given=desired.foot_given,
         notes=notes_of(desired),
     )
-    leg = answer.plan.task.leg
-    return about.html(page, origins_of(desired, leg), [*inputs_of(desired), *written])
+    return about.html(page, origins_of(desired.settings), [*inputs_of(desired), *written])
 
 
 def notes_of(desired: Desired) -> list[str]:
@@ -245,25 +216,10 @@ def files_of(named: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
     return [(role, place) for role, place in named if Path(place).is_file()]
 
 
-def origins_of(desired: Desired, leg: Leg | None) -> list[tuple[str, str]]:
-    """Inputs and settings of the plans: pairs of name and value."""
-
-    def pairs_of(by_joint: Mapping[str, float] | None) -> list[str]:
-        return [f"{joint}={position:g}" for joint, position in (by_joint or {}).items()]
-
-    run = desired.settings
-    chosen = [name for name in run.plan.keys if name in run.plan.keys_set - {"method", "cyclic"}]
-    values: dict[str, Any] = {
-        "path": run.path.file or "a half ellipse",
-        "leg": leg and f"{run.leg.name or run.leg.urdf}, from {leg.base} to {leg.foot}",
-        "model": run.model.file,
-        "unreachable": leg and run.leg.unreachable,
-        **{name: getattr(run.plan, name) for name in chosen},
-        "lock": [*pairs_of(run.leg.lock), *(f"{each}m" for each in pairs_of(run.leg.lock_m))],
-        "near": pairs_of(run.leg.near),
-    }
+def origins_of(run: settings.Run) -> list[tuple[str, str]]:
+    """Inputs and settings of the plans that were set, and the model: pairs of name and value."""
     return [
-        (name, ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value))
-        for name, value in values.items()
-        if value or value == 0.0
+        (name, toml_value(value).strip('"'))
+        for name, (value, is_set) in flat(run).items()
+        if (is_set and not name.startswith(("out", "export"))) or name == "model.file"
     ]

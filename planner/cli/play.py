@@ -105,7 +105,7 @@ def play(
 
 @click.command()
 @buses.bus_options("The servos of the joints, as calibrate writes them.")
-@options.positive("--rate-hz", "Rows per second.", 50.0)
+@options.positive("--rate-hz", "Rows per second.", default=50.0)
 @options.positive("--duration-s", "How long.  [default: until Ctrl-C]")
 @options.option(
     "--by-hand",

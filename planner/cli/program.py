@@ -137,8 +137,7 @@ class Commands(click.Group):
             return status if isinstance(status, int) else 0
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx else "request-planner"
-            message = error.format_message().replace("is not a valid float", "is not a number")
-            message, status = f"{message} See '{where} --help'.", BAD_INPUT
+            message, status = f"{error.format_message()} See '{where} --help'.", BAD_INPUT
         except click.ClickException as error:
             message, status = error.format_message(), error.exit_code
         except (click.Abort, KeyboardInterrupt):

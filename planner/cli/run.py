@@ -174,7 +174,7 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
             write_text(page, plan_report(desired, answer, page=page, written=files))
         results = {
             "made_by": "request-planner run",
-            "settings": flat(run),
+            "settings": {name: value for name, (value, _) in flat(run).items()},
             **answer.document(),
             "exports": exports,
             "versions": versions(),

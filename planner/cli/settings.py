@@ -1,6 +1,7 @@
 """All settings of a plan, its outputs and a sweep: type, unit, range, default and meaning."""
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from planner.cli.declared import (
@@ -249,6 +250,23 @@ class Plan(Settings):
     rule: Literal["paper", "exact"] | None = option(
         "Method closed-form: how a line is inverted.", only=("closed-form",), implied="paper"
     )
+
+    def arguments(self, period: float, units: Mapping[str, float] | None = None) -> dict[str, Any]:
+        """The arguments of :func:`planner.plan` that set its search, for a period [s].
+
+        ``units``: by joint, how many of the settings' degrees are one of the joint's unit; by
+        default all are angles [rad].
+        """
+        rate = self.max_request_speed_deg_s
+        step = min(self.max_step_deg or math.inf, math.inf if rate is None else rate * period)
+        return {
+            "norm": self.norm or "rms",
+            "max_step": {name: step / each for name, each in units.items()}
+            if units
+            else math.radians(step),
+            "smoothness": self.smoothness,
+            "robust": self.robust,
+        }
 
 
 SMOOTHING = "max_step_deg max_request_speed_deg_s smoothness"

@@ -122,7 +122,7 @@ def write_sweep(
     Returns:
         ``results.json``.
     """
-    from planner.cli.desired import leg_title
+    from planner.cli.planning import origins_of
     from planner.files.results import made_from
     from planner.files.table import csv_text
     from planner.report.page import versions
@@ -132,20 +132,13 @@ def write_sweep(
     write_text(folder / "points.csv", csv_text([*rows[0]], [[*row.values()] for row in rows]))
     files: list[tuple[str, Path | str]] = [("sweep", swept.file)]
     files += [(Path(name).suffix[1:], folder / name) for name in list_files(folder)]
-    origins = [
-        ("path", run.path.file or "a half ellipse"),
-        ("leg", leg_title(run.leg) or "none"),
-        ("model", run.model.file),
-        ("plan", run.plan.method),
-        ("search", run.sweep.method),
-    ]
-    write_text(page, sweep_page(swept).html(page, origins, files))
+    write_text(page, sweep_page(swept).html(page, origins_of(run), files))
     document = {
         "made_by": "request-planner sweep",
         "made_from": "",
         "verdict": verdict(swept),
         "missed": missed(swept) or None,
-        "settings": flat(run),
+        "settings": {name: value for name, (value, _) in flat(run).items()},
         "points": rows,
         "front": [each.number for each in swept.front],
         "best": None if swept.best is None else swept.best.number,

@@ -82,7 +82,7 @@ def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
     assert "rotator" not in header
     assert "front_left_abductor_deg" in header
     page = (tmp_path / "page.html").read_text()
-    assert "rotator=20<" in page
+    assert "rotator = 20.0}<" in page
     assert 'href="robot.urdf"' in page
 
 
