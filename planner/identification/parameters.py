@@ -11,14 +11,13 @@ from functools import lru_cache
 from typing import NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.identification.grid import Grid
 from planner.model.joint import JointModel, slowed_by_friction
 from planner.model.law import fastest_integral, motor_share
-from planner.trajectory import Array
+from planner.trajectory import Array, Mask
 
-Free = npt.NDArray[np.bool_]
+Free = Mask
 """Which parameters a fit may change, in the order of the fields of :class:`Parameters`."""
 
 MOST_ASYMMETRY = 0.5
@@ -64,35 +63,20 @@ class Parameters(NamedTuple):
     @classmethod
     def of(cls, model: JointModel) -> Self:
         """The parameters of a model."""
+        gain = model.v_max / model.theta_0
+        taken = slowed_by_friction(gain, model.dead_band, model.time_constant, model.tick)
         return cls(
-            gain=model.v_max / model.theta_0,
-            v_max=model.v_max,
-            lag=model.lag,
-            acceleration_time=model.acceleration_time,
-            offset=model.offset,
-            dead_band=model.dead_band,
+            gain=gain,
             asymmetry=model.v_offset / model.v_max,
-            compliance=model.compliance,
             slowing=model.speed_per_torque / model.v_max,
-            time_constant=model.time_constant,
-            acceleration=model.max_acceleration
-            - slowed_by_friction(
-                model.v_max / model.theta_0, model.dead_band, model.time_constant, model.tick
-            ),
-            sag_sin=model.sag_sin,
-            sag_cos=model.sag_cos,
-            integral_rate=model.integral_rate,
-            position_integral_rate=model.position_integral_rate,
+            acceleration=model.max_acceleration - taken,
+            **{name: getattr(model, name) for name in ALIKE},
         )
 
-    def faster(self, load: npt.ArrayLike = 0.0) -> Array:
-        """v_offset + speed_per_torque * load [rad/s], like the load."""
-        v_max = 0.0 if math.isinf(self.v_max) else self.v_max
-        return v_max * (self.asymmetry + self.slowing * np.asarray(load, dtype=np.float64))
-
-    def inside(self, errors: Array, load: npt.ArrayLike = 0.0) -> npt.NDArray[np.bool_]:
+    def inside(self, errors: Array, load: Array) -> Mask:
         """Whether Equation 2 has the slope ``gain`` at each error: where it does not saturate."""
-        called, faster = self.gain * errors, self.faster(load)
+        v_max = 0.0 if math.isinf(self.v_max) else self.v_max
+        called, faster = self.gain * errors, v_max * (self.asymmetry + self.slowing * load)
         top = self.v_max + (0.0 if self.integral_rate > 0.0 else self.gain * self.dead_band)
         return np.asarray((called < top + faster) & (called > faster - top))
 
@@ -127,26 +111,22 @@ class Parameters(NamedTuple):
 
     def model(self, *, tick: float, hold: int) -> JointModel:
         """The model with these parameters; one that comes to rest."""
-        most = 0.99 * self.fastest_integral(tick)
+        same, most = {name: getattr(self, name) for name in ALIKE}, self.fastest_integral(tick)
+        for name in ("integral_rate", "position_integral_rate"):
+            same[name] = min(same[name], 0.99 * most)
         return JointModel(
-            v_max=self.v_max,
             theta_0=self.v_max / self.gain,
-            lag=self.lag,
-            acceleration_time=self.acceleration_time,
             tick=tick,
             hold=hold,
-            offset=self.offset,
-            dead_band=self.dead_band,
             v_offset=self.asymmetry * self.v_max,
-            compliance=self.compliance,
             speed_per_torque=self.slowing * self.v_max,
-            time_constant=self.time_constant,
             max_acceleration=self.max_acceleration(tick),
-            sag_sin=self.sag_sin,
-            sag_cos=self.sag_cos,
-            integral_rate=min(self.integral_rate, most),
-            position_integral_rate=min(self.position_integral_rate, most),
+            **same,
         )
+
+
+ALIKE = [name for name in Parameters._fields if name in JointModel.__dataclass_fields__]
+"""Parameters that a model has by the same name, in the same unit."""
 
 
 class Box(NamedTuple):
