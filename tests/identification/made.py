@@ -205,10 +205,19 @@ def holds_log(model=STICKY, *, seed=0, rows=1800, largest=0.6):
     return planner.Log(times=0.02 * np.arange(len(requests)), requests=requests, angles=noisy)
 
 
-def on_the_table(log, *, table=-0.35):
+def on_the_table():
     """The joint stands on something: it does not go below, and rests on it at several angles."""
-    low = log.angles < table
-    return replace(log, angles=np.where(low, table + 0.25 * (log.angles - table), log.angles)), low
+    log, table = holds_log(rows=3000), -0.35
+    standing = table + 0.25 * (log.angles - table)
+    return replace(log, angles=np.where(log.angles < table, standing, log.angles))
+
+
+def caught():
+    """Something holds the joint for two seconds."""
+    log = rich_log(noise=NOISE, rows=1500)
+    angles = log.angles.copy()
+    angles[600:850] = angles[600]
+    return changed(log, angles=angles)
 
 
 def stopped():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 
 import planner
 from planner.identification import grid
-from planner.identification.excitation import excite
 from planner.identification.grid import MOST_ROWS, glitches, resampled, thinned
 from planner.identification.least_squares import (
     USUAL,
@@ -31,7 +29,6 @@ from tests.identification.made import (
     NOISE,
     QUANTUM,
     changed,
-    hobby_servo,
     measured,
     rich_log,
     step_logs,
@@ -54,21 +51,21 @@ def log_of(model, requests):
     return planner.Log(times=times, requests=requests, angles=angles)
 
 
-@given(models(), trajectories(least=4, most=40))
-def test_even_rows_are_simulated_as_the_planner_simulates_them(model, requests):
-    log = log_of(model, requests)
+@given(
+    models(friction=True, inertia=True, poses=True),
+    trajectories(least=4, most=40),
+    st.integers(0, 9),
+)
+def test_even_rows_are_simulated_as_the_planner_simulates_them(model, requests, seed):
+    load = np.random.default_rng(seed).uniform(-1.0, 1.0, len(requests))
+    start = float(model.rest(requests[0], load[0]))
+    angles = planner.simulate(model, requests, cyclic=False, start=start, load=load)
+    times = np.arange(len(requests)) * model.period
+    log = planner.Log(times=times, requests=requests, angles=angles, load=load)
     window = model.lag + model.acceleration_time
     grid = resampled([log], tick=model.tick, reach=2.0 * window + model.period, burn_in=0.0)
     predicted = respond(grid, Parameters.of(model), log.angles[:1]).predicted
     assert np.max(np.abs(predicted - log.angles[grid.places[0]])) <= SAME_RUN
-
-
-def test_a_joint_with_dry_friction_and_a_load_is_simulated_as_the_planner_simulates_it():
-    load = np.cumsum(np.random.default_rng(1).normal(scale=0.1, size=400))
-    log = replace(rich_log(STICKY, load=load), load=load)
-    grid = resampled([log], tick=STICKY.tick, reach=0.5, burn_in=0.0)
-    predicted = respond(grid, Parameters.of(STICKY), log.angles[:1]).predicted
-    assert np.max(np.abs(predicted - log.angles)) <= SAME_RUN
 
 
 def test_what_friction_takes_of_the_acceleration_is_added_in_the_model():
@@ -181,17 +178,6 @@ def test_rows_count_by_their_weights():
     )
     np.testing.assert_allclose(found[:4], bare[:4], rtol=2e-3)
     assert np.max(np.abs(far / bare - 1.0)[:4]) > 0.01
-
-
-@cache
-def log():
-    requests = excite("combined", limits=(-0.8, 0.8), period=0.02, duration=5.0).requests
-    return hobby_servo(requests, 0.02)
-
-
-@cache
-def found():
-    return planner.identify(log())
 
 
 ROWS = 2 * MOST_ROWS + 1

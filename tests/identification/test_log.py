@@ -69,16 +69,6 @@ def test_glitches_shares_and_slow_logs_are_left_alone():
     assert unwrapped(slow) == (slow, 0)
 
 
-def test_every_row_of_every_piece_with_known_requests_is_used():
-    log = rich_log(noise=NOISE)
-    times = log.times + 2.0 * (np.arange(400) >= 200)
-    found = planner.identify(changed(log, times=times), hold_out=False)
-    used = found.fits[0].used
-    assert used[[198, 199, 398, 399]].all()
-    assert used[:200].sum() >= 170
-    assert used[200:].sum() >= 170
-
-
 @pytest.mark.parametrize("period", [0.008, 1.0 / 30.0, 0.1, 0.2])
 @pytest.mark.parametrize("both", [False, True])
 def test_a_turn_lost_between_rows_far_apart_is_found_whether_requests_wrap_or_not(period, both):

@@ -59,16 +59,6 @@ def test_a_log_without_noise_gives_the_model_back(model):
     assert found.held_out_rms <= EXACT
 
 
-@pytest.mark.parametrize(("options", "hold"), [({}, 20), ({"hold": 2}, 2)])
-def test_the_model_keeps_the_logs_period_in_ticks_of_a_millisecond_or_those_that_are_asked_for(
-    options, hold
-):
-    log = rich_log(SERVO, rows=150, amplitude=1.0)
-    found = planner.identify(log, hold_out=False, **options).model
-    assert found.hold == hold
-    assert math.isclose(found.tick, SERVO.period / hold)
-
-
 @pytest.mark.parametrize(
     ("constant", "period"), [(0.0, 0.0079), (0.0, 0.02), (0.02, 0.005), (0.02, 0.0081)]
 )

@@ -57,14 +57,6 @@ def test_what_was_held_out_is_predicted_to_the_noise():
     assert np.isnan(fit.held_out_predicted[~fit.held_out]).all()
 
 
-def test_a_saturating_joint_is_better_described_by_the_model_than_by_anything_simpler():
-    found = identified_steps()
-    raw, delay, first_order = found.alternatives
-    assert [raw.name, delay.name, first_order.name] == ["raw", "delay", "first_order"]
-    assert raw.rms > delay.rms > first_order.rms > 10.0 * found.rms
-    assert set(first_order.parameters) == {"delay", "time_constant", "offset"}
-
-
 def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
     log = rich_log()
     noise = np.random.default_rng(0).normal(0.0, 0.01, len(log.times))

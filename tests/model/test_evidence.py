@@ -238,43 +238,21 @@ def test_a_model_that_was_not_tested_promises_nothing_whatever_its_intervals():
     assert told.untested == ()
 
 
-def test_intervals_in_another_unit_are_scaled_but_for_times_and_the_gain():
-    intervals = {
-        "v_max": (1.0, np.inf),
-        "gain": (30.0, 40.0),
-        "lag": (0.02, 0.03),
-        "acceleration_time": (0.0, 0.05),
-        "time_constant": (0.02, 0.03),
-    }
-    scaled = SEEN._replace(intervals=intervals, correlations=((1.0,),)).scaled(100.0)
-    assert scaled.intervals == intervals | {"v_max": (100.0, np.inf)}
-    assert scaled.correlations == ((1.0,),)
-
-
-def test_evidence_in_another_unit_is_scaled_but_for_loads_times_and_shares():
+def test_evidence_in_another_unit_is_scaled_but_for_loads_times_the_gain_and_shares():
+    times = ("gain", "lag", "acceleration_time", "time_constant")
+    intervals = dict.fromkeys(times, (0.02, 0.03))
     seen = SEEN._replace(delay_error=0.01, spread=(0.5, 2.0), over_delay=0.3)
+    seen = seen._replace(intervals=intervals | {"v_max": (1.0, np.inf)}, correlations=((1.0,),))
     assert seen.scaled(100.0) == seen._replace(
-        error=2.0, speed=200.0, angles=(-100.0, 100.0), by_acceleration=((0.0, 1.0), (400.0, 3.0))
+        error=2.0,
+        speed=200.0,
+        angles=(-100.0, 100.0),
+        by_acceleration=((0.0, 1.0), (400.0, 3.0)),
+        intervals=intervals | {"v_max": (100.0, np.inf)},
     )
 
 
 def test_the_same_joint_with_requests_at_another_rate_has_its_intervals_moved_with_it():
-    intervals = {"lag": (0.03, 0.034), "gain": (40.0, 50.0), "v_max": (5.0, 6.0)}
-    joint = JointModel.ers210a().with_evidence(SEEN._replace(intervals=intervals))
-    other = joint.requested_every(0.02)
-    later, gain = other.lag - joint.lag, joint.theta_0 / other.theta_0
-    assert later == pytest.approx(-0.5 * (0.008 - 0.02 / 3.0))
-    assert gain > 1.01
-    assert other.evidence.intervals == {
-        "lag": pytest.approx((0.03 + later, 0.034 + later)),
-        "gain": pytest.approx((40.0 * gain, 50.0 * gain)),
-        "v_max": (5.0, 6.0),
-    }
-    same = joint.requested_every(2.0 * joint.tick)
-    assert (same.hold, same.evidence) == (2, joint.evidence)
-
-
-def test_with_ticks_of_another_length_the_intervals_hold_the_parameters_of_the_same_joint():
     joint = JointModel(
         v_max=5.0,
         theta_0=0.1,
@@ -284,11 +262,21 @@ def test_with_ticks_of_another_length_the_intervals_hold_the_parameters_of_the_s
         time_constant=0.01,
         max_acceleration=500.0,
     )
-    intervals = {"theta_0": (0.098, 0.102), "max_acceleration": (480.0, np.inf)}
-    other = joint.with_evidence(SEEN._replace(intervals=intervals)).requested_every(0.02)
-    assert other.max_acceleration != joint.max_acceleration
-    low, high = other.evidence.intervals["theta_0"]
-    assert (low / other.theta_0, high / other.theta_0) == pytest.approx((0.98, 1.02))
-    low, high = other.evidence.intervals["max_acceleration"]
-    assert (low - other.max_acceleration, high) == (pytest.approx(-20.0), np.inf)
+    for model, open_end in ((joint, "max_acceleration"), (JointModel.ers210a(), "v_max")):
+        known = {name: getattr(model, name) for name in ("v_max", "theta_0", "lag")}
+        known |= {"gain": model.v_max / model.theta_0, "max_acceleration": model.max_acceleration}
+        intervals = {name: (0.98 * each, 1.02 * each) for name, each in known.items()}
+        intervals[open_end] = (0.98 * known[open_end], np.inf)
+        tested = model.with_evidence(SEEN._replace(intervals=intervals))
+        other = tested.requested_every(0.02)
+        assert other.lag - model.lag < -1e-4
+        for name, ends in other.evidence.intervals.items():
+            value = known["gain"] if name == "gain" else getattr(model, name)
+            moved = other.v_max / other.theta_0 if name == "gain" else getattr(other, name)
+            share = moved / value if name in ("gain", "theta_0") else 1.0
+            shift = 0.0 if name in ("gain", "theta_0", "v_max") or moved == value else moved - value
+            low, high = intervals[name]
+            assert ends == pytest.approx((share * low + shift, share * high + shift)), name
+        same = tested.requested_every(2.0 * model.tick)
+        assert (same.hold, same.evidence) == (2, tested.evidence)
     assert replace(joint, lag=0.001).requested_every(0.02).lag == 0.0

@@ -14,7 +14,7 @@ from planner.model.joint import JointModel, request_ages
 from planner.model.response import load_by_period, motion_under, rest_requests, simulate
 from planner.model.symbolic import period_function
 from tests.independent import equation_2, from_rest, next_cycle
-from tests.instances import ERS210A, random_model
+from tests.instances import random_model
 from tests.model.rounded_periods import rounded_periods
 from tests.strategies import INTEGRALS, models, trajectories
 
@@ -137,25 +137,6 @@ def test_the_request_that_holds_an_angle_holds_it_in_the_middle_of_the_dead_band
         requests = np.full(60, request + aside * DRY.dead_band)
         moved = simulate(DRY, requests, cyclic=False, start=0.7, load=0.4)
         np.testing.assert_allclose(moved, 0.7, rtol=0.0, atol=1e-15)
-
-
-def test_a_joint_with_inertia_coasts_through_its_dead_band_and_friction_stops_it():
-    coasting = replace(ERS210A, dead_band=0.05, time_constant=0.04, acceleration_time=0.008)
-    requests = np.concatenate([np.zeros(2), np.full(200, 0.5)])
-    angles = simulate(coasting, requests, cyclic=False)
-    stopped = simulate(replace(coasting, time_constant=0.0), requests, cyclic=False)
-    assert stopped[-1] == pytest.approx(0.45, abs=1e-12)
-    assert angles[-1] > 0.46
-    assert angles[-1] == angles[-20]
-
-
-def test_an_acceleration_limit_bounds_the_change_of_the_speed_from_tick_to_tick():
-    slow = replace(ERS210A, max_acceleration=200.0)
-    angles = simulate(slow, np.repeat([0.0, 2.0], 60), cyclic=False)
-    speeds = np.diff(angles, prepend=0.0) / slow.tick
-    change = np.diff(speeds) / slow.tick
-    assert np.max(np.abs(change)) == pytest.approx(200.0, rel=1e-9)
-    assert np.max(speeds) == pytest.approx(slow.v_max, rel=1e-9)
 
 
 @pytest.mark.parametrize("hold", [1, 3])

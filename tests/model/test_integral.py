@@ -6,14 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from planner import JointModel, line_offset, simulate
-from planner.model.law import State, fastest_integral
+from planner.model.law import fastest_integral
 from planner.model.response import motion_under, rest_angles, rest_requests
-from tests.model.test_symbolic import chained
-from tests.strategies import INTEGRALS, models, trajectories
+from tests.strategies import INTEGRALS
 
 SAME = 1e-12
 """Two ways to run the same recursion over a few hundred ticks agree to this [rad]."""
@@ -55,54 +52,6 @@ def test_at_rest_the_joint_is_at_its_request(name):
     sag = LOADED.pose_sag(0.4) + LOADED.compliance * load
     np.testing.assert_allclose(integrals, -model.gain_per_tick * sag, rtol=1e-12)
     assert float(model.rest_integral(0.4, load)) == pytest.approx(integrals[0])
-
-
-@EACH
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_a_torque_pulls_the_joint_away_for_a_time(name, cyclic):
-    model = servo(name)
-    load = np.repeat([0.0, 1.0], 400)
-    requests = np.zeros(800)
-    angles = simulate(model, requests, cyclic=cyclic, load=load) - model.offset
-    assert np.max(angles) >= 0.25 * model.compliance
-    assert abs(angles[-1]) <= 1e-4
-    assert abs(angles[399]) <= 1e-4
-
-
-@given(
-    models(inertia=True, friction=True, integrals=INTEGRALS, poses=True, holds=(1, 1)),
-    trajectories(least=2, most=12),
-)
-def test_gravity_is_the_torque_of_the_same_size(model, requests):
-    model = replace(model, compliance=0.0, speed_per_torque=0.0, v_offset=0.0)
-    angles = simulate(model, requests, cyclic=False)
-    before = np.concatenate([model.rest(requests[:1]), angles[:-1]])
-    torque = model.gravity(before) / 0.1
-    pulled = replace(
-        model,
-        sag_sin=0.0,
-        sag_cos=0.0,
-        compliance=0.1,
-        speed_per_torque=0.1 * model.v_max / model.theta_0,
-    )
-    if np.max(np.abs(model.gravity(before))) < 0.9 * model.theta_0:  # else it is refused
-        start = float(before[0])
-        by_torque = motion_under(pulled, requests, cyclic=False, start=start, torques=torque)[0]
-        np.testing.assert_allclose(by_torque, angles, rtol=0.0, atol=SAME)
-
-
-@given(
-    models(inertia=True, friction=True, integrals=INTEGRALS, poses=True),
-    trajectories(least=2, most=12),
-    st.integers(0, 9),
-)
-def test_periods_in_symbols_in_a_row_are_the_simulation(model, requests, seed):
-    load = np.random.default_rng(seed).uniform(-1.0, 1.0, len(requests))
-    rest = float(model.rest(requests[0], load[0]))
-    begin = State(rest, 0.0, float(model.rest_integral(rest, load[0])))
-    run = chained(model, requests, begin, cyclic=False, load=load)
-    angles = simulate(model, requests, cyclic=False, load=load)
-    np.testing.assert_allclose(run, angles, rtol=0.0, atol=SAME)
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.4, -0.4])

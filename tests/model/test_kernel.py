@@ -43,19 +43,6 @@ def fields_of(integral):
 WITHOUT_INTEGRAL = fields_of({})
 
 
-def test_a_time_constant_far_below_a_tick_and_an_endless_acceleration_change_nothing():
-    requests = np.random.default_rng(1).uniform(-1.0, 1.0, 80)
-    model = replace(planner.JointModel.ers210a(), dead_band=0.02)
-    slight = replace(model, time_constant=1e-4 * model.tick, max_acceleration=1e8)
-    for cyclic in (True, False):
-        np.testing.assert_allclose(
-            planner.simulate(slight, requests, cyclic=cyclic),
-            planner.simulate(model, requests, cyclic=cyclic),
-            rtol=0.0,
-            atol=1e-10,
-        )
-
-
 @pytest.mark.parametrize(
     ("field", "added"),
     [(field, at) for at in INTEGRALS for field in fields_of(at)[:-2]]

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.model.joint import JointModel, acting, request_ages
-from planner.model.response import load_by_period, simulate
+from planner.model.joint import JointModel, request_ages
+from planner.model.response import simulate
 from planner.model.symbolic import period_function
 from tests.strategies import models
 
@@ -58,16 +58,3 @@ def test_the_ages_of_held_requests_are_counted_in_requests(hold, lag, accelerati
     }
     assert tuple(request_ages(model)) == expected
     assert (min(felt), max(felt)) == expected
-
-
-def chained(model, requests, state, *, cyclic, load=None):
-    """Angles of periods in CasADi symbols, one after the other."""
-    load = load_by_period(load, cyclic=cyclic)
-    after, size = period_function(model), model.law.states
-    numbers = np.maximum(acting(request_ages(model), len(requests), cyclic=cyclic), 0)
-    angles = []
-    for k, acting_ in enumerate(requests[numbers]):
-        answer = after(state[:size], acting_, 0.0 if load is None else load[k], 0.0)
-        state = np.asarray(answer).ravel()
-        angles.append(state[0])
-    return np.array(angles)
