@@ -13,33 +13,18 @@ import click
 from planner.cli import options
 from planner.cli.console import complain
 from planner.cli.options import Command
-from planner.exceptions import BusError, InvalidFile
-from planner.robot import BUSES
+from planner.exceptions import BusError
+from planner.robot import EXPECTED_BUS, KINDS, bus_name
 
 if TYPE_CHECKING:
     from planner.robot.arm import Arm, Servo
     from planner.robot.bus import Bus
 
 
-KINDS = ("sts3215", "xl430", "xl330", "mx-64", "mx-106", "xl-320")
-"""Virtual servos: those of ``planner.virtual.servo_bus``, which takes longer to import."""
-
-
 def _bus(text: str) -> str:
-    """A bus, perhaps with a kind of virtual servo or a robot of LeRobot."""
-    kind, colon, which = text.partition(":")
-    valid = {"virtual": which in KINDS if colon else True, "lerobot": bool(which)}
-    if kind not in BUSES or not valid.get(kind, not colon):
+    if bus_name(text) is None:
         raise ValueError
     return text
-
-
-BUS = options.Parsed(
-    _bus,
-    "BUS",
-    f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:so101, or virtual:KIND with one of "
-    f"{', '.join(KINDS)}",
-)
 
 
 def bus_options(model: str = "") -> Callable[[Command], Command]:
@@ -56,7 +41,7 @@ def bus_options(model: str = "") -> Callable[[Command], Command]:
             "lerobot:ROBOT, such as lerobot:so101, is a robot by LeRobot's own classes; virtual "
             f"are simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
             + ("  [default: that of the model file]" if model else ""),
-            BUS,
+            options.Parsed(_bus, "BUS", EXPECTED_BUS),
             required=not model,
         ),
         options.option("--port", "The serial port, such as /dev/ttyACM0.", metavar="P"),
@@ -146,12 +131,6 @@ def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str
                 f"{model} does not name the bus of its servos: name it with --bus, such as --bus "
                 "feetech --port /dev/ttyACM0."
             )
-        try:
-            _bus(bus_settings["bus"])
-        except ValueError:
-            raise InvalidFile(
-                model, f"bus: got '{bus_settings['bus']}', expected one of {', '.join(BUSES)}"
-            ) from None
         choices = {**choices, **{key: choices[key] or each for key, each in bus_settings.items()}}
     with open_bus(choices, {name: servo.id for name, servo in servos.items()}) as bus:
         yield Arm(bus, servos)

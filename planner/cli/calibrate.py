@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import select
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from planner.files.text import write_text
 
 if TYPE_CHECKING:
     from planner.robot.arm import Arm
-    from planner.robot.candidates import Compared
+    from planner.robot.calibration import Compared
 
 
 @click.command()
@@ -103,22 +103,23 @@ def calibrate(
         servos_text,
     )
     from planner.report.identification_text import model_comments, remarks
-    from planner.robot import measure
+    from planner.robot import calibration
     from planner.robot.arm import Arm, Servo
 
     if choices["rate_hz"] < 16.0:  # of slower ones the sines of the test motion have too few
         got = f"{choices['rate_hz']:g}"
         raise click.UsageError(f"--rate-hz: got {got}, expected 16 Hz or more.")
     ids = buses.ids_by_joint(choices, ids)
-    by_joint = {"--zero-tick": dict(choices["zeros"]), "--reverse": choices["reversed_"]}
-    for option, names in {"--joint": chosen, **by_joint}.items():
-        for name in names:
-            if name and name not in ids:
-                raise click.UsageError(f"{option}: got {name}, expected one of {', '.join(ids)}.")
+    zeros: dict[str, int] = dict(choices["zeros"])
+    for option, names in (
+        ("--joint", chosen),
+        ("--zero-tick", filter(None, zeros)),
+        ("--reverse", choices["reversed_"]),
+    ):
+        _check_joints(option, names, ids)
     joints = chosen or tuple(ids)
     folder = Path(output).with_name(f"{Path(output).stem}_logs")
     results: dict[str, Compared] = {}
-    zeros: dict[str, int] = dict(choices["zeros"])
     with buses.open_bus(choices, ids) as bus:
         zero, turn = zeros.get("", bus.protocol.middle), bus.protocol.ticks_per_turn
         servos = {
@@ -133,7 +134,7 @@ def calibrate(
         arm = Arm(bus, servos)
         with Progress() as progress:
             progress("asking the servos")
-            checked = measure.check(arm)
+            checked = calibration.check(arm)
         period = 1.0 / choices["rate_hz"]
         summarise(servos_text(checked, period))
         for name, noise in checked.noise.items():
@@ -147,10 +148,10 @@ def calibrate(
                 f"--rate-hz: a tick takes {1e3 * checked.tick_time:.2g} ms on this bus, expected "
                 f"at most {most:.2g}; choose {rate:.0f} Hz or less."
             )
-        ranges = measure.servo_ranges(arm, checked.angles, math.radians(choices["reach_deg"]))
+        ranges = calibration.servo_ranges(arm, checked.angles, math.radians(choices["reach_deg"]))
         if not (yes or dry_run):
             ranges = _asked_ranges(arm, ranges)
-        arm = measure.with_ranges(arm, ranges)
+        arm = calibration.with_ranges(arm, ranges)
         tests = 32.0  # of a joint, with the ways to their beginnings [s]
         seconds = len(joints) * (choices["duration_s"] + tests)
         earlier = [name for name in joints if Path(folder, f"{name}.csv").exists()]
@@ -170,9 +171,15 @@ def calibrate(
         advice = f"what was measured is in {folder}; go on with --resume"
         with buses.stopping(advice), arm.powered():
             for joint in joints:
-                with Progress() as progress:
-                    results[joint] = _calibrate_joint(
-                        arm, joint, period, choices["duration_s"], folder, resume, progress
+                with Progress() as progress, about(joint):
+                    results[joint] = calibration.calibrate(
+                        arm,
+                        joint,
+                        period=period,
+                        duration=choices["duration_s"],
+                        folder=folder,
+                        resume=resume,
+                        progress=progress,
                     )
                 text = models_text(  # bus, models and servos; other joints of the file stay
                     {name: each.model for name, each in results.items()},
@@ -201,6 +208,13 @@ def calibrate(
     return Answer(document, calibration_text(results, output), page=page)
 
 
+def _check_joints(option: str, names: Iterable[str], joints: Iterable[str]) -> None:
+    """Refuse names in an option that are of no joint."""
+    for name in names:
+        if name not in joints:
+            raise click.UsageError(f"{option}: got {name}, expected one of {', '.join(joints)}.")
+
+
 def _asked(ask: Callable[..., Any], question: str, **more: Any) -> Any:
     """The answer to a question; where standard input ends before it, what to do."""
     try:
@@ -214,7 +228,7 @@ def _asked(ask: Callable[..., Any], question: str, **more: Any) -> Any:
 
 def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
     """These ranges [rad], or those that a hand shows, as the user chooses."""
-    from planner.robot.measure import ranges_by_hand
+    from planner.robot.calibration import ranges_by_hand
 
     spans = ", ".join(
         f"{name} {math.degrees(low):.0f}:{math.degrees(high):.0f}"
@@ -242,36 +256,6 @@ def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
     return ranges_by_hand(arm, ended, 0.02)
 
 
-def _calibrate_joint(
-    arm: Arm,
-    joint: str,
-    period: float,
-    duration: float,
-    folder: Any,
-    resume: bool,
-    progress: Progress,
-) -> Compared:
-    """Excite a joint, identify it, and compare the ways to plan for it."""
-    from planner.identification.identify import identify
-    from planner.robot.candidates import WORDS, compare
-    from planner.robot.measure import angles_of, excitation, move
-
-    def measured(way: str, requests: Any) -> Any:
-        progress(f"{joint}: test motion, {WORDS[way]}")  # type: ignore[index]
-        log = folder / f"{joint}_{way}.csv"
-        motion = move(arm, joint, requests, period=period, log=log, resume=resume)
-        return angles_of(motion, len(requests), period)
-
-    with about(joint):
-        progress(f"{joint}: excitation, {duration:g} s")
-        requests = excitation(arm, joint, period=period, duration=duration)
-        log = move(arm, joint, requests, period=period, log=folder / f"{joint}.csv", resume=resume)
-        progress(f"{joint}: identifying")
-        identification = identify(log)
-        progress(f"{joint}: planning")
-        return compare(identification, arm.servos[joint].limits, measured)
-
-
 @click.command()
 @buses.bus_options("The models and servos of the joints, as calibrate writes them.")
 @options.option(
@@ -297,13 +281,11 @@ def check(
 
     from planner.files.joint_model import read_model_file, read_servos
     from planner.report.calibration import recheck_answer
-    from planner.robot import measure
+    from planner.robot import calibration
 
     servos = read_servos(model)
     joints = chosen or tuple(servos)
-    for name in joints:
-        if name not in servos:
-            raise click.UsageError(f"--joint: got {name}, expected one of {', '.join(servos)}.")
+    _check_joints("--joint", joints, servos)
     models = dict(zip(joints, read_model_file(model).for_joints(joints), strict=True))
     for name, joint_model in models.items():
         if joint_model.evidence is None or math.isnan(joint_model.evidence.error):
@@ -317,16 +299,18 @@ def check(
         Progress() as progress,
         buses.stopping("nothing was changed"),
     ):
-        settings = measure.check(arm).settings
+        settings = calibration.check(arm).settings
         with arm.powered():
             for name in joints:
                 progress(f"{name}: moving, {duration_s:g} s")
                 period = models[name].period if rate_hz is None else 1.0 / rate_hz
-                twice = measure.excitation(arm, name, period=period, duration=2.0 * duration_s)
+                twice = calibration.excitation(arm, name, period=period, duration=2.0 * duration_s)
                 requests = twice[: (len(twice) + 1) // 2]  # as slow as a calibration of twice that
-                log = measure.move(arm, name, requests, period=period, log=Path(folder, "log.csv"))
+                log = calibration.move(
+                    arm, name, requests, period=period, log=Path(folder, "log.csv")
+                )
                 progress(f"{name}: comparing")
-                result = measure.recheck(models[name].requested_every(period), log)
+                result = calibration.recheck(models[name].requested_every(period), log)
                 registers = servos[name].settings, settings[name]
                 document[name], line = recheck_answer(name, result, *registers)
                 lines.append(line)

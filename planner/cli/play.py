@@ -77,7 +77,7 @@ def play(
     count = cycles * len(path.values)
     times, angles = np.array([time for time, _ in rows]), np.array([each for _, each in rows])
     if measured is not None:
-        from planner.robot.measure import by_request  # with the identification of joints
+        from planner.robot.calibration import by_request  # with the identification of joints
 
         write_joint_path(
             measured, path.names, by_request(times, angles, count, period), period=period

@@ -18,7 +18,7 @@ from planner.exceptions import about
 
 if TYPE_CHECKING:
     from planner.cli.desired import Desired
-    from planner.files.learning_history import LearningState
+    from planner.files.executed import LearningState
     from planner.planning.plan import Plan
     from planner.report.learning_page import Trials
     from planner.trajectory import Array
@@ -90,8 +90,13 @@ def refine(
 
     from planner.cli.desired import leg_title, model_words, repeats
     from planner.cli.planning import files_of, prepare
-    from planner.files.learning_history import LearningState, read_history, write_history
-    from planner.files.measured import read_executed, read_measured
+    from planner.files.executed import (
+        LearningState,
+        read_executed,
+        read_history,
+        read_measured,
+        write_history,
+    )
     from planner.learning.refine import in_a_cycle
     from planner.learning.refine import refine as learn
     from planner.model.response import load_columns

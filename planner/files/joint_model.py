@@ -17,7 +17,7 @@ from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
 from planner.files.text import Toml, key_name, read_toml, toml_value
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
-from planner.robot import BUSES
+from planner.robot import EXPECTED_BUS, bus_name
 from planner.trajectory import LARGEST
 from planner.validation import as_number, as_reals, as_whole, is_one_of, shown
 
@@ -69,8 +69,7 @@ def _pose(value: Any) -> dict[str, float] | None:
 
 
 def _one_of(names: Sequence[str]) -> Callable[[Any], str | None]:
-    """One of these names, to which a part after a colon may be added."""
-    return lambda value: value if is_one_of(str(value).partition(":")[0], names) else None
+    return lambda value: value if is_one_of(value, names) else None
 
 
 PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
@@ -128,7 +127,7 @@ MODEL = {
 """Every key of a model."""
 
 BUS = {
-    "bus": Key(_one_of(BUSES), f"one of {', '.join(BUSES)}"),
+    "bus": Key(bus_name, EXPECTED_BUS),
     "port": Key(_text, "a text in quotes, without null characters"),
     "baud_rate": Key(as_whole, "a whole number"),
 }

@@ -18,8 +18,7 @@ from planner.report.page import Page
 from planner.report.table import Column, Row, Table, number
 from planner.report.wording import words_of
 from planner.robot.arm import SETTINGS, Servo
-from planner.robot.candidates import WORDS, Compared, Way
-from planner.robot.measure import Check, Recheck
+from planner.robot.calibration import WORDS, Check, Compared, Recheck, Way
 
 ROLES: Mapping[Way, style.Role] = {
     "direct": style.DIRECT,

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from planner.exceptions import BusError, InvalidInput, angle_text
 from planner.robot.bus import Bus, Reading
-from planner.robot.play import Playback, play, ramp
+from planner.robot.play import Playback, play
 from planner.trajectory import Array
 
 Numbers = TypeVar("Numbers", float, Array)
@@ -205,15 +206,10 @@ class Arm:
             begin = measured.time if math.isnan(begin) else begin
             keep(measured.time - begin, row, measured.angles)
 
-        way = ramp(start, requests[0], speed=0.5, period=period)  # [rad/s]
+        timed = partial(play, period=period, now=port.now, sleep=port.sleep)
         rest = np.tile(requests[0], (math.ceil(0.5 / period), 1))  # for half a second
-        lead = np.vstack([way, rest])
-        led = play(lead, period=period, cycles=1, send=tick, now=port.now, sleep=port.sleep)
-        if led.interrupted:
-            return led
-        return play(
-            requests, period=period, cycles=cycles, send=kept_tick, now=port.now, sleep=port.sleep
-        )
+        led = timed(rest, cycles=1, send=tick, current=start, speed=0.5)  # [rad/s]
+        return led if led.interrupted else timed(requests, cycles=cycles, send=kept_tick)
 
     def check_heard(self, heard: Array, now: float) -> None:
         """Raise BusError where a joint was last heard of long before now [s]."""

@@ -16,7 +16,7 @@ from planner import BusError, JointModel, Log, Playback, read_logs, read_models,
 from planner.cli import buses
 from planner.files.joint_model import read_servos
 from planner.model.evidence import Evidence
-from planner.robot import measure
+from planner.robot import calibration
 from planner.robot.arm import Arm
 from planner.virtual import servo_bus
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
@@ -124,8 +124,8 @@ def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, mo
         raise BusError("enough")
 
     monkeypatch.chdir(calibrated[0])
-    monkeypatch.setattr(measure, "growing_log", None)  # nothing is measured
-    monkeypatch.setattr("planner.identification.identify.identify", identify)
+    monkeypatch.setattr(calibration, "growing_log", None)  # nothing is measured
+    monkeypatch.setattr(calibration, "identify", identify)
     again = command_line("calibrate", *BRIEF, "--ids", "1", "--resume", "-o", "arm.toml")
     assert again.stderr.splitlines()[-1].startswith("request-planner: enough; what was")
     (kept,) = read_logs(["arm_logs/joint_1.csv"])
@@ -145,7 +145,7 @@ def test_logs_that_a_calibration_replaces_are_told(calibrated, command_line, mon
 def test_logs_of_another_range_are_not_taken(calibrated, command_line, monkeypatch):
     folder, _ = calibrated
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(measure, "growing_log", None)  # nothing is measured
+    monkeypatch.setattr(calibration, "growing_log", None)  # nothing is measured
     other = ("--reach-deg", "25", "--ids", "1", "--resume", "-o", "arm.toml")
     again = command_line("calibrate", *BRIEF, *other)
     assert again.exit_code == 2
@@ -251,12 +251,12 @@ def fake_calibration(monkeypatch):
     """Joints whose calibration is made up; the one called broken ends it."""
     found = {}
 
-    def one(arm, joint, period, duration, *_):  # noqa: ARG001
+    def one(arm, joint, **_):  # noqa: ARG001
         if joint == "broken":
             raise BusError("broken: does not follow")
         return found.setdefault(joint, made_up("optimal" if len(found) else "closed_form"))
 
-    monkeypatch.setattr(CALIBRATE, "_calibrate_joint", one)
+    monkeypatch.setattr(calibration, "calibrate", one)
     return found
 
 
@@ -320,7 +320,7 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
 @pytest.mark.parametrize("answer", ["", "h"])
 def test_ranges_are_those_of_the_servos_or_those_that_a_hand_shows(run, answer, monkeypatch):
     shown, limits, torques = {"joint_1": np.array([-0.4, 0.6])}, [], []
-    own, own_check = measure.with_ranges, measure.check
+    own, own_check = calibration.with_ranges, calibration.check
 
     def by_hand(arm, ended, period):
         torques.append(arm.bus.port.servos.motors.powered.tolist())
@@ -336,9 +336,9 @@ def test_ranges_are_those_of_the_servos_or_those_that_a_hand_shows(run, answer, 
         arm.bus.write(1, "torque", 1)
         return own_check(arm)
 
-    monkeypatch.setattr(measure, "check", check)
-    monkeypatch.setattr(measure, "ranges_by_hand", by_hand)
-    monkeypatch.setattr(measure, "with_ranges", with_ranges)
+    monkeypatch.setattr(calibration, "check", check)
+    monkeypatch.setattr(calibration, "ranges_by_hand", by_hand)
+    monkeypatch.setattr(calibration, "with_ranges", with_ranges)
     always = SimpleNamespace(select=lambda *_: ([1], [], []))
     monkeypatch.setattr(CALIBRATE, "select", always)
     stdin = f"{answer}\n" + "\n" * bool(answer) + "n\n"
@@ -379,11 +379,11 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
         moved.append(name)
         rates.append((period, len(requests)))
 
-    monkeypatch.setattr(measure, "identify", lambda _: found)
-    monkeypatch.setattr(measure, "move", move)
+    monkeypatch.setattr(calibration, "identify", lambda _: found)
+    monkeypatch.setattr(calibration, "move", move)
     errors = np.radians(now), np.radians(before), beyond
-    monkeypatch.setattr(measure, "errors", lambda *_: errors)
-    monkeypatch.setattr(measure, "changes", lambda *_: ["v_max is 3, and was 5"])
+    monkeypatch.setattr(calibration, "errors", lambda *_: errors)
+    monkeypatch.setattr(calibration, "changes", lambda *_: ["v_max is 3, and was 5"])
     asked = ("check", "--bus", "virtual", "--model", arm, "--joint", "joint_3", "--joint")
     result = run(*asked, "joint_2", "--duration-s", "3", "--rate-hz", "50")
     assert moved == ["joint_3", "joint_2"]
@@ -462,11 +462,11 @@ def test_the_port_is_that_of_the_command_or_of_the_file_and_is_given_back(run, a
 def test_a_row_belongs_to_the_request_at_whose_time_it_was_due():
     times = np.array([0.004, 0.021, 0.068, 0.1])  # late; 2 and 4 were not sent
     angles = np.array([[0.0, np.nan], [0.1, 0.5], [0.3, np.nan], [0.5, 0.1]])
-    found = measure.by_request(times, angles, 7, 0.02)
+    found = calibration.by_request(times, angles, 7, 0.02)
     assert found[:, 0] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5])
     assert found[:, 1] == pytest.approx([0.5, 0.5, 0.4, 0.3, 0.2, 0.1, 0.1])
     with pytest.raises(BusError, match="a joint was never read; check its cable"):
-        measure.by_request(times, np.column_stack([angles[:, 0], np.full(4, np.nan)]), 7, 0.02)
+        calibration.by_request(times, np.column_stack([angles[:, 0], np.full(4, np.nan)]), 7, 0.02)
 
 
 @pytest.mark.parametrize("by_hand", [True, False])
@@ -517,7 +517,7 @@ def test_a_check_compares_the_parts_of_a_motion_that_the_logs_of_the_model_teste
     angles = simulate(model, requests, cyclic=False, start=0.0) + np.where(
         slow, 0.03, 0.5 * (times > 0.0)
     )
-    error, expected, share = measure.errors(
+    error, expected, share = calibration.errors(
         model, Log(times=times, requests=requests, angles=angles)
     )
     assert error == pytest.approx(0.03 if gentle else 0.5, rel=0.02)

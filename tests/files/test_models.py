@@ -154,6 +154,7 @@ BAD_BUS = {
     "a number for a port": ('"/dev/ttyUSB0"', "3"),
     "a null character": ("/dev/ttyUSB0", r"a\u0000b"),
     "an unknown bus": ('"feetech"', '"feetec"'),
+    "an unknown kind": ('"feetech"', '"virtual:sts"'),
     "a rate of bits that is none": ('port = "/dev/ttyUSB0"', "baud_rate = 1e6"),
 }
 

@@ -15,7 +15,7 @@ from planner.report.calibration import calibration_page, calibration_text
 from planner.report.plan_page import plan_page
 from planner.report.plan_results import PlanAnswer
 from planner.report.replay_page import replay_page
-from planner.robot.candidates import WORDS, Candidate, Compared
+from planner.robot.calibration import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
 from tests.instances import SERVO

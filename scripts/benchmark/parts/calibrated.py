@@ -16,14 +16,12 @@ import numpy as np
 from benchmark.parts import Options
 from benchmark.parts.servos import Array, early, motions
 from benchmark.table import Table
-from planner.identification.identify import identify
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_optimal
 from planner.planning.time_shift import invert_shift
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus, SerialPort
-from planner.robot.candidates import Compared, compare
-from planner.robot.measure import angles_of, check, excitation, move, with_ranges
+from planner.robot.calibration import Compared, calibrate, check, with_ranges
 from planner.robot.protocols import FEETECH, PROTOCOLS
 from planner.trajectory import rms
 from planner.virtual.motors import Motor
@@ -149,10 +147,6 @@ def calibrated(kind: Kind, folder: Path) -> Joint:
     arm = with_ranges(arm, {"joint": np.array([-REACH, REACH])})
     limits = arm.servos["joint"].limits
 
-    def measured(name: str, requests: Array) -> Array:
-        log = move(arm, "joint", requests, period=period, log=folder / f"{name}.csv")
-        return angles_of(log, len(requests), period)
-
     def play(requests: Array, cycles: int) -> Array:
         angles = list[float]()
         keep = {"keep": lambda _, __, row: angles.append(row[0])}
@@ -161,10 +155,8 @@ def calibrated(kind: Kind, folder: Path) -> Joint:
         return np.array(angles)
 
     with arm.powered():
-        requests = excitation(arm, "joint", period=period, duration=DURATION)
-        log = move(arm, "joint", requests, period=period, log=folder / "log.csv")
-        calibration = compare(identify(log), limits, measured)
-    return Joint(calibration, limits, play)
+        result = calibrate(arm, "joint", period=period, duration=DURATION, folder=folder)
+    return Joint(result, limits, play)
 
 
 def rows_of(joint: Joint) -> Iterator[tuple[str, tuple[float, ...]]]:

@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from planner import JointModel, Learning, Trial
-from planner.files.learning_history import LearningState, read_history, write_history
+from planner.files.executed import LearningState, read_history, write_history
 
 ROWS, JOINTS = 3, ["hip", "knee", "foot"]
 
