@@ -80,6 +80,9 @@ from planner.identification.result import (
     told,
 )
 from planner.identification.terms import (
+    INTEGRALS,
+    MOTOR,
+    ORDER,
     backlash_of,
     has_large_sag,
     left_out,
@@ -87,6 +90,7 @@ from planner.identification.terms import (
     with_calm_friction,
     with_integral,
     with_motor,
+    with_needed,
     with_terms,
 )
 from planner.trajectory import Array, Mask, rms
@@ -100,10 +104,6 @@ PAPER_TICK = 0.008
 
 MOSTLY_FREE = 0.5
 """Share of the rows of a log that have to remain where something holds the joint in others."""
-
-LOST = 0.2
-"""Share of the loss by which a joint is worse where it is sought again: one that requests nearly
-shake out of step goes another way after a small change."""
 
 MAYBE_UNLIMITED = 10.0
 """Up to how many times its loss without further terms a joint that never saturates is tried with
@@ -403,7 +403,8 @@ def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bo
 def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
     """Fit the first half of each log, predict the second; None where these hold nothing to fit.
 
-    Of long halves some stretches are fitted; all rows of the others are predicted.
+    The joint with those terms of the fit to all rows that the first halves call for is fitted to
+    some stretches of long ones; all rows of the others are predicted.
 
     A top speed that the first halves do not bound, and the others may exceed, cannot be predicted
     from them: there that of the fit to all rows is taken, or, where these do not bound it either,
@@ -411,7 +412,7 @@ def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
     tested.
 
     Args:
-        search: The joint with the ticks on which its terms were sought, and whether it is a motor.
+        search: The joint with the ticks on which its terms were sought.
         whole: The fit to all rows that are used in the end.
         faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
     """
@@ -423,13 +424,9 @@ def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
     pairs = zip(logs, out, strict=True)
     known = thinned([replace(log, torque_on=log.torque_on & ~held) for log, held in pairs])
     try:
-        fit, terms = _with_terms(fit_joint(known, timing)[0])
-        if search.motor:
-            fit, _ = with_motor(fit, terms, search.joint.fit.parameters)
-        fit = refitted(known, fit, tick=grid.tick)
-        likewise = refitted(known, whole, tick=grid.tick)
-        if fit.cost > (1.0 + LOST) * likewise.cost:
-            fit = likewise
+        moving(resampled_like(grid, known, grid.tick))
+        fit = with_needed(refitted(known, whole), (*MOTOR, *ORDER, *INTEGRALS))
+        fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
     except InvalidInput:
         return None
     rows = np.concatenate([o[used] for o, used in zip(out, grid.places, strict=True)])

@@ -316,6 +316,18 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit]:
     return left_out(best, INTEGRALS, scale=fit.scale, effort=ENOUGH), best
 
 
+def with_needed(fit: Fit, names: Sequence[str], **how: Any) -> Fit:
+    """The fit without those of some terms that do not reduce the loss by (16a), one by one.
+
+    Further arguments are those of the search.
+    """
+    for name in names:
+        if fit.has(name):
+            without = left_out(fit, (name, *PARTNERS.get(name, ())), **{"scale": fit.scale, **how})
+            fit = fit if pays(without, fit) else without
+    return fit
+
+
 def left_out(fit: Fit, names: Sequence[str], **how: Any) -> Fit:
     """The fit without some terms; further arguments are those of the search."""
     absent = {name: Parameters._field_defaults[name] for name in names}
@@ -374,10 +386,7 @@ def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) ->
         trial = _redivided(trial, partial(search, free=free))
     if not pays(fit, trial):
         return fit
-    for name in MOTOR:
-        bare = trial.parameters._replace(**{name: Parameters._field_defaults[name]})
-        without = search(bare, free=trial.free & ~only(name))
-        trial = trial if pays(without, trial) else without
+    trial = with_needed(trial, MOTOR, scale=fit.scale, effort=TERM)
     return trial if _saving(fit, trial) >= SAVING else fit
 
 
