@@ -355,7 +355,10 @@ def least_squares(
 
 def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> Fit:
     """The best fit at a fixed scale."""
+    from planner.identification.trust_region import most_reduction, quadratic_of, step_of
+
     grid, free = begin.grid, begin.free
+    of_firsts = grid.weights[np.minimum(grid.first_rows, len(grid.run) - 1)]
     ends = (Parameters(*each.tolist()) for each in box_of(grid)[1:])
     lower, upper = (coordinates_of(grid, end)[free] for end in ends)
     radius = effort.first_step * float(np.linalg.norm(begin.weighted))
@@ -367,15 +370,21 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
             break
         coordinates = coordinates_of(grid, fit.parameters)
         here = coordinates[free]
-        near = near or _Quadratic.of(fit, slopes)
+        near = near or quadratic_of(
+            slopes.of_law,
+            slopes.change,
+            fit.residuals,
+            grid.weights,
+            CORNER * fit.scale,
+            grid.run,
+            of_firsts,
+        )
         if not np.isfinite(near.matrix).all():  # derivatives of a joint that hardly comes to rest
             break
         sizes = np.maximum(sizes, near.sizes)
-        if enough > 0.0 and fit.cost - MOST_REDUCTION * near.most_reduction() > enough:
+        if enough > 0.0 and fit.cost - MOST_REDUCTION * most_reduction(near) > enough:
             break
-        step = near.step(sizes, radius, lower - here, upper - here)
-        starts = near.starts(step, radius)
-        predicted = near.reduction(step, starts)
+        step, starts, predicted, length = step_of(near, sizes, radius, lower - here, upper - here)
         if not predicted > 1e-3 * effort.tolerance * fit.cost:
             break
         coordinates[free] += step
@@ -383,7 +392,6 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
         response, by_trial = _linearised(grid, at, firsts, free, averaging)
         trial = _fit_of(grid, at, free, firsts, response, fit.scale)
         reduced = fit.cost - trial.cost
-        length = near.length(sizes, step, starts)
         if not reduced >= 0.25 * predicted:
             radius = 0.25 * min(length, radius)
         elif reduced > 0.75 * predicted and length > 0.95 * radius:
@@ -394,101 +402,6 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
             if done:
                 break
     return fit
-
-
-class _Quadratic(NamedTuple):
-    """The loss of a fit to second order, by its free coordinates and first angles."""
-
-    whole: Array  # second derivatives by the coordinates, (p, p)
-    by_parameter: Array  # first derivatives by them, (p,)
-    matrix: Array  # the same with the first angles eliminated, (p, p)
-    gradient: Array  # (p,)
-    sizes: Array  # size of each coordinate's derivatives, (p,)
-    beside: Array  # second derivatives by first angles and coordinates, (runs, p)
-    squares: Array  # second derivatives by first angles, (runs,)
-    by_start: Array  # first derivatives by them, (runs,)
-
-    @classmethod
-    @np.errstate(over="ignore", invalid="ignore")
-    def of(cls, fit: Fit, slopes: Slopes) -> _Quadratic:
-        from planner.model import kernel
-
-        grid, corner = fit.grid, CORNER * fit.scale
-        of_law, by_law, beside, squares, by_start = kernel.normal_equations(
-            slopes.of_law, fit.residuals, grid.weights, corner, grid.run, len(grid.starts)
-        )
-        change = slopes.change
-        firsts = grid.weights[np.minimum(grid.first_rows, len(grid.run) - 1)]
-        squares[squares <= 0.5 * firsts**2] = np.inf  # one among the rows counts more; else held
-        whole, beside = change.T @ of_law @ change, beside @ change
-        shares = beside / squares[:, np.newaxis]
-        by_parameter = change.T @ by_law
-        return cls(
-            whole,
-            by_parameter,
-            whole - beside.T @ shares,
-            by_parameter - shares.T @ by_start,
-            np.sqrt(np.maximum(np.diag(whole), 0.0)),
-            beside,
-            squares,
-            by_start,
-        )
-
-    def most_reduction(self) -> float:
-        """By how much the Gauss-Newton step would lower the loss, were it free."""
-        found, *_ = np.linalg.lstsq(self.matrix, self.gradient, rcond=1e-12)
-        return float(0.5 * (self.gradient @ found + np.sum(self.by_start**2 / self.squares)))
-
-    def step(self, sizes: Array, radius: float, lower: Array, upper: Array) -> Array:
-        """The step in the trust region that stays between these bounds of it."""
-        step = np.zeros(len(sizes))
-        moves = sizes > 0.0
-        moves &= ~((lower >= 0.0) & (self.gradient > 0.0))
-        moves &= ~((upper <= 0.0) & (self.gradient < 0.0))
-        while moves.any():
-            gradient = (self.gradient + self.matrix @ np.where(moves, 0.0, step))[moves]
-            unit = sizes[moves]
-            matrix = self.matrix[np.ix_(moves, moves)] / np.outer(unit, unit)
-            step[moves] = _damped(matrix, gradient / unit, radius) / unit
-            beyond = moves & ((step < lower) | (step > upper))
-            if not beyond.any():
-                break
-            step = np.where(beyond, np.clip(step, lower, upper), step)
-            moves &= ~beyond
-        return step
-
-    def starts(self, step: Array, radius: float) -> Array:
-        """How the first angles follow a step, each within the trust region [rad], (runs,)."""
-        most = radius / np.sqrt(self.squares)
-        return np.clip(-(self.by_start + self.beside @ step) / self.squares, -most, most)
-
-    def reduction(self, step: Array, starts: Array) -> float:
-        """By how much these steps lower the loss."""
-        moved = self.by_start + self.beside @ step
-        moved += np.where(np.isfinite(self.squares), 0.5 * self.squares, 0.0) * starts
-        by_step = self.by_parameter @ step + 0.5 * step @ self.whole @ step
-        return -float(by_step + moved @ starts)
-
-    def length(self, sizes: Array, step: Array, starts: Array) -> float:
-        """Length of steps, in the unit of the trust region's radius [rad]."""
-        moved = np.where(np.isfinite(self.squares), np.sqrt(self.squares), 0.0) * np.abs(starts)
-        return max(float(np.linalg.norm(sizes * step)), float(np.max(moved)))
-
-
-def _damped(matrix: Array, gradient: Array, radius: float) -> Array:
-    """The Gauss-Newton step, damped so that it is no longer than the radius by a tenth."""
-    values, axes = np.linalg.eigh(matrix)
-    values = np.maximum(values, 1e-12 * max(values[-1], 1e-18))  # of a matrix in their own unit
-    slopes = axes.T @ gradient
-    damping = 0.0
-    for _ in range(20):  # Newton's method for the damping
-        ways = slopes / (values + damping)
-        length = float(np.linalg.norm(ways))
-        if length <= 1.1 * radius:
-            break
-        by_damping = float(np.sum(ways**2 / (values + damping))) / length
-        damping += length / radius * (length - radius) / by_damping
-    return -np.asarray(axes @ ways)
 
 
 def _fit_of(

@@ -22,7 +22,7 @@ from planner.identification.least_squares import (
 )
 from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, coordinates_of, only, parameters_at
-from planner.model import kernel
+from planner.identification.trust_region import most_reduction, quadratic_of, step_of
 from planner.trajectory import rms
 from tests.identification.made import (
     AIBO,
@@ -146,16 +146,29 @@ def test_the_normal_equations_are_those_of_the_derivatives():
     assert np.any(weights < 1.0)
     runs = len(grid.starts)
     own = (grid.run[:, np.newaxis] == np.arange(runs)) * slopes.by_start[:, np.newaxis]
-    dense = np.column_stack([slopes.of_law[:, :-1], own])
+    dense = np.column_stack([slopes.by_parameter, own])
     expected = dense.T @ (weights[:, np.newaxis] * dense)
-    matrix, gradient, beside, squares, by_start = kernel.normal_equations(
-        slopes.of_law, residuals, grid.weights, corner, grid.run, runs
+    near = quadratic_of(
+        slopes.of_law, slopes.change, residuals, grid.weights, corner, grid.run, np.zeros(runs)
     )
-    found = np.block([[matrix, beside.T], [beside, np.diag(squares)]])
+    found = np.block([[near.whole, near.beside.T], [near.beside, np.diag(near.squares)]])
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.max(np.abs(expected)))
     slope = dense.T @ (weights * residuals)
-    both = np.append(gradient, by_start)
+    both = np.append(near.by_parameter, near.by_start)
     np.testing.assert_allclose(both, slope, rtol=0.0, atol=1e-10 * np.max(np.abs(slope)))
+
+    # An unbounded step of an ample radius is that of the whole system.
+    count = len(near.gradient)
+    free = np.full(count, np.inf)
+    step, starts, reduction, length = step_of(near, near.sizes, 1e6, -free, free)
+    whole = np.linalg.solve(expected, -slope)
+    np.testing.assert_allclose(np.append(step, starts), whole, rtol=1e-6)
+    assert reduction == pytest.approx(-0.5 * slope @ whole, rel=1e-6)
+    assert most_reduction(near) == pytest.approx(reduction, rel=1e-6)
+    # A small one ends the step there, up to a tenth.
+    step, _, shorter, length = step_of(near, near.sizes, 1e-3 * length, -free, free)
+    assert np.linalg.norm(near.sizes * step) <= 1.1e-3 * np.linalg.norm(near.sizes * whole[:count])
+    assert 0.0 < shorter < reduction
 
 
 def test_rows_count_by_their_weights():
