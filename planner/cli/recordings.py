@@ -85,12 +85,15 @@ class ReplayTask:
         options |= {"solver": run.plan.solver or "gauss-newton", "progress": progress}
         if not replay.fastest:
             return replay_at(path, path.moments(speed), speed=speed, **options), None
-        degrees, centimetres = run.tolerance.deg, run.tolerance.cm
+        fastest = fastest_at(path, self.measure(path), retime=replay.retime, **options)
+        return fastest.replay, fastest
+
+    def measure(self, path: RecordedPath) -> Measure:
+        """The measure of errors by the tolerance of the settings, which have one."""
+        degrees, centimetres = self.settings.tolerance.deg, self.settings.tolerance.cm
         joints = None if degrees is None else math.radians(degrees)
         foot = None if centimetres is None else 0.01 * centimetres
-        measure = Measure.of(path, joints, foot, arm)
-        fastest = fastest_at(path, measure, retime=replay.retime, **options)
-        return fastest.replay, fastest
+        return Measure.of(path, joints, foot, self.arm())
 
     def arm(self) -> Leg | None:
         """The leg or arm of the settings, with the recording's joint names."""
@@ -218,21 +221,22 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
 
 def missed(task: ReplayTask, replay: Replay) -> list[str]:
     """Messages about the tolerances that a replay misses, in the plan's norm."""
-    tolerance, messages = task.settings.tolerance, []
-    rounding = 1.0 + 1e-9
+    tolerance = task.settings.tolerance
     norm = "max" if task.settings.replay.fastest else task.settings.plan.norm or "rms"
+    errors: list[tuple[str, float, str, float]] = []  # of what, how large, in which unit, allowed
     if tolerance.deg is not None:
         for joint in replay.planned:
             unit, factor = LOG_UNITS[joint.path.unit]
             error = factor * error_norm(joint.errors["planned"], norm)
-            if error > tolerance.deg * rounding:
-                messages.append(off_by(joint.name, error, unit, norm, tolerance.deg))
+            errors.append((joint.name, error, unit, tolerance.deg))
     if tolerance.cm is not None:
-        measure = Measure.of(replay.path, None, 0.01 * tolerance.cm, task.arm())
-        ratio = error_norm(measure.errors(replay, "planned"), norm)
-        if ratio > rounding:
-            messages.append(off_by("the foot", ratio * tolerance.cm, "cm", norm, tolerance.cm))
-    return messages
+        ratio = error_norm(task.measure(replay.path).errors(replay, "planned"), norm)
+        errors.append(("the foot", ratio * tolerance.cm, "cm", tolerance.cm))
+    return [
+        off_by(subject, error, unit, norm, allowed)
+        for subject, error, unit, allowed in errors
+        if error > allowed * (1.0 + 1e-9)  # rounding
+    ]
 
 
 # Many recordings, and what is written.

@@ -91,7 +91,6 @@ def refine(
     from planner.cli.desired import leg_title, model_words, repeats
     from planner.cli.planning import files_of, prepare
     from planner.files.executed import (
-        LearningState,
         read_executed,
         read_history,
         read_measured,
@@ -123,10 +122,10 @@ def refine(
         measured, executed, period=period, cyclic=desired.cyclic, units=desired.units, cycles=cycles
     )
     columns = [desired.names.index(name) for name in angles.names]
-    if not desired.cyclic and repeats(executed.values[:, columns], None)[0]:
+    sent = executed.values[:, columns]
+    if not desired.cyclic and repeats(sent, None)[0]:
         starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
-        nominal = [desired.models[j] for j in columns]
-        if in_a_cycle(nominal, executed.values[:, columns], angles.angles, starts):
+        if in_a_cycle([desired.models[j] for j in columns], sent, angles.angles, starts):
             warn(
                 "the measured angles begin as in a cycle that repeats, and --no-cyclic is for a "
                 "motion from rest: if the requests were repeated, leave it out, here and in plan"
@@ -147,8 +146,8 @@ def refine(
         for name in [each for each in every if each in (FOOT, *angles.names)]:
             progress(name if name == FOOT else f"the {name}")
             own = slice(None) if name == FOOT else [angles.names.index(name)]
+            cycles_of_plan = angles.angles[:, :, own]
             with about(", ".join(desired.names) if name == FOOT else ""):
-                cycles_of_plan = angles.angles[:, :, own]
                 every[name] = learn(
                     every[name], cycles_of_plan, sensor_delay=delay, reidentify=reidentify
                 )
@@ -161,9 +160,7 @@ def refine(
         warn(about_missing)
     if history is not None:
         states |= {
-            name: LearningState(plan.models, plan.learning[0])
-            for name, plan in every.items()
-            if plan.learning
+            name: (each.models, each.learning[0]) for name, each in every.items() if each.learning
         }
         write_history(history, desired.angles, states)
     learnt = {name: every[name] for name in every if name not in missing}
@@ -173,7 +170,7 @@ def refine(
         plans = list(learnt.values())
         about_learning = learning_page(
             plans[0] if len(plans) == 1 else joined(plans),
-            executed=executed.values[:, columns],
+            executed=sent,
             measured=angles.angles.mean(axis=0),
             progress=trials,
             about_others=about_missing,
@@ -241,9 +238,8 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> list[Trials]:
         factor = 100.0 if foot else math.degrees(1.0)
         bound, noise = learning.floor
         remarks = [as_options(text, desired.names) for text in learning.remarks]
-        names = desired.names if foot else (name,)
-        pairs_of_models = zip(names, plan.models, strict=True)
-        changed = [joint for joint, model in pairs_of_models if model != file_models[joint]]
+        models = zip(desired.names if foot else (name,), plan.models, strict=True)
+        changed = [joint for joint, model in models if model != file_models[joint]]
         if changed and not any("identified anew" in text for text in remarks):
             whose = f" of {', '.join(changed)}" if foot else ""
             anew = "is not that of the file: earlier trials identified it anew"

@@ -185,11 +185,8 @@ IN_RADIANS = ("requests", "measured", "noise")
 """Fields that are called ``…_rad`` in the file."""
 
 
-class LearningState(NamedTuple):
-    """State of learning of one plan; its joints may have been identified anew."""
-
-    models: tuple[JointModel, ...]
-    learning: Learning
+LearningState = tuple[tuple[JointModel, ...], Learning]
+"""State of learning of one plan, whose joints may have been identified anew."""
 
 
 def read_history(path: str, names: Collection[str], desired: Array) -> dict[str, LearningState]:
@@ -200,7 +197,7 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
     try:
         angles = np.array(content["desired_rad"], dtype=np.float64)
         states = {
-            name: LearningState(
+            name: (
                 tuple(JointModel(**model) for model in state["models"]),
                 _learning(state["learning"]),
             )
@@ -219,21 +216,21 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
         raise InvalidFile(
             path, "got the trials of another desired path; begin another file for this one"
         )
-    for name, state in states.items():
-        expected = (len(desired), desired.shape[1] if len(state.models) > 1 else 1)
-        for number, trial in enumerate(state.learning.trials, start=1):
+    for name, (models, learning) in states.items():
+        expected = (len(desired), desired.shape[1] if len(models) > 1 else 1)
+        for number, trial in enumerate(learning.trials, start=1):
             requests, measured = trial.requests, trial.measured
-            problem = ""
             if requests.shape != expected or measured.shape[1:] != expected:
                 problem = (
                     f": got requests and angles of shapes {requests.shape} and {measured.shape}, "
                     f"expected {expected[0]} rows of {expected[1]}"
                 )
-            elif not all(np.all(np.abs(each) <= LARGEST) for each in (requests, measured)):
+            elif all(np.all(np.abs(each) <= LARGEST) for each in (requests, measured)):
+                continue
+            else:
                 problem = " has angles that are not finite"
-            if problem:
-                place = f"trial {number} of {name}{problem}"
-                raise InvalidFile(path, f"damaged ({place}); begin another file")
+            place = f"trial {number} of {name}{problem}"
+            raise InvalidFile(path, f"damaged ({place}); begin another file")
     return states
 
 

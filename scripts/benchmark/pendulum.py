@@ -3,54 +3,42 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.virtual.robot import CHOICE, Constants, constant, drive_joint, load_mujoco
+from planner.virtual.robot import CONSTANTS, Constants, drive_joint, load_mujoco
 
-BAM = "Rhoban/bam, params/feetech_sts3215_7_4V/m1.json: fitted to pendulum recordings"
-SHEET = "Feetech's data sheet of the STS3215"
-NONE = "not known; none"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sts3215(Constants):
-    """A Feetech STS3215 at 7.4 V with the position gain 16, as LeRobot sets it.
-
-    BAM's figures hold at the joint: its torque constant of 1.2116 N m/A is here divided by the gear
-    ratio, its armature of 0.0284 kg m^2 by the ratio's square. With them the top speed is 5.4
-    rad/s, the 52 turns a minute of the data sheet.
-    """
-
-    terminal_resistance: float = constant(2.676, "ohm", BAM)
-    torque_constant: float = constant(1.2116 / 345.0, "N m/A", f"{BAM}; over the gear ratio")
-    rotor_inertia: float = constant(0.0284 / 345.0**2, "kg m^2", f"{BAM}; over its square")
-    gear_ratio: float = constant(345.0, "1", SHEET)
-    coulomb_friction: float = constant(
-        0.3,
-        "N m",
-        "recordings of an SO-101 (isaac-sim2real/sage): the elbow holds errors of 0.030 to 0.046 "
-        "rad, times 8.9 N m/rad; BAM has 0.052 N m for a servo without a load",
-    )
-    viscous_friction: float = constant(0.059, "N m s/rad", BAM)
-    battery_voltage: float = constant(7.4, "V", SHEET)
-    battery_resistance: float = constant(0.1, "ohm", f"{CHOICE}: a power supply and its wires")
-    request_period: float = constant(0.02, "s", "LeRobot on an SO-101: 50 requests a second")
-    transport_delay: float = constant(0.01, "s", f"{CHOICE}: USB and bus, half a request period")
-    proportional_gain: float = constant(
-        16 * 0.166, "1/rad", "Rhoban/bam, feetech/actuator.py: duty 0.166 per rad and unit of gain"
-    )
-    integral_gain: float = constant(0.0, "1/(rad s)", "LeRobot sets none")
-    derivative_gain: float = constant(
-        0.12,
-        "s/rad",
-        f"{CHOICE}: recorded steps of an SO-101 do not overshoot; LeRobot sets 32 in a unit that "
-        "is not known",
-    )
-    duty_steps: int = constant(1000, "1", "the register of its PWM goes to 1000 either way")
-    sensor_bits: int = constant(12, "bit", SHEET)
-    sensor_range: float = constant(2.0 * math.pi, "rad", f"{SHEET}: 4096 counts a turn")
-    sensor_noise: float = constant(0.0, "rad", f"{NONE}: a magnetic encoder before the gears")
+STS3215 = replace(
+    CONSTANTS,
+    # Rhoban/bam, params/feetech_sts3215_7_4V/m1.json, fitted to pendulum recordings. Its figures
+    # hold at the joint: its torque constant of 1.2116 N m/A is here divided by the gear ratio, its
+    # armature of 0.0284 kg m^2 by the ratio's square. With them the top speed is 5.4 rad/s, the 52
+    # turns a minute of the data sheet.
+    terminal_resistance=2.676,
+    torque_constant=1.2116 / 345.0,
+    rotor_inertia=0.0284 / 345.0**2,
+    viscous_friction=0.059,
+    # Feetech's data sheet; a turn has 4096 counts, by a magnetic encoder before the gears
+    gear_ratio=345.0,
+    battery_voltage=7.4,
+    sensor_bits=12,
+    sensor_range=2.0 * math.pi,
+    sensor_noise=0.0,
+    # recordings of an SO-101 (isaac-sim2real/sage): the elbow holds errors of 0.030 to 0.046 rad,
+    # times 8.9 N m/rad; BAM has 0.052 N m for a servo without a load
+    coulomb_friction=0.3,
+    battery_resistance=0.1,  # chosen: a power supply and its wires
+    request_period=0.02,  # LeRobot on an SO-101: 50 requests a second
+    transport_delay=0.01,  # chosen: USB and bus, half a request period
+    # Rhoban/bam, feetech/actuator.py: duty 0.166 per rad and unit of gain, which LeRobot sets to 16
+    proportional_gain=16 * 0.166,
+    integral_gain=0.0,  # LeRobot sets none
+    # chosen: recorded steps of an SO-101 do not overshoot; LeRobot sets 32 in a unit that is not
+    # known
+    derivative_gain=0.12,
+    duty_steps=1000,  # the register of its PWM goes to 1000 either way
+)
+"""A Feetech STS3215 at 7.4 V with the position gain 16, as LeRobot sets it."""
 
 
 @dataclass(frozen=True, kw_only=True)

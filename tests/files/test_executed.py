@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from planner import JointModel, Learning, Trial
-from planner.files.executed import LearningState, read_history, write_history
+from planner.files.executed import read_history, write_history
 
 ROWS, JOINTS = 3, ["hip", "knee", "foot"]
 
@@ -26,7 +26,7 @@ def _state(models):
         best=0,
         floor=(0.0, 0.0),
     )
-    return LearningState((JointModel.ers210a(),) * models, learning)
+    return (JointModel.ers210a(),) * models, learning
 
 
 def _trial(content, plan, key, value):

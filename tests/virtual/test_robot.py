@@ -12,11 +12,11 @@ import pytest
 
 import planner.virtual
 from kinematics import Leg, urdf_path
-from planner.virtual.robot import JOINTS, Constants, VirtualRobot, front_leg
+from planner.virtual.robot import CONSTANTS, JOINTS, VirtualRobot, front_leg
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 
-QUIET = Constants(supply_noise=0.0, sensor_noise=0.0)
+QUIET = replace(CONSTANTS, supply_noise=0.0, sensor_noise=0.0)
 PERIOD = QUIET.request_period
 TICK = math.degrees(1.0) * PERIOD
 """From rad/s to degrees per tick."""

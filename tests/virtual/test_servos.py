@@ -10,11 +10,11 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from benchmark.pendulum import Pendulum, Sts3215
+from benchmark.pendulum import STS3215, Pendulum
 
 from planner.robot.bus import Bus
 from planner.robot.protocols import LOAD_UNIT, PROTOCOLS
-from planner.virtual.robot import Constants
+from planner.virtual.robot import CONSTANTS
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 
 MOTION = {
@@ -50,13 +50,12 @@ def test_control_tables_and_what_errors_are_called(snapshot):
 
 def test_constants_with_their_units_and_sources(snapshot):
     lines = [
-        f"{type(each).__name__} {name} {entry['value']} {entry['unit']}: {entry['source']}"
-        for each in (Constants(), Sts3215())
-        for name, entry in each.to_dict().items()
+        f"{name} {entry['value']} {entry['unit']}: {entry['source']}"
+        for name, entry in CONSTANTS.to_dict().items()
     ]
     lines += [
-        f"{type(each).__name__} {name} {getattr(each, name):.9g}"
-        for each in (Constants(), Sts3215())
+        f"{name} {getattr(each, name):.9g}"
+        for each in (CONSTANTS, STS3215)
         for name in ("sensor_error", "armature", "stall_torque", "top_speed")
     ]
     snapshot.check("constants", "\n".join([*lines, repr(Pendulum())]) + "\n")
@@ -145,7 +144,7 @@ def test_the_robot_moves_as_it_did(joint, snapshot):
     if joint == "leg":
         robot, goal = VirtualRobot(seed=2), np.array([0.6, 0.5, 1.0])
     else:
-        servo = Sts3215()
+        servo = STS3215
         model = Pendulum().model(servo)
         robot = VirtualRobot((0.2,), constants=servo, model=model, seed=2)
         goal = np.array([1.2])

@@ -15,13 +15,13 @@ import numpy as np
 import planner
 from benchmark.parts import Options
 from benchmark.parts.pairs import errors_of, four_numbers
-from benchmark.pendulum import Pendulum, Sts3215
+from benchmark.pendulum import STS3215, Pendulum
 from benchmark.table import Table
 from kinematics import Leg
 from planner.trajectory import Array, rms
-from planner.virtual.robot import VirtualRobot
+from planner.virtual.robot import Constants, VirtualRobot
 
-PERIOD = Sts3215().request_period  # time between requests [s]
+PERIOD = STS3215.request_period  # time between requests [s]
 CYCLES = 5  # cycles that are executed; the last one counts
 MASSES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
 """Masses that the pendulum carries in turn [kg]."""
@@ -50,7 +50,7 @@ class Rig(NamedTuple):
 
     pendulum: Pendulum
     leg: Leg
-    constants: Sts3215 = Sts3215()
+    constants: Constants = STS3215
 
     def robot(self, angle: Array) -> VirtualRobot:
         """The servo at rest at an angle [rad], shape (1,)."""
