@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
 """Instructions, the same in both protocols."""
@@ -67,6 +67,10 @@ class ServoProtocol:
 
     name: str  # its name for users
     registers: Mapping[str, Register]  # by name; the same names in all protocols
+    address_size: int  # bytes of an address
+    errors: Mapping[int, str]  # meaning of each bit of an answer's error
+    # by an answer's error without these bits, why the instruction was not carried out
+    refusals: Mapping[int, str]
     feedback: Sequence[str]  # registers of one sync read, beside one another
     speed_rpm: float  # speed of a profile speed of 1 [turns/min]
     acceleration_rpm2: float  # acceleration of a profile acceleration of 1 [turns/min²]
@@ -74,11 +78,6 @@ class ServoProtocol:
     # count in the middle of the range, which is angle 0 unless one says otherwise
     middle: int = 2048
     fastest_acceleration: int = 0  # profile acceleration that limits nothing, beside 0
-
-    address_size: ClassVar[int]  # bytes of an address
-    errors: ClassVar[Mapping[int, str]]  # meaning of each bit of an answer's error
-    # by an answer's error without these bits, why the instruction was not carried out
-    refusals: ClassVar[Mapping[int, str]] = {}
 
     @property
     def speed_unit(self) -> float:
@@ -130,15 +129,6 @@ class ServoProtocol:
 class _Feetech(ServoProtocol):
     """FF FF, servo, length, instruction or error, content, inverted sum."""
 
-    address_size = 1
-    errors: ClassVar = {
-        0x01: "a wrong voltage",
-        0x02: "a fault of its angle sensor",
-        0x04: "overheating",
-        0x08: "too much current",
-        0x20: "overload",
-    }
-
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         body = bytes([servo, len(content) + 2, code]) + content
         return b"\xff\xff" + body + bytes([~sum(body) & 0xFF])
@@ -169,18 +159,6 @@ class _Dynamixel(ServoProtocol):
 
     FF FF FD inside is followed by a stuffed FD.
     """
-
-    address_size = 2
-    errors: ClassVar = {0x80: "a hardware error: overload, overheating or a wrong voltage"}
-    refusals: ClassVar = {
-        1: "that it could not carry out the instruction",
-        2: "an unknown instruction",
-        3: "an instruction with a wrong checksum",
-        4: "a value beyond its range",
-        5: "a value of another length",
-        6: "a value beyond its limits",
-        7: "a register that cannot be read or written now",
-    }
 
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         body = (bytes([code]) + content).replace(b"\xff\xff\xfd", b"\xff\xff\xfd\xfd")
@@ -231,12 +209,15 @@ def _crc(content: bytes) -> int:
 
 
 def _read_protocols() -> dict[str, ServoProtocol]:
+    tables = tomllib.loads(Path(__file__).with_name("protocols.toml").read_text("utf-8"))
     protocols: dict[str, ServoProtocol] = {}
-    text = Path(__file__).with_name("protocols.toml").read_text("utf-8")
-    for name, table in tomllib.loads(text).items():
-        registers = {key: Register(*place) for key, place in table.pop("registers").items()}
+    for name, own in tables.items():
+        table = tables.get(own.pop("like", ""), {}) | own
+        for key in ("errors", "refusals"):
+            table[key] = {int(number, 0): words for number, words in table.get(key, {}).items()}
+        table["registers"] = {key: Register(*each) for key, each in table["registers"].items()}
         frames = _Feetech if name == "feetech" else _Dynamixel
-        protocols[name] = frames(name=name, registers=registers, **table)
+        protocols[name] = frames(name=name, **table)
     return protocols
 
 

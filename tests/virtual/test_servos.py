@@ -38,11 +38,9 @@ def test_control_tables_and_what_errors_are_called(snapshot):
     for protocol in PROTOCOLS.values():
         content = asdict(protocol)
         lines += [f"{key} {content.pop(key)}" for key in ("name", "feedback")]
-        tables = {"registers": content.pop("registers")}
-        tables |= {"errors": protocol.errors, "refusals": protocol.refusals}
-        for name, table in tables.items():
-            lines += [f"{name} {key}: {value}" for key, value in table.items()]
-        for name in ("speed_unit", "acceleration_unit", "address_size"):
+        for name in ("registers", "errors", "refusals"):
+            lines += [f"{name} {key}: {value}" for key, value in content.pop(name).items()]
+        for name in ("speed_unit", "acceleration_unit"):
             content[name] = getattr(protocol, name)
         lines += [f"{key} {value}" for key, value in content.items()]
     snapshot.check("protocols", "\n".join(lines) + "\n")
