@@ -15,6 +15,7 @@ import click
 from planner.cli import buses, options
 from planner.cli.console import Answer, Progress, remark, summarise, warn
 from planner.exceptions import InvalidFile, InvalidInput, about
+from planner.files.staging import check_writable
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ if TYPE_CHECKING:
 @options.option(
     "-o --output",
     "Where to write the models and servos; joints that are there already stay.",
-    options.Place("file", None, options.check_file),
+    options.Place("file", None, check_writable),
     default="arm.toml",
 )
 @options.answers("Also write a page with pictures, as HTML.")

@@ -120,14 +120,8 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         return [CompletionItem(incomplete, type=self.name)]
 
 
-def check_file(path: str) -> None:
-    """Refuse a file that cannot be written."""
-    if path != "-":
-        check_writable(path)
-
-
 INPUT = Place("file", "read")
-OUTPUT = Place("file", "written", check_file)
+OUTPUT = Place("file", "written", check_writable)
 FOLDER = Place("dir", "written", check_folder)
 OUTPUT_OR_FOLDER = Place("file", "written")  # checked once the format is known
 REWRITTEN = Place("file", None)

@@ -24,7 +24,7 @@ from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, find_dataset
 from planner.files.results import Results, Task, digest_of, made_from
-from planner.files.staging import check_folder, check_writable, claimed
+from planner.files.staging import check_writable, claimed
 from planner.files.text import to_json
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
@@ -253,9 +253,8 @@ def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: s
         )
     check_installed(form)
     if form in FOLDERS:  # which with the results beside it is this command's
-        check_folder(output)
         click.get_current_context().with_resource(claimed(output))
-    elif output != "-":
+    else:
         check_writable(output)
 
 

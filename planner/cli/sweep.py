@@ -14,7 +14,7 @@ from planner.cli.declared import flat
 from planner.cli.declared import template as template_of
 from planner.cli.run import carried_out, folder_of
 from planner.cli.settings import Sweep
-from planner.files.staging import MANIFEST, check_folder, claimed, list_files, output_folder
+from planner.files.staging import MANIFEST, claimed, list_files, output_folder
 from planner.files.text import STANDARD_STREAM, to_json, write_text
 
 if TYPE_CHECKING:
@@ -82,7 +82,6 @@ def sweep(
         if out is None:
             raise click.UsageError("--at: name a folder for its results with --out.")
         return carried_out(space.file, space.desired(space.point_of(at)), out)
-    check_folder(place)
     click.get_current_context().with_resource(claimed(place))
     options.warn_of(space.remarks())
     inputs = space.inputs()

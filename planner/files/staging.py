@@ -66,7 +66,7 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
                 if target.exists():
                     new.chmod(target.stat().st_mode & 0o777)
                 new.replace(target)
-            _names_to_disk(target.parent)
+            _to_disk(target.parent)
         finally:
             new.unlink(missing_ok=True)
 
@@ -80,7 +80,7 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
     is empty or holds nothing but the files that its own manifest lists: a user's files are never
     removed. Of an ``export``, the name of a format, a manifest is written here.
     """
-    target = _replaceable(path)
+    target = _target(str(path) or ".")
     with claimed(path) as locked:
         new = _beside(target, "new")
         try:
@@ -92,10 +92,8 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                 if export:
                     manifest = {"export": export, "files": list_files(new)}
                     (new / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
-                for file in _files_below(new):
-                    _to_disk(new / file)
-                for folder in (*filter(Path.is_dir, new.rglob("*")), new):
-                    _names_to_disk(folder)
+                for each in (*new.rglob("*"), new):
+                    _to_disk(each)
             except OSError as error:
                 name = error.filename  # none where a disk is full
                 own = name is None or Path(str(name)).is_relative_to(new)
@@ -119,7 +117,7 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                 raise InvalidFile(
                     path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
                 ) from error
-            _names_to_disk(target.parent)
+            _to_disk(target.parent)
             if locked:
                 _sweep(target, "old")
         finally:
@@ -131,13 +129,15 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
 def claimed(path: Path | str) -> Iterator[bool]:
     """Keep other commands away from a folder of results, and from what is beside it, in the block.
 
-    Yields whether it could be locked; in a nested block the outer block's answer.
+    Yields whether it could be locked; in a nested block the outer block's answer. The folder is
+    checked first, see :func:`check_folder`.
     """
     path = str(path) or "."
     target = _target(path)
     if target in _CLAIMED:
         yield _CLAIMED[target]
         return
+    check_folder(path)
     with writing(path):
         target.parent.mkdir(parents=True, exist_ok=True)
     with _lock(target, path, shared=False) as _CLAIMED[target]:
@@ -150,7 +150,7 @@ def claimed(path: Path | str) -> Iterator[bool]:
 def check_writable(path: Path | str) -> None:
     """Make sure that a file can be written, before anything is computed for it."""
     target = Path(path)
-    if _is_device(target):
+    if str(path) == "-" or _is_device(target):
         return
     folder = target.resolve().parent
     with writing(path):
@@ -271,21 +271,17 @@ def _sweep(target: Path, age: str) -> None:
 
 
 def _to_disk(path: Path) -> None:
-    """Flush a file or a folder to the disk, where the file system can do that."""
-    descriptor = os.open(path, os.O_RDONLY)
+    """Flush a file, or the names in a folder that may be read, where the file system can."""
+    is_folder = path.is_dir()
     try:
-        os.fsync(descriptor)
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+        if not is_folder and error.errno not in (errno.EINVAL, errno.ENOTSUP):
             raise
-    finally:
-        os.close(descriptor)
-
-
-def _names_to_disk(folder: Path) -> None:
-    """Flush the names in a folder to the disk, if it may be read."""
-    with suppress(OSError):
-        _to_disk(folder)
 
 
 def _is_device(target: Path) -> bool:
