@@ -25,7 +25,7 @@ from concurrent.futures import (
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -42,11 +42,8 @@ if TYPE_CHECKING:
 AHEAD = 100
 """Tasks handed over at once: more than one command keeps busy, and memory grows no further."""
 
-PATIENCE = 5.0
-"""Time for a scheduler to answer [s]."""
-
-ARRIVAL = 30.0
-"""Time for workers to join a scheduler that has none [s]: a cluster may be starting them."""
+PATIENCE, ARRIVAL = 5.0, 30.0
+"""Time for a scheduler to answer, and for workers to join one that has none [s]."""
 
 _ONE_AT_A_TIME = threading.Lock()
 """Workers of a cluster may have threads; CasADi builds its functions in one at a time."""
@@ -131,9 +128,10 @@ def outcomes(
             yield running.pop(future), outcome
 
 
-@contextmanager
-def executor_of(workers: int | None = None, scheduler: str | None = None) -> Iterator[Executor]:
-    """Hand out the processes of this machine, or a cluster; running tasks end with the block.
+def executor_of(
+    workers: int | None = None, scheduler: str | None = None
+) -> AbstractContextManager[Executor]:
+    """The processes of this machine, or a cluster; running tasks end with the block.
 
     By default there is a process for each usable processor, of one thread each, as threads of the
     linear algebra would compete with the other workers. ``scheduler`` is the address of a Dask
@@ -144,17 +142,8 @@ def executor_of(workers: int | None = None, scheduler: str | None = None) -> Ite
         MissingExtra: Dask is not installed.
     """
     if scheduler is not None:
-        with _cluster(scheduler) as executor:
-            yield executor
-        return
-    before = dict(os.environ)
-    os.environ |= {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
-    try:
-        with Processes(workers or len(os.sched_getaffinity(0))) as executor:
-            yield executor
-    finally:
-        os.environ.clear()
-        os.environ.update(before)
+        return _cluster(scheduler)
+    return Processes(workers or len(os.sched_getaffinity(0)))
 
 
 class Processes(ThreadPoolExecutor):
@@ -203,17 +192,14 @@ def _watch(lifeline: Connection) -> None:
         finally:
             os._exit(0)
 
+    os.environ |= {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Executor]:
-    """A cluster's own executor, with a method that raises where its workers cannot do the tasks.
-
-    The connection is tried first without a client: one that could not connect closes itself when it
-    is collected, which may be while another one begins and holds the lock that this takes.
-    """
+    """A cluster's own executor, with a method that raises where its workers cannot do the tasks."""
     with importing("a Dask scheduler", "cluster"):
         from distributed import Client
         from distributed.comm import connect
@@ -245,6 +231,8 @@ def _cluster(address: str) -> Iterator[Executor]:
     logging.disable()  # the errors here describe faults of a cluster
     try:
         try:
+            # first without a client: one that could not connect closes itself when it is collected,
+            # which may be while another one begins and holds the lock that this takes
             asyncio.run(check_scheduler())
             client = Client(address, timeout=PATIENCE)
         except ValueError as error:
