@@ -212,6 +212,9 @@ class Settings:
     keys_set: frozenset[str]
     """The keys that a file or the command line has set."""
 
+    source: Toml
+    """The file that has them, of settings that :func:`understand` has read."""
+
     folder = ""
     """The folder from which files are named; "" for that of the process."""
 
@@ -322,7 +325,7 @@ def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
     """Check a file against the declared tables."""
     with speaking_of(file):
         settings = cls.of(file.content)
-    settings.folder = str(Path(file.path).parent)
+    settings.source, settings.folder = file, str(Path(file.path).parent)
     return settings
 
 

@@ -30,7 +30,7 @@ from planner.evaluation.sweep import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.paths import is_foot_path, path_table
 from planner.files.results import Results, Task, digest_of
-from planner.files.text import Toml, read_toml
+from planner.files.text import read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
 from planner.trajectory import error_norm, index_of_largest
@@ -52,7 +52,6 @@ class Space:
     where a parameter is the period of a gait.
     """
 
-    file: Toml
     settings: Sweep
     values: Mapping[str, tuple[float, ...]]
     error_unit: str
@@ -89,7 +88,7 @@ class Space:
 
     def content(self, point: Point) -> dict[str, Any]:
         """The run file of a point."""
-        content = deepcopy(self.file.content)
+        content = deepcopy(self.settings.source.content)
         content.pop("sweep", None)
         if self.settings.path.file is None:
             content.setdefault("path", {}).setdefault("half_ellipse", {})
@@ -100,8 +99,10 @@ class Space:
 
     def desired(self, point: Point) -> Desired:
         """The plan of a point, ready to be computed."""
-        with speaking_of(self.file):
-            return _prepared(self.content(point), self.settings.folder)
+        with speaking_of(self.settings.source):
+            desired = _prepared(self.content(point), self.settings.folder)
+        desired.settings.source = self.settings.source
+        return desired
 
     def remarks(self) -> Iterator[str]:
         """On joints with rejected models, the same at all points, and on rounded periods."""
@@ -122,22 +123,19 @@ class Space:
     def inputs(self) -> dict[str, Any]:
         """The inputs of all outcomes, beside the point."""
         run = self.settings
-        files = [run.model.file, run.path.file, run.leg.description]
-        places = [Path(run.place(name)) for name in files if name]
-        return {
-            "command": "sweep",
-            "content": {key: each for key, each in self.file.content.items() if key != "sweep"},
-            "files": {str(place): digest_of(place) for place in places if place.is_file()},
-        }
+        content = {key: each for key, each in run.source.content.items() if key != "sweep"}
+        named = [run.model.file, run.path.file, run.leg.description]
+        places = [Path(run.place(name)) for name in named if name]
+        files = {str(place): digest_of(place) for place in places if place.is_file()}
+        return {"command": "sweep", "content": content, "files": files}
 
 
 def read_sweep(path: str) -> Space:
     """Read a sweep file and its inputs, as far as they are the same for all points."""
-    file = read_toml(path, example="length = [0.03, 0.04]")
-    run = understand(file, Sweep)
+    run = understand(read_toml(path, example="length = [0.03, 0.04]"), Sweep)
     search, gait = run.sweep, run.path.file is None
     kind = "a gait" if gait else "a file"
-    with speaking_of(file):
+    with speaking_of(run.source):
         search.check_effect("sweep", "method")
         values = _values(run, kind)
         leg, period, requirement = leg_of(run), math.nan, None
@@ -167,7 +165,7 @@ def read_sweep(path: str) -> Space:
                 except (ValueError, OverflowError) as error:
                     words = f"got {value:g}, expected {expected}"
                     raise BadSetting(f"‹sweep.parameters.{name}›: {words}") from error
-    return Space(file, run, values, "cm" if of_foot else "deg", requirement, period)
+    return Space(run, values, "cm" if of_foot else "deg", requirement, period)
 
 
 def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
@@ -228,7 +226,7 @@ def planned_points(
             seed=search_settings.seed or 0,
         )
     return Swept(
-        file=space.file.path,
+        file=space.settings.source.path,
         names=tuple(space.values),
         outcomes=tuple(by_point.values()),
         speed_unit="cm/s" if space.settings.path.file is None else "times",

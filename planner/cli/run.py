@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -21,7 +19,6 @@ from planner.files.text import STANDARD_STREAM, read_toml, to_json, write_text
 
 if TYPE_CHECKING:
     from planner.cli.desired import Desired
-    from planner.files.text import Toml
 
 HEADING = (
     "A run of request-planner: `request-planner run FILE` makes it.",
@@ -55,9 +52,9 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool) -> An
         return None
     if file is None:
         raise click.UsageError("name a run file, or begin one with --template.")
-    run_file, desired = read_run(file)
+    desired = read_run(file)
     if not check:
-        return carried_out(run_file, desired, folder_of(file, out, desired.settings.out))
+        return carried_out(desired, folder_of(file, out, desired.settings.out))
     for remark in desired.remarks:
         warn(in_keys(remark))
     samples, method = len(desired.angles), desired.settings.plan.method
@@ -80,57 +77,47 @@ def folder_of(file: str, out: str | None, in_file: str | None) -> str:
     return str(Path(file).with_suffix(""))
 
 
-def read_run(path: str) -> tuple[Toml, Desired]:
+def read_run(path: str) -> Desired:
     """Read a run file, or standard input for ``-``, and prepare the plan that it describes."""
     from planner.cli.desired import check_angles
     from planner.cli.planning import prepare
     from planner.robot.schedule import Schedule
 
-    file = read_toml(path, example='method = "optimal"')
-    run = understand(file, Run)
-    with speaking_of(file):
-        for number, export in enumerate(run.export):
-            with _in_export(number):
-                check_export(export)
+    run = understand(read_toml(path, example='method = "optimal"'), Run)
+    with speaking_of(run.source):
         _check_names(run)
         desired = prepare(run)
         if run.export:
             check_angles(desired.names, desired.units)
         schedule = Schedule(desired.names, desired.angles, desired.period)
-        for number, export in enumerate(run.export):  # what the path or the packages cannot give
-            with _in_export(number):
+        for number, export in enumerate(run.export):
+            try:
+                check_export(export)
                 check_rows(export, rows_of(export, schedule)[0])
-    return file, desired
-
-
-@contextmanager
-def _in_export(number: int) -> Iterator[None]:
-    """Let errors in an export inside the block name its number."""
-    try:
-        yield
-    except BadSetting as error:
-        raise BadSetting(error.args[0].replace("‹export.", f"‹export[{number}].")) from error
-    except InvalidInput as error:
-        raise BadSetting(f"‹export[{number}]›: {error}") from error
+            except BadSetting as error:
+                raise BadSetting(
+                    error.args[0].replace("‹export.", f"‹export[{number}].")
+                ) from error
+            except InvalidInput as error:  # what the path or the packages cannot give
+                raise BadSetting(f"‹export[{number}]›: {error}") from error
+    return desired
 
 
 def _check_names(run: Run) -> None:
     """Make sure that no two files of the folder have one name, or one inside the other."""
     owners = {PurePosixPath(MANIFEST): MANIFEST}
-    names = {f"output.{key}": name for key, name in run.output.values().items()}
+    names = {f"output.{key}": name for key, name in run.output.values().items() if name}
     names |= {f"export[{number}].file": each.file for number, each in enumerate(run.export)}
     for key, name in names.items():
-        if not name:
-            continue
         path = PurePosixPath(name.casefold())
         for other, owner in owners.items():
-            if path == other or path in other.parents or other in path.parents:
+            if path.is_relative_to(other) or other.is_relative_to(path):
                 words = f"got '{name}', which {owner} takes; choose another name"
                 raise BadSetting(f"‹{key}›: {words}")
         owners[path] = key
 
 
-def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
+def carried_out(desired: Desired, out: str) -> Answer:
     """Plan, and write the folder of the results, ``results.json`` among them."""
     from planner.cli.planning import answer_of, plan_of, plan_report
     from planner.files.paths import write_foot_path
@@ -139,15 +126,7 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
 
     run, failure = desired.settings, ""
     steps = 1 if run.plan.method == "foot-optimal" else len(desired.names)
-    with Progress(steps + 1) as progress, speaking_of(file), output_folder(out) as folder:
-
-        def placed(name: str) -> Path | None:
-            """The path of an output, whose folder is made; None where its name is empty."""
-            place = folder / name
-            if name:
-                place.parent.mkdir(parents=True, exist_ok=True)
-            return place if name else None
-
+    with Progress(steps + 1) as progress, speaking_of(run.source), output_folder(out) as folder:
         plan = plan_of(desired, progress)
         answer, remarks = answer_of(desired, plan)
         progress("the files")
@@ -156,20 +135,21 @@ def carried_out(file: Toml, desired: Desired, out: str) -> Answer:
             (run.output.angles, plan.predicted, None),
             (run.output.desired, desired.angles, None),
         ):
-            if place := placed(name):
-                desired.write(place, angles, loads)
-        if desired.foot is not None and (place := placed(run.output.foot)):
-            write_foot_path(place, plan.foot, period=desired.period)
+            if name:
+                desired.write(folder / name, angles, loads)
+        if desired.foot is not None and run.output.foot:
+            write_foot_path(folder / run.output.foot, plan.foot, period=desired.period)
         exports, words = [], ""
         for export in run.export:
             schedule = Schedule(desired.names, plan.requests, desired.period)
             rows, skipped = rows_of(export, schedule)
-            write_rows(str(placed(export.file)), export, rows)
+            write_rows(str(folder / export.file), export, rows)
             document, summary = rows_answer(export, rows, skipped)
             exports.append({"file": export.file, **document})
             words += f"\n{export.file}: {summary}"
-        if page := placed(run.output.report):
-            files: list[tuple[str, Path | str | None]] = [("run", file.path)]
+        if run.output.report:
+            page = folder / run.output.report
+            files: list[tuple[str, Path | str | None]] = [("run", run.source.path)]
             files += [(Path(name).stem, folder / name) for name in [*list_files(folder), MANIFEST]]
             write_text(page, plan_report(desired, answer, page=page, written=files))
         results = {

@@ -81,7 +81,7 @@ def sweep(
     if at:
         if out is None:
             raise click.UsageError("--at: name a folder for its results with --out.")
-        return carried_out(space.file, space.desired(space.point_of(at)), out)
+        return carried_out(space.desired(space.point_of(at)), out)
     click.get_current_context().with_resource(claimed(place))
     options.warn_of(space.remarks())
     inputs = space.inputs()

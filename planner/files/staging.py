@@ -51,6 +51,7 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
         return
     target = target.resolve()
     if not _FILLED.isdisjoint(target.parents):
+        target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)  # output_folder names the folder where there is no room
         yield
         return
