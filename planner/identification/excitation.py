@@ -18,29 +18,8 @@ from planner.model.response import simulate
 from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_whole, freeze, shown
 
-MEANING: Mapping[str, str] = {
-    "combined": "A slow triangle, then a sum of sines that quickens, then steps, and all of it "
-    "once more: what is identified from one half is tested on the other. Smooth motion shows dry "
-    "friction, which jumps hide, and motion between slow and fast is what most plans ask for.",
-    "steps": "Step tests (Equation 1). Each edge shows lag and acceleration time, the straight "
-    "line of a large step the top speed, the rounded end of every step v_max/theta_0, the rests "
-    "the offset. theta_0 and v_max come apart where the larger steps exceed theta_0.",
-    "multisine": "Many sines at once. The phases show lag, acceleration time and v_max/theta_0, "
-    "the mean the offset. The top speed shows only where the joint falls behind by more than "
-    "theta_0: widen the limits or raise the highest frequency.",
-    "chirp": "A sine that quickens. Its slow part shows the offset, its middle lag and "
-    "v_max/theta_0, its fast part, where the joint falls behind, the top speed.",
-    "random_steps": "Random levels for random times. All edges, heights and rests at once: every "
-    "parameter, where the levels are further apart than theta_0.",
-    "triangle": "To and fro at constant speeds. At each speed the joint trails by a constant "
-    "error, so that f can be read backwards, from speed to error; lag and acceleration time show "
-    "at the corners only. The top speed shows where a part is faster than the joint.",
-    "slow_triangle": "To and fro slowly, far and near. Where the direction changes the joint rests "
-    "until the error leaves the dead band: the errors of both directions differ by twice the dry "
-    "friction, and their mean is the offset. Nothing here is fast: lag, acceleration time and top "
-    "speed need step tests or random steps beside it.",
-}
-"""The kinds of signals, and what each makes identifiable."""
+KINDS = "combined steps multisine chirp random_steps triangle slow_triangle".split()
+"""The kinds of signals."""
 
 PARTS = (
     ("slow_triangle", 0.4, "dead band, static sag, sag by the angle"),
@@ -67,7 +46,7 @@ class Excitation:
     """Requests to play on a joint, which must be at ``centre`` before the first.
 
     Attributes:
-        kind: One of :data:`MEANING`.
+        kind: As in :func:`excite`.
         times: Times of the requests [s], shape (n,), from 0, read-only.
         requests: Requests [rad], shape (n,), read-only; the first and the last are the centre.
         period: Time between requests [s].
@@ -85,11 +64,6 @@ class Excitation:
     reach: float
     amplitudes: tuple[float, ...] = ()
     parts: tuple[Part, ...] = ()
-
-    @property
-    def meaning(self) -> str:
-        """What the signal makes identifiable, in words."""
-        return MEANING[self.kind]
 
     @property
     def largest_jump(self) -> float:
@@ -163,8 +137,8 @@ def excite(
         InvalidInput: Limits, centre or amplitudes contradict each other, or nothing fits into the
             duration.
     """
-    if kind not in MEANING:
-        raise InvalidInput(f"kind: got '{kind}', expected one of {', '.join(MEANING)}")
+    if kind not in KINDS:
+        raise InvalidInput(f"kind: got '{kind}', expected one of {', '.join(KINDS)}")
     low, high = limits
     if not -math.inf < low < high < math.inf:
         raise InvalidInput(f"limits: got {angle_text(low, high)}, expected the lower one first")

@@ -21,7 +21,7 @@ from planner.identification.parameters import TERMS
 from planner.identification.result import Alternative, Identification, Interval, Topic
 from planner.report.page import PARAMETERS
 from planner.report.table import NOTHING, Column, Row, Table, by_columns
-from planner.report.wording import rendered_text
+from planner.report.wording import phrase, rendered_text
 
 ALTERNATIVES = {
     "raw": "the request itself",
@@ -434,7 +434,7 @@ def excitation_results(excitation: Excitation, expected: Identification) -> dict
         "period_s": excitation.period,
         "centre_deg": math.degrees(excitation.centre),
         "amplitudes_deg": [math.degrees(height) for height in excitation.amplitudes],
-        "identifiable": excitation.meaning,
+        "identifiable": shown_by(excitation),
         "parts": [
             {"name": name, "begin_s": begin, "end_s": end, "determines": determines}
             for name, begin, end, determines in excitation.parts
@@ -443,6 +443,11 @@ def excitation_results(excitation: Excitation, expected: Identification) -> dict
         "warnings": list(expected.warnings),
         "requests_deg": np.degrees(excitation.requests).tolist(),
     }
+
+
+def shown_by(excitation: Excitation) -> str:
+    """What a signal makes identifiable."""
+    return " ".join(phrase("signals.txt", excitation.kind).split())
 
 
 def excitation_text(excitation: Excitation, expected: Identification, *, model: str) -> str:
@@ -458,6 +463,7 @@ def excitation_text(excitation: Excitation, expected: Identification, *, model: 
     return rendered_text(
         "excitation.txt",
         of=excitation,
+        meaning=shown_by(excitation),
         missing=missing,
         rough=rough,
         parts=by_columns(
