@@ -18,9 +18,6 @@ from planner.model.response import simulate
 from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_whole, freeze, shown
 
-KINDS = "combined steps multisine chirp random_steps triangle slow_triangle".split()
-"""The kinds of signals."""
-
 PARTS = (
     ("slow_triangle", 0.4, "dead band, static sag, sag by the angle"),
     ("multisine", 0.4, "v_max / theta_0, lag, acceleration time, time constant"),
@@ -137,8 +134,6 @@ def excite(
         InvalidInput: Limits, centre or amplitudes contradict each other, or nothing fits into the
             duration.
     """
-    if kind not in KINDS:
-        raise InvalidInput(f"kind: got '{kind}', expected one of {', '.join(KINDS)}")
     low, high = limits
     if not -math.inf < low < high < math.inf:
         raise InvalidInput(f"limits: got {angle_text(low, high)}, expected the lower one first")
@@ -189,6 +184,8 @@ def excite(
         "triangle": lambda n, _: _triangle(n, (1, 2, 4, 8)),  # the speed doubles from part to part
         "slow_triangle": lambda n, _: _triangle(n, 2 * ((1,) if both else (2,)), (1.0, 0.25)),
     }
+    if kind not in make and not both:
+        raise InvalidInput(f"kind: got '{kind}', expected combined or one of {', '.join(make)}")
     parts = 2 * PARTS if both else ((kind, 2.0, ""),)
     ends = np.round(0.5 * moving * np.cumsum([0.0, *(share for _, share, _ in parts)])).astype(int)
     deflection = np.concatenate(

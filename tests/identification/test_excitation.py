@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.identification.excitation import KINDS, excite, expect, step_test
+from planner.identification.excitation import excite, expect, step_test
 from planner.model.joint import JointModel
 
 EQUAL = 1e-12
 """Two ways to the same request differ by rounding only [rad]."""
 
 CONTINUOUS = ("multisine", "chirp", "triangle", "slow_triangle")
+KINDS = ("combined", "steps", "random_steps", *CONTINUOUS)
 
 
 def signal(kind, **changes):
