@@ -162,6 +162,12 @@ def as_rows(values: npt.ArrayLike, *, name: str) -> Array:
     return rows
 
 
+def stretches(rows: Mask) -> list[slice]:
+    """Where rows follow one another without a gap."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]])))
+    return [slice(first, end) for first, end in edges.reshape(-1, 2).tolist()]
+
+
 def index_of_largest(values: Array) -> int:
     """The first of the values that are as large as the largest, up to rounding.
 

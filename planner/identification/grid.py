@@ -15,7 +15,7 @@ from planner.exceptions import InvalidInput
 from planner.identification.log import IMPOSSIBLE, Log, pieces_of
 from planner.model.joint import MOST_HOLD, MOST_TERMS
 from planner.model.response import load_by_period
-from planner.trajectory import Array, Indices, Mask, rms
+from planner.trajectory import Array, Indices, Mask, rms, stretches
 from planner.validation import as_number, as_whole, shown
 
 if TYPE_CHECKING:
@@ -54,11 +54,7 @@ class Timing(NamedTuple):
 
 
 def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Timing:
-    """The ticks of the logs, as requested or by default.
-
-    Raises:
-        InvalidInput: Tick and hold do not make the log's period.
-    """
+    """The ticks of the logs, as requested or by default; InvalidInput where these contradict."""
     pauses = np.concatenate([np.diff(log.times) for log in logs])
     median = float(np.median(pauses))
     mean = mean_period(pauses, median)
@@ -114,10 +110,9 @@ def mean_period(pauses: Array, median: float) -> float:
 
 
 def _keeps_to(period: float, times: Array) -> bool:
-    """Whether times stay with a clock of this period, so that the mean pause tells it.
+    """Whether times stay with a clock of this period, as those do that jitter or are rounded.
 
-    Times that jitter, or are rounded to milliseconds, do, and the median pause is off. Those of a
-    loop that is late now and then do not, and most pauses are as long as their median.
+    Those of a loop that is late now and then do not: most pauses are as long as their median.
     """
     whole = np.round(np.diff(times) / period)
     apart = np.diff(times) - whole * period
@@ -273,10 +268,9 @@ def runs_of(
             unknown = 0.0 if (number, piece.start) in settled else burn_in * (1.0 - ON_A_TICK)
             usable = log.torque_on & (log.times >= log.times[piece.start] + unknown)
             usable[: piece.start] = usable[piece.stop :] = False
-            turns = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
-            for first, beyond in turns.reshape(-1, 2).tolist():
-                if beyond - first >= FEWEST_USED:
-                    yield number, slice(first, beyond)
+            for rows in stretches(usable):
+                if rows.stop - rows.start >= FEWEST_USED:
+                    yield number, rows
 
 
 def glitches(angles: Array) -> Mask:

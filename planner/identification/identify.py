@@ -502,7 +502,6 @@ def _answer(
         tested=held is not None or not hold_out,
         friction=friction,
         shaken=shaken(model, fits),
-        unit=every[0].unit,
     )
     gain = intervals.pop("gain")
     if reason.topic == "fit":  # else what a fit to this log shows is not of the joint

@@ -345,13 +345,8 @@ def all_intervals(
 
     The top speed is open above where its end by :func:`over_ticks` is beyond the highest speed that
     the log calls for.
-
-    Args:
-        fit: The fit.
-        bounds: Its intervals by :func:`intervals_of`.
-        uncertainty: Its covariance.
-        ticks: The fit to the rows alone, and one with ticks twice as long; None where the ticks of
-            the fit are those of the rows.
+    ``ticks`` are the fit to the rows alone, and one with ticks twice as long; None where the ticks
+    of the fit are those of the rows.
     """
     known = dict(bounds)
     for name in ("asymmetry", "slowing"):

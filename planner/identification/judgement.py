@@ -66,7 +66,6 @@ def verdict_on(
     tested: bool,
     friction: float,
     shaken: Sequence[Finding],
-    unit: str = "rad",
 ) -> tuple[Verdict, Finding, list[Finding]]:
     """Judge a fit by its error, without gross outliers, on all rows and on those held out.
 
@@ -76,24 +75,14 @@ def verdict_on(
     better, and the log shows the dry friction: the joint is not shaken, and the dead band is known
     to 10 % of the motion. Else it is usable.
 
-    Args:
-        fit: The model fitted to all rows.
-        bounds: Its intervals.
-        held: The prediction of held-out rows, if there are any.
-        simple: Error of the simpler descriptions on the same rows [rad].
-        against: Evidence for a joint that moves against its requests, if any.
-        exchanged: Evidence for columns that are exchanged, if any.
-        signal: Standard deviation of the motion [rad].
-        tested: Whether rows were held out, or were not asked for.
-        friction: By how much the dead band may be larger than that of the model [rad].
-        shaken: Evidence for a joint that is shaken at rest.
-        unit: The unit of the logs, for the findings.
+    ``simple`` is the error of the simpler descriptions on the same rows [rad], ``signal`` the
+    standard deviation of the motion [rad], and ``friction`` by how much the dead band may be larger
+    than that of the model [rad]; ``against`` and ``exchanged`` are those of :func:`wrong_columns`.
 
-    Returns:
-        The verdict, its reason and what else to know; the topic of the reason is "fit", or what
-        makes a fit to the log meaningless.
+    Returns the verdict, its reason and what else to know; the topic of the reason is "fit", or what
+    makes a fit to the log meaningless.
     """
-    error, where = sound_rms(fit.residuals), ""
+    error, where, unit = sound_rms(fit.residuals), "", fit.grid.logs[0].unit
     if held is not None and held.sound_rms >= error:
         error, where = held.sound_rms, " in the part that was held out"
     missed, mere = error / signal, min(simple["raw"], simple["delay"])

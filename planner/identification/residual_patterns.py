@@ -25,7 +25,7 @@ from planner.identification.result import (
 from planner.identification.terms import Backlash
 from planner.model.evidence import errors_of_motion
 from planner.model.joint import JointModel
-from planner.trajectory import Array, Indices, Mask
+from planner.trajectory import Array, Indices, stretches
 
 FEW_ROWS = 20
 """Fewer rows show neither a stop nor where a joint rests."""
@@ -178,7 +178,9 @@ def contacts(fits: Sequence[LogFit], noise: float) -> list[list[Held]]:
         for place in held:
             way = math.copysign(1.0, beside[place] - middle)
             off = way * (fits[k].residuals - middle) > 0.5 * clear
-            rows[_around(off, places[place][1])] = True
+            first, last = places[place][1][[0, -1]].tolist()
+            off[first : last + 1] = True
+            rows[next(part for part in stretches(off) if part.stop > first)] = True
         most = float(np.max(np.abs(beside[held] - middle)))
         contacts[k].append(
             Held(np.flatnonzero(rows), "contact", {"places": len(held), "most": most})
@@ -210,14 +212,6 @@ def _places(rows: Indices, apart: int) -> list[Indices]:
     return [part for part in parts if len(part)]
 
 
-def _around(off: Mask, rows: Indices) -> slice:
-    """The rows without a gap that are off around these."""
-    before = np.flatnonzero(~off[: rows[0]])
-    after = np.flatnonzero(~off[rows[-1] :])
-    first = int(before[-1]) + 1 if len(before) else 0
-    return slice(first, int(rows[-1] + after[0]) if len(after) else len(off))
-
-
 def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None:
     """The logs with rows weighed by the error to expect of them; None where that is about even.
 
@@ -240,8 +234,8 @@ def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None
     for fit in fits:
         count = max(1, round(REST / fit.log.period))
         weights = np.ones(len(fit.used))
-        for rows in _places(np.flatnonzero(fit.used), 1):
-            if len(rows) < 3:
+        for rows in stretches(fit.used):
+            if rows.stop - rows.start < 3:
                 continue
             angles, period = at_even_times(fit.log, rows, fit.predicted[rows])
             changes = np.diff(angles, 2) / period**2

@@ -24,7 +24,7 @@ from planner.model.evidence import (
     under_moving_requests,
 )
 from planner.model.joint import JointModel
-from planner.trajectory import Array, Indices, Mask, rms
+from planner.trajectory import Array, Mask, rms, stretches
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 
 if TYPE_CHECKING:
@@ -488,23 +488,21 @@ class Identification(ReadOnly, Summarised):
 def runs_of_fits(fits: Sequence[LogFit], *, held_out: bool) -> list[Run]:
     """The rows that were used, or held out, and follow one another, piece by piece.
 
-    What is planned with is the model of all rows: where rows are held out its errors count as much
-    as those of the model that did not know them. (An overloaded servo is missed by 45 mrad after
-    half of its log, by 7 after the whole.)
+    Of rows held out the errors of the model of all rows, which is planned with, count as much as
+    those of the model that did not know them.
     """
     found = []
     for fit in fits:
         rows = fit.held_out if held_out else fit.used
         predicted = fit.held_out_predicted if held_out else fit.predicted
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
-        for first, end in edges.reshape(-1, 2).tolist():
-            known = np.array([predicted, fit.predicted] if held_out else [predicted])[:, first:end]
-            angles, period = at_even_times(fit.log, slice(first, end), known[0])
-            found.append(Run(angles, fit.log.angles[first:end] - known, period))
+        for part in stretches(rows):
+            known = np.array([predicted, fit.predicted] if held_out else [predicted])[:, part]
+            angles, period = at_even_times(fit.log, part, known[0])
+            found.append(Run(angles, fit.log.angles[part] - known, period))
     return found
 
 
-def at_even_times(log: Log, rows: slice | Indices, angles: Array) -> tuple[Array, float]:
+def at_even_times(log: Log, rows: slice, angles: Array) -> tuple[Array, float]:
     """Angles of rows of a log as they were at even times [rad], and the time between these [s].
 
     Rows come early or late. Differences as if they did not make accelerations of that: of an arm

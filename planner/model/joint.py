@@ -625,10 +625,8 @@ def with_ticks(
 ) -> tuple[float, float]:
     """v_max / theta_0 [1/s] and lag [s] for the same response with other ticks.
 
-    The speed of a tick follows the error at its beginning: without inertia a tick's share of an
-    error is 1 - exp(-gain * tick), with ``inertia``, a time constant, the gain stays. A request
-    during a tick acts at its end, so that the delay of slow motion is the same with any ticks only
-    if the lag differs, too.
+    Without ``inertia`` a tick's share of an error is 1 - exp(-gain * tick), with it the gain stays.
+    A request during a tick acts at its end: the delay of slow motion stays with another lag.
     """
     if inertia:
         return gain, max(lag - (tick - other), 0.0)

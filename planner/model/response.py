@@ -124,8 +124,7 @@ def simulate_joints(
 ) -> Array:
     """Angles of several joints [rad], each by :func:`simulate`, shape (n, joints).
 
-    ``requests`` have that shape too; ``starts`` are angles of each joint, or None, and ``loads``
-    torques [N m], shape (n, joints), or for each joint shape (n,) or None.
+    ``loads`` are torques [N m], shape (n, joints), or for each joint (n,) or None.
     """
     none = [None] * len(models)
     each_load = loads.T if isinstance(loads, np.ndarray) else loads or none

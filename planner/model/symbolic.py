@@ -15,10 +15,9 @@ from planner.model.law import Law, State
 def period_function(model: JointModel) -> Any:
     """One request period as a CasADi function: (1a) of ``docs/math.md`` at its ``hold`` ticks.
 
-    Its first argument and its answer are the state: the angle [rad], and below it for a joint with
-    inertia the speed, and the integral of a servo's loops [rad/tick]. The further arguments are the
-    acting requests, of the ages :func:`planner.model.joint.request_ages`, youngest first [rad], the
-    load [N m] and the radius of the rounded corners [rad], 0 for the exact law.
+    Its first argument and its answer are the state, as in :class:`planner.model.law.State`. The
+    further arguments are the acting requests, youngest first [rad], the load [N m] and the radius
+    of the rounded corners [rad], 0 for the exact law.
     """
     import casadi
 

@@ -23,7 +23,7 @@ from planner.recording.recorded_path import (
     Track,
     recorded_path,
 )
-from planner.trajectory import Array, Mask, error_norm, most_lost
+from planner.trajectory import Array, Mask, error_norm, most_lost, stretches
 from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze, read_only
 
 Kind = Literal["resent", "direct", "shifted", "planned"]
@@ -300,9 +300,8 @@ class JointReplay:
     @cached_property
     def too_fast(self) -> tuple[tuple[float, float], ...]:
         """Parts in which the desired angles are faster than the joint can be, from and to [s]."""
-        beyond, period = self.plan.speeds[0].too_fast, self.plan.period
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]])))
-        return tuple((a * period, b * period) for a, b in edges.reshape(-1, 2).tolist())
+        parts, period = stretches(self.plan.speeds[0].too_fast), self.plan.period
+        return tuple((part.start * period, part.stop * period) for part in parts)
 
     def _under(self, requests: Array) -> Array:
         """Angles of the model under other requests, shape (n,); the first holds it, as planned."""

@@ -29,7 +29,7 @@ from planner.report.page import Page, parameters_of
 from planner.report.style import Role
 from planner.report.table import Column, Table, by_columns
 from planner.report.wording import words_of
-from planner.trajectory import Array, index_of_largest
+from planner.trajectory import Array, index_of_largest, stretches
 
 CLOSE_UP = 3.0
 """Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""
@@ -262,11 +262,10 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
         _log_curve(style.INK._replace(width=0.9), "residual", times, residuals),
         Curve(style.DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
     ]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
     shades = tuple(
-        Span(float(times[start]), float(times[end - 1]), style.GRID, 0.45)
-        for start, end in zip(edges[::2], edges[1::2], strict=True)
-        if end - start < len(times)
+        Span(float(times[rows.start]), float(times[rows.stop - 1]), style.GRID, 0.45)
+        for rows in stretches(held_out)
+        if not held_out.all()
     )
     noise, known = factor * identification.noise, math.isfinite(identification.noise)
     noises = (Span(-2.0 * noise, 2.0 * noise, style.CLOSED_FORM, 0.16, "y"),) if known else ()
