@@ -44,20 +44,18 @@ def _controller_bag(path, layout=NEW, *, storage="sqlite3", compression=None):
     return write(path, types, messages, storage=storage, compression=compression)
 
 
-def _command_bag(path, command, *, late=0, topic="/commands", extra=(), types=None, storage="mcap"):
+def _command_bag(path, command, *, late=0, extra=()):
     """Joint states every PERIOD; before each, a command (from the second on, if ``late``)."""
-    types = types or store()
-    kit = Kit(types)
+    kit, messages = Kit(store()), []
     requested, actual = angles()
-    messages = []
     for k in range(len(actual)):
         stamp = START + k * PERIOD
         if k >= late:
-            messages.append((topic, stamp - PERIOD // 2, command(kit, stamp, requested[k])))
+            messages.append(("/commands", stamp - PERIOD // 2, command(kit, stamp, requested[k])))
         messages.append(("/joint_states", stamp + RECEIPT, kit.joint_state(stamp, actual[k])))
         messages.extend((name, stamp, build(kit, stamp)) for name, build in extra)
     messages.sort(key=lambda message: message[1])
-    return write(path, types, messages, storage=storage)
+    return write(path, kit.types, messages, storage="mcap")
 
 
 def _assert_holds_the_angles(log, joint):
