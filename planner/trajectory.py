@@ -233,24 +233,12 @@ def most_lost(times: Array, rows: Array, at: Array, samples: Array) -> tuple[int
 
 
 class Distance(NamedTuple):
-    """How far two trajectories are apart, in the unit of the trajectories.
+    """How far two trajectories are apart, in their unit."""
 
-    Attributes:
-        rms: Root mean square over the samples: the paper's L2.
-        max: Largest over the samples: the paper's Linf.
-    """
-
-    rms: float
-    max: float
+    rms: float  # root mean square over the samples: the paper's L2
+    max: float  # largest over the samples: the paper's Linf
 
 
-def angle_distance(angles: Array, desired: Array) -> Distance:
-    """Distance between two angle trajectories of one joint [rad], both (n,) (paper, Section 5)."""
-    apart = angles - desired
-    return Distance(rms(apart), float(np.max(np.abs(apart))))
-
-
-def foot_distance(positions: Array, desired: Array) -> Distance:
-    """Distance between two foot paths [m], both (n, 3): of the Euclidean distances at each time."""
-    distances = np.linalg.norm(positions - desired, axis=1)
-    return Distance(rms(distances), float(np.max(distances)))
+def size(errors: Array, factor: float = 1.0) -> Distance:
+    """The norms of errors or distances, of any shape, times a factor (paper, Section 5)."""
+    return Distance(factor * rms(errors), factor * float(np.max(np.abs(errors))))

@@ -53,11 +53,11 @@ from planner.planning.task import Norm, Task, checked_leg
 from planner.trajectory import (
     Array,
     Distance,
-    angle_distance,
     as_rows,
     error_norm,
     relative_gap,
     rms,
+    size,
 )
 from planner.validation import Summarised, Summary, check_choice, shown
 
@@ -511,10 +511,7 @@ class FootComparison:
     def differences(self) -> dict[str, Distance]:
         """How far each method's requests are from those for the foot, all joints [rad]."""
         best = self.best.requests.ravel()
-        return {
-            method: angle_distance(plan.requests.ravel(), best)
-            for method, plan in self.plans.items()
-        }
+        return {method: size(plan.requests.ravel() - best) for method, plan in self.plans.items()}
 
     def gap(self, method: str) -> float | None:
         """Relative distance of a plan from the bound; None without a bound that applies to it.

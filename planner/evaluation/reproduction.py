@@ -19,7 +19,7 @@ from planner.planning.inversion import planned
 from planner.planning.line_inverse import Rule
 from planner.planning.plan import Plan
 from planner.planning.task import Task
-from planner.trajectory import Array, Distance, angle_distance, foot_distance
+from planner.trajectory import Array, Distance, size
 
 JOINTS = ("rotator", "abductor", "knee")
 
@@ -192,7 +192,7 @@ class PlannedWalk:
             cycles = [self.plans[method].predicted] if walks is None else walks[method]
             goal = self.goal(pair)
             for j, pairs in enumerate(table.values()):
-                distances = (angle_distance(angles[:, j], goal[:, j]) for angles in cycles)
+                distances = (size(angles[:, j] - goal[:, j]) for angles in cycles)
                 pairs[pair] = OverCycles.of(distances, math.radians(1.0))
         return table
 
@@ -327,7 +327,12 @@ def best_lead(unshifted: Array, distance: Callable[[Array], Distance]) -> int:
 
 def walk_distance(walk: ReferenceWalk) -> Callable[[Array], Distance]:
     """Distance of the foot from the walk's path [m], as a function of the angles [rad], (n, k)."""
-    return lambda angles: foot_distance(walk.leg.foot_positions(angles), walk.desired_foot)
+
+    def distance(angles: Array) -> Distance:
+        apart = walk.leg.foot_positions(angles) - walk.desired_foot
+        return size(np.linalg.norm(apart, axis=1))
+
+    return distance
 
 
 class Clock:

@@ -27,7 +27,7 @@ from planner.identification.result import Identification
 from planner.learning.refine import refine
 from planner.planning.plan import Plan
 from planner.planning.result import Learning
-from planner.trajectory import Array, angle_distance
+from planner.trajectory import Array, rms
 from planner.virtual.robot import Constants, VirtualRobot
 
 AMPLITUDES = (20.0, 40.0, 70.0)
@@ -113,9 +113,9 @@ class VirtualOutcome:
         """
         run = self.runs["direct"]
         return {
-            name: angle_distance(
-                run.angles[:, :, j].mean(axis=0), self.planned.plans["direct"].predicted[:, j]
-            ).rms
+            name: rms(
+                run.angles[:, :, j].mean(axis=0) - self.planned.plans["direct"].predicted[:, j]
+            )
             for j, name in enumerate(self.planned.walk.joint_names)
         }
 
@@ -224,10 +224,7 @@ def execute(robot: VirtualRobot, requests: Array, *, cycles: int) -> Run:
     for dropped in range(1, MOST_DROPPED + 1):
         sensed = robot.play(requests).sensed
         if last is not None:
-            change = max(
-                angle_distance(now, before).rms
-                for now, before in zip(sensed.T, last.T, strict=True)
-            )
+            change = max(rms(now - before) for now, before in zip(sensed.T, last.T, strict=True))
         if change <= STEADY * math.sqrt(2.0) * robot.constants.sensor_error:
             played = [robot.play(requests) for _ in range(cycles)]
             return Run(

@@ -8,14 +8,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED
-from planner.planning.plan import Plan
+from planner.planning.plan import DEGREE, Plan
 from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
-from planner.report.plan_results import PlanAnswer, no_bound, size
+from planner.report.plan_results import PlanAnswer, no_bound
 from planner.report.table import Column, Row, Table, by_columns, percent, signed, thousandths
 from planner.report.wording import words_of
-from planner.trajectory import Array
+from planner.trajectory import Array, size
 
 WITHOUT = style.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
@@ -51,7 +51,7 @@ def plan_page(
         as_given = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
     if foot is None:
         unit, subject = "degrees", "joints" if len(joints) > 1 else "joint"
-        planned, direct = (size(errors) for errors in (plan.errors, plan.direct.errors))
+        planned, direct = (size(errors, DEGREE) for errors in (plan.errors, plan.direct.errors))
         expected = float(np.degrees(np.nan_to_num(plan.expected_rms).max()))
     else:
         unit, subject = "cm", "feet" if answer.parts else "foot"

@@ -38,7 +38,7 @@ from planner.report.table import (
     percent,
     thousandths,
 )
-from planner.trajectory import Array, Distance, error_norm, rms
+from planner.trajectory import Array, Distance, error_norm, rms, size
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -88,11 +88,6 @@ class FootNumbers(NamedTuple):
     expected_early: float | None  # under the shift
 
 
-def size(errors: Array, factor: float = DEGREE) -> Distance:
-    """The errors times a factor in two numbers."""
-    return Distance(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
-
-
 def foot_numbers(feet: Sequence[Plan]) -> FootNumbers:
     """The numbers of a foot, or of several together."""
     shifts = [shifted(foot.task) for foot in feet]
@@ -140,8 +135,8 @@ class PlanAnswer:
                 JointNumbers(
                     name=name,
                     unit=self.units[j] if self.units else "deg",
-                    planned=size(np.ascontiguousarray(plan.errors[:, j])),
-                    direct=size(np.ascontiguousarray(plan.direct.errors[:, j])),
+                    planned=size(np.ascontiguousarray(plan.errors[:, j]), DEGREE),
+                    direct=size(np.ascontiguousarray(plan.direct.errors[:, j]), DEGREE),
                     early=math.degrees(rms(shift.errors[:, j])),
                     lead=shift.leads[j],
                     expected=plan.expected[j],
@@ -562,7 +557,7 @@ def simulation_answer(
             goal, known, period = desired[:, j], model.evidence, model.period
             each = expectation(known, goal, angles, period=period, cyclic=cyclic, load=load)
             expected.append(each)
-            errors, robot = size(angles - goal), math.degrees(each.error)
+            errors, robot = size(angles - goal, DEGREE), math.degrees(each.error)
             joints[name] = {
                 **named(errors, unit),
                 f"expected_rms_{unit}": robot,

@@ -24,10 +24,10 @@ from planner.report.figure import (
     rounded,
 )
 from planner.report.page import Page, models_table
-from planner.report.plan_results import motions_table, named, size
+from planner.report.plan_results import motions_table, named
 from planner.report.table import NOTHING, Column, Row, Table, number, thousandths
 from planner.report.wording import phrase, rendered_text, words_of
-from planner.trajectory import Array, Distance
+from planner.trajectory import Array, Distance, size
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg

@@ -19,7 +19,7 @@ from planner.evaluation import virtual_experiment
 from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
-from planner.trajectory import angle_distance
+from planner.trajectory import rms
 from planner.virtual.robot import VirtualRobot
 
 PLANS = {"closed_form": "Des,MB", "optimal": "Des,Opt"}
@@ -93,10 +93,10 @@ def test_the_distances_follow_from_the_angles_in_the_files(folder, results, join
         cycles = angles.reshape(-1, *desired.shape)
         assert len(cycles) == 20
         for j, joint in enumerate(joints):
-            rms = [math.degrees(angle_distance(cycle[:, j], desired[:, j]).rms) for cycle in cycles]
+            errors = [math.degrees(rms(cycle[:, j] - desired[:, j])) for cycle in cycles]
             entry = results["table2"][joint][pair]
-            assert entry["L2"] == pytest.approx(np.mean(rms), abs=WRITTEN)
-            assert entry["std"]["L2"] == pytest.approx(np.std(rms, ddof=1), abs=WRITTEN)
+            assert entry["L2"] == pytest.approx(np.mean(errors), abs=WRITTEN)
+            assert entry["std"]["L2"] == pytest.approx(np.std(errors, ddof=1), abs=WRITTEN)
 
 
 def test_a_walk_that_does_not_repeat_itself_is_refused(monkeypatch):
