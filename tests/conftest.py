@@ -71,8 +71,7 @@ function at import: every process would compile it.
 """
 
 
-NO_PICTURE = '<svg viewBox="0 0 1 1">\n</svg>\n'
-"""An SVG file in which nothing is drawn."""
+NO_PICTURE = '<svg viewBox="0 0 1 1">\n</svg>\n'  # an SVG file in which nothing is drawn
 
 
 def pytest_addoption(parser):

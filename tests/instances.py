@@ -15,8 +15,7 @@ ERS210A = JointModel.ers210a()
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 """A servo that is asked 50 times a second."""
 
-TICK = 0.008
-"""Time step of the random models [s]."""
+TICK = 0.008  # time step of the random models [s]
 
 
 class ReferenceJoint(NamedTuple):

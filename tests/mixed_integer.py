@@ -18,9 +18,7 @@ from collections import defaultdict
 import cvxpy
 import numpy as np
 
-SOLVER_TOLERANCE = 1e-4
-"""Relative gap between SCIP's bound and its best answer at which it stops."""
-
+SOLVER_TOLERANCE = 1e-4  # relative gap between SCIP's bound and its best answer at which it stops
 MARGIN = 1e-5
 """Relative amount taken off SCIP's bound, which holds only within its tolerances (1e-6)."""
 

@@ -19,8 +19,7 @@ from planner.exceptions import InvalidInput
 
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
-TOLERANCE = 1e-6
-"""Numbers may differ by this, absolute below 1 and relative above."""
+TOLERANCE = 1e-6  # numbers may differ by this, absolute below 1 and relative above
 
 
 class Snapshot:

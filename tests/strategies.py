@@ -8,9 +8,7 @@ from hypothesis.extra import numpy as numpy_strategies
 
 from planner.model.joint import JointModel
 
-TICK = 0.01
-"""Time step of the models [s]."""
-
+TICK = 0.01  # time step of the models [s]
 INTEGRALS = ("integral_rate", "position_integral_rate")
 
 whole_ticks = st.integers(0, 7).map(float)

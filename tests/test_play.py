@@ -13,9 +13,7 @@ from planner.robot.play import ramp
 TICK = 1.0 / 128.0
 """A period whose multiples floating point has exactly [s], so that times can be compared."""
 
-ROUNDING = 1e-12
-"""Sums of a few thousand such times [s], and of angles of some rad."""
-
+ROUNDING = 1e-12  # sums of a few thousand such times [s], and of angles of some rad
 WALK = np.array([[0.0, 1.0], [0.1, 0.9], [0.2, 0.8], [0.1, 0.9]])
 
 

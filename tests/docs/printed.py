@@ -6,14 +6,9 @@ import re
 
 NUMBER = re.compile(r"[-−]?\d+(?:\.(\d+))?(?:e[-+]\d+)?")
 
-NEAR = 0.002
-"""Relative difference that solvers on another machine may make."""
-
-OMITTED = "..."
-"""A line of a page that stands for any number of lines."""
-
-LAST_DIGITS = 1.0
-"""Units of the last decimal that they may make where little is left of a number."""
+NEAR = 0.002  # relative difference that solvers on another machine may make
+OMITTED = "..."  # a line of a page that stands for any number of lines
+LAST_DIGITS = 1.0  # units of the last decimal that they may make where little is left of a number
 
 
 def _words(line):

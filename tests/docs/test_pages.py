@@ -24,8 +24,7 @@ RUN = [page for page in PAGES if blocks(page)]
 BRIEF = {"README.md": {"calibrate": {"duration_s": 8.0}}}
 """Defaults with which commands of a page take less time, where it does not tell what they print."""
 
-UNBOUNDED = ("any_leg.md",)
-"""Pages that tell no bound of a foot: it is not computed."""
+UNBOUNDED = ("any_leg.md",)  # pages that tell no bound of a foot: it is not computed
 
 
 @pytest.fixture

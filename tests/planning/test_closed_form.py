@@ -22,14 +22,9 @@ from planner.planning.task import Task
 from tests.independent import from_rest, next_cycle
 from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 
-NEAR_THE_BOUND = 1.01
-"""Rms error over the bound on that of any requests."""
-
-AT_A_SWITCH = 1e-6
-"""A request this close to a switch may belong to either line [samples]."""
-
-SAME = 1e-10
-"""Rounding of requests of a few radians at slopes of a few rad/s [rad]."""
+NEAR_THE_BOUND = 1.01  # rms error over the bound on that of any requests
+AT_A_SWITCH = 1e-6  # a request this close to a switch may belong to either line [samples]
+SAME = 1e-10  # rounding of requests of a few radians at slopes of a few rad/s [rad]
 
 
 def switched(model, fit, *, rule):

@@ -15,8 +15,7 @@ CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from r
 ALIKE = 0.01
 """Difference of two optimisers' rms, relative; a random instance in a hundred differs by more."""
 
-ALIKE_MAX = 0.05
-"""The same for the largest error, where more local minima are as good."""
+ALIKE_MAX = 0.05  # the same for the largest error, where more local minima are as good
 
 
 def instance(seed, *, hold=1):

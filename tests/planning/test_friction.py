@@ -232,8 +232,7 @@ SINE = 0.5 * np.sin(PHASE)
 HOLDS = np.clip(0.9 * np.sin(PHASE), -0.6, 0.6)
 
 
-NOISE = 0.001
-"""Standard deviation of a path's noise [rad]: 3 % of the dead band."""
+NOISE = 0.001  # standard deviation of a path's noise [rad]: 3 % of the dead band
 
 
 def noisy(path, seed):

@@ -23,18 +23,12 @@ evaluate = from_python(gauss_newton.evaluate)
 allocated = from_python(gauss_newton.allocated)
 set_step = from_python(gauss_newton.set_step)
 
-STEP = 1e-6
-"""Step of the central differences [rad]."""
-
+STEP = 1e-6  # step of the central differences [rad]
 AGREEMENT = 1e-5
 """A step from derivatives by differences and a dense matrix of condition 1e6 [relative]."""
 
-DAMPING = 1e-2
-"""Levenberg-Marquardt weight, which counts in the cost of a step."""
-
-MOST_DAMPING = 1.0
-"""Within this the active limits of every step are found."""
-
+DAMPING = 1e-2  # Levenberg-Marquardt weight, which counts in the cost of a step
+MOST_DAMPING = 1.0  # within this the active limits of every step are found
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 SMOOTHING = pytest.mark.parametrize("smoothing", [True, False], ids=["smoothing", "nearby"])
 
@@ -361,9 +355,7 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     assert_solves_the_dense_problem(step[: len(terms)], problem, stage, point, terms)
 
 
-SAME = 1e-9
-"""Agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]."""
-
+SAME = 1e-9  # agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]
 HELD = pytest.mark.parametrize("hold", [1, 3])
 
 

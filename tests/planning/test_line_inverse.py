@@ -17,9 +17,7 @@ from tests.independent import windowed
 from tests.instances import ERS210A, TICK, random_model_outside_equation_13
 from tests.strategies import models
 
-STEADY = 1e-9
-"""Steady error that the exact rule may leave [rad]."""
-
+STEADY = 1e-9  # steady error that the exact rule may leave [rad]
 FRICTIONAL = replace(
     ERS210A, dead_band=0.03, v_offset=0.4, compliance=0.05, speed_per_torque=1.1, offset=0.01
 )

@@ -29,8 +29,7 @@ PHASE = 2.0 * np.pi * np.arange(40) / 40
 PATH = 0.9 + 0.5 * np.sin(PHASE)
 TOO_FAST = 0.9 + 1.2 * np.sin(3.0 * PHASE)
 
-ROUNDING = 1e-8
-"""The simulation has settled to 1e-9 rad; the slope of the load is below 1 N m/rad."""
+ROUNDING = 1e-8  # the simulation has settled to 1e-9 rad; the slope of the load is below 1 N m/rad
 
 
 def pendulum(angles):

@@ -14,9 +14,7 @@ from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 
 keep_step = from_python(gauss_newton.keep_step)
 
-EXACT = 1e-12
-"""By how much a step may exceed the limit: the rounding of one subtraction [relative]."""
-
+EXACT = 1e-12  # by how much a step may exceed the limit: the rounding of one subtraction [relative]
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 
 

@@ -22,17 +22,10 @@ from tests.instances import (
     saturating,
 )
 
-GAP = 0.005
-"""Most by which a plan may exceed that of a general solver."""
-
-GAP_ON_THE_WALK = 0.002
-"""Most by which a plan may exceed the exact bound on the reference walk."""
-
-ATTAINED = math.radians(0.01)
-"""Largest rms error on what the joint can do [rad]."""
-
-NO_WORSE = 1e-12
-"""Rounding between two simulations of the same requests [rad]."""
+GAP = 0.005  # most by which a plan may exceed that of a general solver
+GAP_ON_THE_WALK = 0.002  # most by which a plan may exceed the exact bound on the reference walk
+ATTAINED = math.radians(0.01)  # largest rms error on what the joint can do [rad]
+NO_WORSE = 1e-12  # rounding between two simulations of the same requests [rad]
 
 
 SAME_QUALITY = 1e-3

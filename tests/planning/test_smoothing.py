@@ -27,9 +27,7 @@ from planner.planning.task import Task
 from tests.instances import ERS210A, REFERENCE_JOINTS, attainable, random_model, saturating
 from tests.plans import track
 
-ROUNDING = 1e-12
-"""Errors of two simulations of the same requests [rad]."""
-
+ROUNDING = 1e-12  # errors of two simulations of the same requests [rad]
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 
 

@@ -23,14 +23,9 @@ from planner.planning.time_shift import (
 from planner.trajectory import rms
 from tests.instances import ERS210A, random_model, saturating
 
-NEARBY = 1e-3
-"""Share of the error that a lead within the tolerance of the best one may cost."""
-
-PATH = 0.3 * np.sin(2.0 * np.pi * np.arange(80) / 80)
-"""A path that the ERS-210A follows [rad]."""
-
-SIZE = rms(np.diff(PATH, 2)) / ERS210A.period**2
-"""Its acceleration [rad/s^2]."""
+NEARBY = 1e-3  # share of the error that a lead within the tolerance of the best one may cost
+PATH = 0.3 * np.sin(2.0 * np.pi * np.arange(80) / 80)  # a path that the ERS-210A follows [rad]
+SIZE = rms(np.diff(PATH, 2)) / ERS210A.period**2  # its acceleration [rad/s^2]
 
 
 def shifted_by(samples, path=PATH):

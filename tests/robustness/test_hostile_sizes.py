@@ -7,11 +7,8 @@ import json
 import numpy as np
 import pytest
 
-MEMORY = 2 * 2**30
-"""Address space that a command gets [bytes]: its libraries take a third of it."""
-
-SECONDS = 20
-"""Processor time that a command gets [s], its imports done."""
+MEMORY = 2 * 2**30  # address space that a command gets [bytes]: its libraries take a third of it
+SECONDS = 20  # processor time that a command gets [s], its imports done
 
 
 def _repeated(folder, name, start, piece, size):

@@ -15,12 +15,8 @@ from planner.files.paths import write_joint_path
 from tests.robustness.forks import Forks
 from tests.robustness.watched import DEATH
 
-MOST = 2
-"""Kills before the last changes; of more changes than that, evenly spaced ones are tried."""
-
-LAST = 7
-"""Changes at the end, where files are put in place: each of them is tried."""
-
+MOST = 2  # kills before the last changes; of more changes than that, evenly spaced ones are tried
+LAST = 7  # changes at the end, where files are put in place: each of them is tried
 PLAN = ["plan", "desired.csv", "--method", "closed-form", "--segments", "5"]
 EXCITE = [
     "excite",

@@ -12,9 +12,7 @@ import planner
 from planner.cli import cli
 from tests.robustness.forks import Forks
 
-EVIL = "__import__('os').system('touch hacked')"
-"""What a file of data may hold, and nobody may run."""
-
+EVIL = "__import__('os').system('touch hacked')"  # what a file of data may hold, and nobody may run
 PATH = "t_s,hip_deg,knee_deg\n" + "".join(f"{0.008 * k:.3f},{k % 5},{-k % 7}\n" for k in range(20))
 LOG = "t_s,requested_deg,actual_deg\n" + "".join(
     f"{0.01 * k:.2f},{20 * (k // 30 % 2)},{18 * (k // 30 % 2)}\n" for k in range(180)

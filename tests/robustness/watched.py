@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import os
 
-DEATH = 77
-"""Exit status of a run that died before a change of a file."""
-
+DEATH = 77  # exit status of a run that died before a change of a file
 CHANGES = {
     *("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate"),
     *("os.chmod", "os.chown", "os.utime", "shutil.rmtree", "shutil.move", "shutil.copyfile"),
@@ -18,8 +16,7 @@ CHANGES = {
 FORBIDDEN = {"os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect"}
 """Events that no input may lead to."""
 
-MARK = "hacked"
-"""What the code in hostile files holds, and no other code."""
+MARK = "hacked"  # what the code in hostile files holds, and no other code
 
 
 class Watch:

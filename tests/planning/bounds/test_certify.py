@@ -33,9 +33,7 @@ from tests.strategies import INTEGRALS, models, trajectories
 ROUNDING = 1e-9
 """Rounding of a bound on angles of a few radians, and the 1e-12 of the steady cycle [rad]."""
 
-LINEAR_LEVELS = ("slope", "envelope")
-"""The levels that are proved by multipliers."""
-
+LINEAR_LEVELS = ("slope", "envelope")  # the levels that are proved by multipliers
 ANY_MODEL = st.one_of(
     models(),
     models(friction=True),
@@ -47,8 +45,7 @@ ANY_MODEL = st.one_of(
 )
 """Joints without and with every term."""
 
-OPTIMAL = 1e-6
-"""How close the solver's multipliers come to the best ones [relative to the range]."""
+OPTIMAL = 1e-6  # how close the solver's multipliers come to the best ones [relative to the range]
 
 
 def set_of(model, samples, *, cyclic, level, start=None, load=None):

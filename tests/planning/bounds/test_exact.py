@@ -31,8 +31,7 @@ from tests.strategies import models, trajectories
 ROUNDING = 1e-7
 """Rounding of angles, contributions and cuts [v_max a tick]; the cycle closes to 1e-12 rad."""
 
-WITHIN = 1e-3
-"""What plans of the reference walk's joints may be above the bound."""
+WITHIN = 1e-3  # what plans of the reference walk's joints may be above the bound
 
 
 def error(angles, desired, norm):
@@ -140,8 +139,7 @@ def test_the_plan_of_the_reference_walk_is_within_a_thousandth_of_the_best():
     assert certificate.solver_gap <= WITHIN
 
 
-SUMMED = 1e-9
-"""Sums of at most a dozen terms of about one."""
+SUMMED = 1e-9  # sums of at most a dozen terms of about one
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,7 @@ from tests.kinematics.made_up_robots import ers210a_leg
 
 WALK = reference_walk()
 
-ROUNDING = 1e-9
-"""Rounding in sums over samples [relative]."""
+ROUNDING = 1e-9  # rounding in sums over samples [relative]
 
 
 @pytest.fixture(autouse=True)

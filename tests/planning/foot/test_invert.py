@@ -22,11 +22,8 @@ from tests.kinematics.made_up_robots import SHAPES, ers210a_leg, made_up_leg
 
 WALK = reference_walk()
 
-SAME = 1e-11
-"""Two simulations of the same requests agree to this [rad, m]."""
-
-NO_WORSE = 1e-12
-"""Rounding between two simulations of the same requests [m]."""
+SAME = 1e-11  # two simulations of the same requests agree to this [rad, m]
+NO_WORSE = 1e-12  # rounding between two simulations of the same requests [m]
 
 
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
@@ -266,8 +263,7 @@ def test_the_plan_for_the_largest_error_of_a_rough_path_is_no_worse_than_that_fo
 
 LEG = reference_walk().leg
 
-UNSEEN = 1e-4
-"""Error that no encoder shows [m]: a step of one of 12 bits in one joint of this leg."""
+UNSEEN = 1e-4  # error that no encoder shows [m]: a step of one of 12 bits in one joint of this leg
 
 
 def stepping(swing_deg: float, *, samples: int = 60):
