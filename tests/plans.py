@@ -1,4 +1,4 @@
-"""Plans of one joint that say what a test wants them to say: nothing is searched."""
+"""Plans that say what a test wants them to say, and what joints make of others: no search."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from planner import Inversion, Plan
+from planner import Inversion, Plan, simulate
 from planner.planning.problem import Problem
 from planner.planning.task import Task
 
@@ -25,6 +25,23 @@ def claiming(plan, predicted):
     predicted = np.array(predicted, dtype=float)
     liar.plan.__dict__["predicted"] = predicted.reshape(liar.plan.requests.shape)
     return liar
+
+
+def foot_distances(plan, requests=None, *, models=None, loads=None):
+    """Distances of a leg's foot under other requests, of joints simulated one by one [m], (n,)."""
+    task = plan.plan.task
+    columns = (
+        task.nominal if models is None else models,
+        np.transpose(plan.requests if requests is None else requests),
+        [None] * len(task.names) if task.start is None else task.start,
+        task.loads if loads is None else loads,
+    )
+    angles = [
+        simulate(model, sent, cyclic=task.cyclic, start=start, load=load)
+        for model, sent, start, load in zip(*columns, strict=True)
+    ]
+    off = task.leg.foot_positions(np.transpose(angles)) - task.desired_foot
+    return np.linalg.norm(off * np.sqrt(task.weights / np.max(task.weights)), axis=1)
 
 
 def track(

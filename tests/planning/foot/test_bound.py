@@ -23,8 +23,10 @@ from planner.planning.bounds.foot_minima import Distance, minima
 from planner.planning.bounds.multipliers import ConicSolution
 from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
 from planner.planning.task import Task
+from planner.trajectory import error_norm
 from tests.instances import ERS210A, random_model
 from tests.kinematics.made_up_robots import ers210a_leg
+from tests.plans import foot_distances
 
 WALK = reference_walk()
 
@@ -38,9 +40,7 @@ def less_effort(monkeypatch):
 
 
 @cache
-def short_plan(
-    hold, cyclic, norm, *, weights=(1.0, 1.0, 1.0), samples=12, friction=False, gravity=False
-):
+def short_plan(hold, cyclic, norm, *, samples=12, friction=False, gravity=False):
     """A short plan for random joints of the Aibo's own leg, asked for too much, not smoothed."""
     rng = np.random.default_rng([hold, cyclic])
     model, load = random_model(rng, whole=False, hold=hold), None
@@ -56,54 +56,25 @@ def short_plan(
     middle = np.mean(leg.limits, axis=0)
     swing = 1.5 * model.v_max * model.period * samples / (2.0 * np.pi)
     angles = middle + np.minimum(swing, 0.5) * np.sin(phase + rng.uniform(0.0, 6.0, 3))
-    return invert_foot(
-        model,
-        leg,
-        leg.foot_positions(angles),
-        cyclic=cyclic,
-        norm=norm,
-        weights=weights,
-        load=load,
-        smoothness=0.0,
-    )
-
-
-def error_of(plan, requests):
-    """What other requests of a leg make of a plan's error, by exact simulation [m]."""
-    starts = [None] * 3 if plan.plan.task.start is None else plan.plan.task.start
-    angles = [
-        simulate(model, column, cyclic=plan.cyclic, start=start, load=load)
-        for model, column, start, load in zip(
-            plan.models, requests.T, starts, plan.plan.task.loads, strict=True
-        )
-    ]
-    roots = np.sqrt(plan.plan.task.weights / np.max(plan.plan.task.weights))
-    foot = plan.plan.task.leg.foot_positions(np.transpose(angles))
-    missed = (foot - plan.plan.task.desired_foot) * roots
-    distances = np.linalg.norm(missed, axis=1)
-    return np.max(distances) if plan.norm == "max" else np.sqrt(np.mean(distances**2))
+    options = {"cyclic": cyclic, "norm": norm, "load": load, "smoothness": 0.0}
+    return invert_foot(model, leg, leg.foot_positions(angles), **options)
 
 
 def limits_of(plan):
     return plan.plan.task.lower, plan.plan.task.upper
 
 
-def task_of(plan):
-    """The relaxation behind a plan's bound, in units of its error."""
-    lower, upper = attainable_angles(
-        plan.models, limits_of(plan), len(plan.plan.task.desired_foot), start=plan.plan.task.start
-    )
-    roots = np.sqrt(plan.plan.task.weights / np.max(plan.plan.task.weights))
-    starts = [None] * 3 if plan.plan.task.start is None else plan.plan.task.start
+def relaxation_of(plan):
+    """The relaxation behind a plan's bound, in units of its error; axes count alike."""
+    task, any_path = plan.plan.task, plan.predicted[:, 0]
+    foot = task.desired_foot
+    box = attainable_angles(plan.models, limits_of(plan), len(foot), start=task.start)
+    starts = [None] * 3 if task.start is None else task.start
     sets = [
-        reachable_set(
-            BoundProblem(model, plan.predicted[:, 0], plan.cyclic, plan.norm, start), "envelope"
-        )
+        reachable_set(BoundProblem(model, any_path, plan.cyclic, plan.norm, start), "envelope")
         for model, start in zip(plan.models, starts, strict=True)
     ]
-    distance = Distance(
-        plan.plan.task.leg.chain, lower, upper, plan.plan.task.desired_foot, roots / plan.error
-    )
+    distance = Distance(task.leg.chain, *box, foot, np.ones(3) / plan.error)
     return LagrangianRelaxation.of(distance, sets, plan.norm)
 
 
@@ -127,14 +98,14 @@ def test_no_requests_within_the_limits_go_below_it(hold, cyclic, norm, friction,
             if plan.plan.task.start is not None:
                 requests[0] = plan.requests[0]  # which holds the joints where they rest
             requests = np.clip(requests, *limits_of(plan))
-            assert plan.lower_bound <= error_of(plan, requests)
+            assert plan.lower_bound <= error_norm(foot_distances(plan, requests), norm)
 
 
 @pytest.mark.parametrize(("cyclic", "norm"), [(True, "max"), (False, "rms")])
 def test_whatever_the_multipliers_nothing_is_proved_that_is_not_so(cyclic, norm):
     rng = np.random.default_rng(4)
     plan = short_plan(2, cyclic, norm)
-    task = task_of(plan)
+    task = relaxation_of(plan)
     for size in (0.0, 0.01, 0.1, 1.0):
         shares = rng.uniform(size=12) if norm == "max" else np.ones(12)
         guess = Multipliers(shares / np.sum(shares), size * rng.exponential(size=len(task.limits)))
@@ -187,11 +158,9 @@ def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
 def test_whole_turns_of_a_plan_change_no_bound():
     """Joints of robots may turn ten radians either way: a search that began elsewhere fails."""
     plan = short_plan(1, True, "rms", samples=8)
-    task, angles = plan.plan.task, plan.predicted
-    turned = angles + 2.0 * np.pi * np.array([-2, 0, 1])
-    bound = plan.lower_bound
-    assert bound > 0.0
-    assert foot_bound(task, turned) == pytest.approx(bound, rel=1e-6)
+    turned = plan.predicted + 2.0 * np.pi * np.array([-2, 0, 1])
+    assert plan.lower_bound > 0.0
+    assert foot_bound(plan.plan.task, turned) == pytest.approx(plan.lower_bound, rel=1e-6)
 
 
 def test_where_the_joints_could_follow_nothing_is_searched(monkeypatch):
@@ -261,25 +230,17 @@ def with_gravity(rng, model):
 
 
 @given(seed=st.integers(0, 1000))
-def test_a_cycle_stays_within_reach(seed):
-    limits = (-0.3, 0.4)
-    for model, angles in cycles(seed, limits):
-        lower, upper = attainable_angles([model], np.array(limits)[:, np.newaxis], 40, start=None)
-        assert np.all(angles >= lower[:, 0] - ROUNDING)
-        assert np.all(angles <= upper[:, 0] + ROUNDING)
-
-
-@given(seed=st.integers(0, 1000))
-def test_a_joint_that_rests_first_stays_within_reach(seed):
-    rng = np.random.default_rng(seed)
+def test_a_cycle_and_a_joint_that_rests_first_stay_within_reach(seed):
+    limits, rng = (-0.3, 0.4), np.random.default_rng(seed)
     model = with_gravity(rng, random_model(rng, whole=False))
-    requests = rng.choice([-0.3, 0.4], size=40)
+    requests = rng.choice(limits, size=40)
     requests[0] = 0.1 - model.offset - model.pose_sag(0.1)
-    angles = simulate(model, requests, cyclic=False, start=0.1)
-    limits = np.array([[-0.3], [0.4]])
-    lower, upper = attainable_angles([model], limits, 40, start=np.array([0.1]))
-    assert np.all(angles >= lower[:, 0] - ROUNDING)
-    assert np.all(angles <= upper[:, 0] + ROUNDING)
+    motions = [(model, simulate(model, requests, cyclic=False, start=0.1), np.array([0.1]))]
+    motions += [(*cycle, None) for cycle in cycles(seed, limits)]
+    for joint, angles, start in motions:
+        box = attainable_angles([joint], np.array(limits)[:, np.newaxis], 40, start=start)
+        lower, upper = (edges[:, 0] for edges in box)
+        assert np.all((angles >= lower - ROUNDING) & (angles <= upper + ROUNDING))
 
 
 @pytest.mark.parametrize("limits", [(-np.inf, np.inf), (-0.3, np.inf), (-np.inf, 20.0)])

@@ -9,73 +9,47 @@ from functools import cache
 import numpy as np
 import pytest
 
+import planner
 from planner.gait.half_ellipse import reference_walk
 from planner.model.response import simulate
 from planner.planning import search
-from planner.planning.closed_form import invert_closed_form
-from planner.planning.inversion import invert_foot, invert_optimal
+from planner.planning.inversion import invert_foot
 from planner.planning.line_inverse import RULES
-from planner.planning.result import FootInversion
+from planner.trajectory import error_norm, rms
 from tests.independent import from_rest, next_cycle
 from tests.instances import ERS210A, random_model
 from tests.kinematics.made_up_robots import SHAPES, ers210a_leg, made_up_leg
+from tests.plans import foot_distances
 
 WALK = reference_walk()
 
 SAME = 1e-11  # two simulations of the same requests agree to this [rad, m]
 NO_WORSE = 1e-12  # rounding between two simulations of the same requests [m]
-
+UNSEEN = 1e-4  # error that no encoder shows [m]: a step of one of 12 bits in one joint of this leg
 
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+NORMS = pytest.mark.parametrize("norm", ["rms", "max"])
 
 pytestmark = pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquation13")
 
 
-@cache
 def limits_of(plan):
     return plan.plan.task.lower, plan.plan.task.upper
 
 
-def reference_plan(**options) -> FootInversion:
+@cache
+def reference_plan(**options):
     """The plan for the reference walk, searched for once."""
     return invert_foot(ERS210A, WALK.leg, WALK.desired_foot, **options)
 
 
-@cache
-def reference_closed_forms(rule, cyclic):
-    """Requests of the closed form for each joint of the reference walk [rad], (88, 3)."""
-    return np.transpose(
-        [
-            invert_closed_form(ERS210A, angles, cyclic=cyclic, segments=6, rule=rule).requests
-            for angles in WALK.desired.T
-        ]
-    )
-
-
-def stride(leg, *, samples=30, swing=0.35, seed=1):
+def stride(leg, *, samples=30, swing=0.35):
     """Angles of a stride about the middle of the limits, too fast for the ERS-210A [rad]."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     phase = 2.0 * np.pi * np.arange(samples)[:, np.newaxis] / samples
     middle = np.mean(leg.limits.finite, axis=0)
     shifts = rng.uniform(0.0, 2.0 * np.pi, (2, len(middle)))
     return middle + swing * (np.sin(phase + shifts[0]) + 0.3 * np.sin(2.0 * phase + shifts[1]))
-
-
-def foot_errors(plan, requests):
-    """Distances of the foot under other requests to the same joints, by exact simulation [m]."""
-    starts = [None] * len(plan.models) if plan.plan.task.start is None else plan.plan.task.start
-    angles = [
-        simulate(model, column, cyclic=plan.cyclic, start=start)
-        for model, column, start in zip(plan.models, np.transpose(requests), starts, strict=True)
-    ]
-    return np.linalg.norm(
-        plan.plan.task.leg.foot_positions(np.transpose(angles)) - plan.plan.task.desired_foot,
-        axis=1,
-    )
-
-
-def rms(distances):
-    return math.sqrt(np.mean(np.square(distances)))
 
 
 def assert_within_limits(plan):
@@ -83,49 +57,39 @@ def assert_within_limits(plan):
     assert np.all((lower <= plan.requests) & (plan.requests <= upper))
 
 
-def joint_by_joint(plan, norm="rms"):
+def assert_no_better(requests, plan):
+    """Other requests to the same joints are no better than the plan's."""
+    assert plan.error <= error_norm(foot_distances(plan, requests), plan.norm) + NO_WORSE
+
+
+def joint_by_joint(plan):
     """Every joint planned for itself, for the angles that come nearest to the path."""
+    task = plan.plan.task
     offsets = np.array([model.offset for model in plan.models])
-    lower, upper = np.array(limits_of(plan)) + offsets  # where the requests let the joints rest
-    desired = np.clip(
-        plan.plan.task.leg.joint_angles(plan.plan.task.desired_foot, unreachable="nearest"),
-        lower,
-        upper,
-    ).T
-    return np.transpose(
-        [
-            invert_optimal(model, angles, cyclic=plan.cyclic, limits=limits, norm=norm).requests
-            for model, angles, limits in zip(
-                plan.models, desired, np.transpose(limits_of(plan)), strict=True
-            )
-        ]
-    )
+    within = np.array(limits_of(plan)) + offsets  # where the requests let the joints rest
+    desired = np.clip(task.leg.joint_angles(task.desired_foot, unreachable="nearest"), *within)
+    options = {"cyclic": plan.cyclic, "limits": limits_of(plan), "norm": plan.norm}
+    return planner.plan(plan.models, desired, **options).requests
 
 
-def test_the_reference_walk_is_followed_to_62_hundredths_of_a_centimetre():
-    assert reference_plan().rms <= 0.0062
-    assert_within_limits(reference_plan())
-
-
-def test_the_largest_distance_on_the_reference_walk_is_135_hundredths_of_a_centimetre():
-    plan = reference_plan(norm="max")
-    assert plan.max_error <= 0.0135
-    assert plan.max_error < 0.95 * reference_plan().max_error
-    assert plan.norm == "max"
-    assert_within_limits(plan)
+def test_the_reference_walk_is_followed_to_62_hundredths_of_a_centimetre_and_135_at_most():
+    mean, largest = reference_plan(), reference_plan(norm="max")
+    assert mean.rms <= 0.0062
+    assert largest.max_error <= min(0.0135, 0.95 * mean.max_error)
+    assert largest.norm == "max"
+    for plan in (mean, largest):
+        assert_within_limits(plan)
 
 
 @CYCLIC
-@pytest.mark.parametrize("norm", ["rms", "max"])
+@NORMS
 def test_on_the_reference_walk_no_plan_of_single_joints_is_better(norm, cyclic):
     plan = reference_plan(norm=norm, cyclic=cyclic)
-    error = np.max if norm == "max" else rms
-    others = [joint_by_joint(plan, norm)]
+    assert_no_better(joint_by_joint(plan), plan)
     for rule in RULES:
-        closed_forms = np.clip(reference_closed_forms(rule, cyclic), *limits_of(plan))
-        others.append(closed_forms)
-    for requests in others:
-        assert error(plan.distances) <= error(foot_errors(plan, requests)) + NO_WORSE
+        options = {"cyclic": cyclic, "method": "closed_form", "segments": 6, "rule": rule}
+        form = planner.plan(ERS210A, WALK.desired, **options)
+        assert_no_better(np.clip(form.requests, *limits_of(plan)), plan)
 
 
 @pytest.mark.parametrize("end", ["front", "hind"])
@@ -154,7 +118,7 @@ def test_a_path_that_requests_have_led_to_is_followed_to_a_tenth_of_a_millimetre
 
 
 @CYCLIC
-@pytest.mark.parametrize("norm", ["rms", "max"])
+@NORMS
 def test_limits_narrower_than_the_path_are_respected_to_the_last_bit(norm, cyclic):
     leg = ers210a_leg("front_left")
     desired = stride(leg)
@@ -165,8 +129,7 @@ def test_limits_narrower_than_the_path_are_respected_to_the_last_bit(norm, cycli
     assert_within_limits(plan)
     np.testing.assert_array_equal(limits_of(plan), limits)
     assert np.any((plan.requests == limits[0]) | (plan.requests == limits[1]))
-    error = np.max if norm == "max" else rms
-    assert error(plan.distances) <= error(foot_errors(plan, joint_by_joint(plan, norm))) + NO_WORSE
+    assert_no_better(joint_by_joint(plan), plan)
 
 
 @CYCLIC
@@ -180,7 +143,7 @@ def test_joints_of_different_kinds_are_planned_together(hold, cyclic):
     plan = invert_foot(models, leg, path, cyclic=cyclic)
     assert plan.models == tuple(models)
     assert_within_limits(plan)
-    assert plan.rms <= rms(foot_errors(plan, joint_by_joint(plan))) + NO_WORSE
+    assert_no_better(joint_by_joint(plan), plan)
     for joint, model in enumerate(models):
         requests, angles = plan.requests[:, joint], plan.predicted[:, joint]
         if cyclic:
@@ -229,25 +192,24 @@ def test_a_point_out_of_reach_is_pointed_at():
         np.testing.assert_allclose(plan.distances, solution.distance[0], rtol=0.0, atol=1e-7)
 
 
-@pytest.mark.parametrize("norm", ["rms", "max"])
+@NORMS
 def test_a_path_partly_out_of_reach_is_followed_as_closely_as_the_rest_of_it(norm):
     plan = invert_foot(ERS210A, WALK.leg, WALK.half_ellipse, norm=norm)
     solution = WALK.leg.inverse(WALK.half_ellipse, unreachable="nearest")
     assert not solution.reachable.all()
-    error = np.max if norm == "max" else rms
-    assert error(solution.distance) <= error(plan.distances)
-    assert error(plan.distances) <= error(foot_errors(plan, joint_by_joint(plan, norm))) + NO_WORSE
+    assert error_norm(solution.distance, norm) <= plan.error
+    assert_no_better(joint_by_joint(plan), plan)
     np.testing.assert_array_equal(plan.plan.task.desired_foot, WALK.half_ellipse)
 
 
 def test_every_figure_follows_from_the_requests():
     plan = reference_plan()
-    np.testing.assert_allclose(plan.distances, foot_errors(plan, plan.requests), atol=SAME)
+    np.testing.assert_allclose(plan.distances, foot_distances(plan), atol=SAME)
     np.testing.assert_array_equal(plan.foot, WALK.leg.foot_positions(plan.predicted))
     assert plan.rms == rms(plan.distances)
     assert plan.max_error == np.max(plan.distances)
     other = replace(plan, requests=WALK.desired)
-    np.testing.assert_allclose(other.distances, foot_errors(plan, WALK.desired), atol=SAME)
+    np.testing.assert_allclose(other.distances, foot_distances(plan, WALK.desired), atol=SAME)
 
 
 @pytest.mark.parametrize("seed", [0, 3])
@@ -261,48 +223,37 @@ def test_the_plan_for_the_largest_error_of_a_rough_path_is_no_worse_than_that_fo
     assert largest.max_error <= mean.max_error + NO_WORSE
 
 
-LEG = reference_walk().leg
-
-UNSEEN = 1e-4  # error that no encoder shows [m]: a step of one of 12 bits in one joint of this leg
-
-
-def stepping(swing_deg: float, *, samples: int = 60):
-    """A foot path in a plane, along which the abductor has nothing to do: (n, 3) [m]."""
-    phase = 2.0 * np.pi * np.arange(samples) / samples
-    swing = math.radians(swing_deg)
-    angles = np.column_stack(
-        [
-            swing * (np.sin(phase) + 0.2 * np.sin(3.0 * phase)),
-            np.full(samples, math.radians(20.0)),
-            math.radians(60.0) + swing * np.cos(phase),
-        ]
-    )
-    return LEG.foot_positions(angles)
+def stepping(swing_deg):
+    """A foot path in a plane, along which the abductor has nothing to do: (60, 3) [m]."""
+    phase = 2.0 * np.pi * np.arange(60) / 60
+    waves = np.sin(phase) + 0.2 * np.sin(3.0 * phase), 0.0 * phase, np.cos(phase)
+    angles = np.radians(np.transpose(waves) * swing_deg + np.array([0.0, 20.0, 60.0]))
+    return WALK.leg.foot_positions(angles)
 
 
-@pytest.mark.parametrize("norm", ["rms", "max"])
+@NORMS
 def test_a_joint_that_could_only_make_up_for_next_to_nothing_rests(norm, monkeypatch):
     path = stepping(10.0)
-    plan = invert_foot(ERS210A, LEG, path, norm=norm)
+    plan = invert_foot(ERS210A, WALK.leg, path, norm=norm)
     assert np.ptp(plan.requests[:, 1]) == 0.0
     monkeypatch.setattr(search, "STATIONARY", -1.0)
-    moving = invert_foot(ERS210A, LEG, path, norm=norm, smoothness=0.0)
+    moving = invert_foot(ERS210A, WALK.leg, path, norm=norm, smoothness=0.0)
     assert np.ptp(moving.requests[:, 1]) > math.radians(0.01)
     assert plan.error <= 1.005 * moving.error + UNSEEN
 
 
 def test_a_joint_that_makes_up_for_what_others_miss_moves():
     path = stepping(40.0)
-    plan = invert_foot(ERS210A, LEG, path)
+    plan = invert_foot(ERS210A, WALK.leg, path)
     assert np.ptp(plan.requests[:, 1]) > math.radians(1.0)
-    resting = invert_foot(ERS210A, LEG, path, smoothness=10.0)
+    resting = invert_foot(ERS210A, WALK.leg, path, smoothness=10.0)
     assert np.ptp(resting.requests[:, 1]) == 0.0
     assert plan.rms < 0.99 * resting.rms
 
 
-@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@CYCLIC
 def test_where_no_joint_has_anything_to_do_all_rest(cyclic):
     path = np.repeat(stepping(0.0)[:1], 12, axis=0)
-    plan = invert_foot(ERS210A, LEG, path, cyclic=cyclic)
+    plan = invert_foot(ERS210A, WALK.leg, path, cyclic=cyclic)
     np.testing.assert_allclose(plan.requests, plan.requests[:1].repeat(12, axis=0), atol=1e-9)
     assert plan.max_error <= 1e-9

@@ -8,11 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from planner import invert_foot, invert_optimal, reference_walk, simulate
+from planner import invert_foot, invert_optimal, reference_walk
 from planner.model.evidence import Evidence
 from planner.planning.candidate_models import drawn_models, models_of_joints
+from planner.trajectory import error_norm
 from tests.instances import ERS210A
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
+from tests.plans import foot_distances
 
 LEG = reference_walk().leg
 
@@ -29,43 +31,27 @@ MODELS = [(ERS210A, *OTHERS), (ERS210A,), (ERS210A, *OTHERS[::-1])]
 
 
 @cache
-def path(samples: int = 30):
+def path():
     """A foot path that saturates no joint of the ERS-210A, but some of the slower ones [m]."""
-    phase = 2.0 * np.pi * np.arange(samples) / samples
-    swing = np.column_stack([np.sin(phase), np.zeros(samples), np.cos(phase)])
+    phase = 2.0 * np.pi * np.arange(30) / 30
+    swing = np.column_stack([np.sin(phase), 0.0 * phase, np.cos(phase)])
     return LEG.foot_positions(np.radians([0.0, 20.0, 60.0]) + 0.15 * swing)
 
 
-@cache
-def planned(**options):
-    """A plan for several models, searched for once."""
-    return invert_foot(MODELS, LEG, path(), **options)
-
-
-def errors(scenarios, plan, *, requests=None, loads=(None, None, None)):
+def errors(scenarios, plan, **options):
     """Errors of the foot in each scenario, by simulation joint by joint [m], (scenarios,)."""
-    sent = plan.requests if requests is None else requests
-    starts = [None] * sent.shape[1] if plan.plan.task.start is None else plan.plan.task.start
-    found = []
-    for models in scenarios:
-        columns = zip(models, sent.T, starts, loads, strict=True)
-        angles = [
-            simulate(model, each, cyclic=plan.cyclic, start=start, load=load)
-            for model, each, start, load in columns
-        ]
-        away = np.linalg.norm(
-            plan.plan.task.leg.foot_positions(np.transpose(angles)) - plan.plan.task.desired_foot,
-            axis=1,
-        )
-        found.append(np.max(away) if plan.norm == "max" else np.sqrt(np.mean(away**2)))
-    return np.array(found)
+    away = (foot_distances(plan, models=models, **options) for models in scenarios)
+    return np.array([error_norm(each, plan.norm) for each in away])
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 @pytest.mark.parametrize("norm", ["rms", "max"])
 def test_the_foots_errors_over_several_models_are_smaller_than_under_a_plan_for_one(norm, cyclic):
-    alone = invert_foot(ERS210A, LEG, path(), norm=norm, cyclic=cyclic)
-    mean, worst = (planned(norm=norm, cyclic=cyclic, robust=which) for which in ("mean", "worst"))
+    options = {"norm": norm, "cyclic": cyclic}
+    alone = invert_foot(ERS210A, LEG, path(), **options)
+    mean, worst = (
+        invert_foot(MODELS, LEG, path(), robust=which, **options) for which in ("mean", "worst")
+    )
     scenarios = tuple(zip(MODELS[0], [ERS210A] * 3, MODELS[2], strict=True))
     before = errors(scenarios, alone)
     for made, which in ((mean, "mean"), (worst, "worst")):
