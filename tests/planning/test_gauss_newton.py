@@ -9,11 +9,11 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from planner import JointModel, reference_walk, simulate
+from planner import reference_walk, simulate
 from planner.model.response import load_by_period, motion_under
 from planner.planning import gauss_newton
 from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, pattern_of
-from planner.planning.problem import Problem, constants_of, problem_of
+from planner.planning.problem import problem_of
 from planner.planning.task import Task
 from tests.from_python import from_python
 from tests.instances import ERS210A, TICK, random_model, saturating
@@ -38,48 +38,31 @@ def joint(seed, *, cyclic, samples=10, inertia=False, friction=False, scenarios=
     rng = np.random.default_rng([seed, samples, scenarios])
     model = random_model(rng, whole=False, hold=1 + seed % 3)
     desired = saturating(rng, model, samples=samples)
-    if friction:
-        model = replace(model, dead_band=0.3 * model.theta_0)
+    terms = {"dead_band": 0.3 * model.theta_0} if friction else {}
+    terms |= {"time_constant": 2.0 * TICK} if inertia else {}
     start = None if cyclic else float(np.median(desired)) + 0.01
-    problem = track(model, desired, cyclic=cyclic, start=start, **options)
-    models = [replace(model, v_max=model.v_max * (1.0 + 0.1 * c)) for c in range(scenarios)]
-    if inertia:
-        models = [replace(each, time_constant=2.0 * TICK) for each in models]
-    loads = np.zeros((scenarios, samples))
-    return problem.in_scenarios([(each,) for each in models], loads, "mean")
+    problem = track(replace(model, **terms), desired, cyclic=cyclic, start=start, **options)
+    speeds = [model.v_max * (1.0 + 0.1 * c) for c in range(scenarios)]
+    models = [(replace(model, v_max=speed, **terms),) for speed in speeds]
+    return problem.in_scenarios(models, np.zeros((scenarios, samples)), "mean")
 
 
-def leg_problem(cyclic):
-    """A leg of which every joint lags."""
-    walk = reference_walk()
-    desired = walk.desired[::6]
-    foot = walk.leg.foot_positions(desired) + 0.01
-    lower, upper = walk.leg.limits
-    return Problem(
-        models=(JointModel.ers210a(),) * 3,
-        desired=desired,
-        lower=lower,
-        upper=upper,
-        max_step=np.full(3, np.inf),
-        loads=np.zeros((3, len(desired))),
-        foot=np.hstack([foot, np.zeros_like(desired)]),
-        leg=constants_of(walk.leg, np.array([9.0, 5.0, 7.0])),
-        cyclic=cyclic,
-        start=None if cyclic else desired[0],
-    )
+def leg_problem():
+    """A leg of which every joint lags, along axes that count differently."""
+    walk, weights = reference_walk(), (9.0, 5.0, 7.0)
+    return problem_of(Task.of(ERS210A, walk.desired_foot[::6], leg=walk.leg, weights=weights))
 
 
-def point_at(problem, stage, seed=0, unit=1.0):
+def point_at(problem, stage, unit=1.0):
     """Requests and states near the desired angles, evaluated."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     point = allocated(problem.spec, smoothing=stage.smoothing)
     noise = rng.normal(size=point.requests.shape)
-    point.requests[:] = problem.admissible(problem.desired + 0.05 * noise)
     angles = np.tile(problem.desired, len(problem.weights))
     point.states[:, : angles.shape[1]] = angles
-    point.states[:] += 0.05 * rng.normal(size=point.states.shape)
-    evaluate(problem.spec, stage, unit, point)
-    return point
+    states = point.states + 0.05 * rng.normal(size=point.states.shape)
+    requests = problem.admissible(problem.desired + 0.05 * noise)
+    return evaluated(problem, stage, requests, states, unit)
 
 
 def within_a_unit(problem, stage, unit):
@@ -123,14 +106,24 @@ def unknowns_of(point):
     return np.concatenate([point.requests.ravel(), point.states.ravel()])
 
 
+def split(unknowns, point):
+    """Requests and states."""
+    requests, states = np.split(unknowns, [point.requests.size])
+    return requests.reshape(point.requests.shape), states.reshape(point.states.shape)
+
+
+def terms_of(problem, point, damping):
+    """What counts beside the cost: requests by the damping, speeds a little."""
+    speeds = np.zeros(point.states.shape)
+    speeds[:, len(problem.models) :] = SPEED_TERM
+    return np.concatenate([np.full(point.requests.size, damping), speeds.ravel()])
+
+
 def dense(problem, stage, point):
     """Cost, its gradient and Hessian, and the derivative of the defects, all by differences."""
-    count = point.requests.size
 
     def at(unknowns):
-        requests = unknowns[:count].reshape(point.requests.shape)
-        states = unknowns[count:].reshape(point.states.shape)
-        return evaluated(problem, stage, requests, states)
+        return evaluated(problem, stage, *split(unknowns, point))
 
     here = unknowns_of(point)
     size, cost = len(here), point.costs[1]
@@ -163,12 +156,7 @@ def constrained(problem, stage, point, damping):
     """The step by a convex solver: dense, its derivatives by differences."""
     gradient, hessian, slopes = dense(problem, stage, point)
     count = point.requests.size
-    terms = np.zeros(len(gradient))
-    terms[:count] = 2.0 * damping
-    if problem.spec.parts > 1:
-        speeds = np.zeros(point.states.shape)
-        speeds[:, len(problem.models) :] = 2.0 * SPEED_TERM
-        terms[count:] += speeds.ravel()
+    terms = 2.0 * terms_of(problem, point, damping)
     z = cp.Variable(len(gradient))
     requests = point.requests.ravel() + z[:count]
     conditions = [slopes @ z == -point.defects.ravel()]
@@ -212,16 +200,10 @@ def test_the_step_is_the_dense_solution_of_the_linearised_problem(case, cyclic, 
     point = point_at(problem, stage)
     step, predicted, damping = step_at(problem, stage, point)
     assert damping == DAMPING
-    count = point.requests.size
-    terms = np.zeros(len(step))
-    terms[:count] = DAMPING
-    if problem.spec.parts > 1:
-        speeds = count + np.arange(point.states.size).reshape(point.states.shape)
-        terms[speeds[:, len(problem.models) :]] = SPEED_TERM
+    terms = terms_of(problem, point, DAMPING)
     assert_solves_the_dense_problem(step, problem, stage, point, terms)
-    after = unknowns_of(point) + step
-    requests = after[:count].reshape(point.requests.shape)
-    reached = evaluated(problem, stage, requests, after[count:].reshape(point.states.shape))
+    requests, states = split(unknowns_of(point) + step, point)
+    reached = evaluated(problem, stage, requests, states)
     assert predicted == pytest.approx(reached.costs[1], rel=1e-9)
 
 
@@ -255,7 +237,7 @@ def test_the_step_within_limits_is_that_of_a_convex_solver(
 @pytest.mark.parametrize("power", [2.0, 4.0, 16.0])
 @pytest.mark.parametrize("kind", ["joint", "models", "leg"])
 def test_the_gradient_is_half_the_slope_of_the_cost(kind, power):
-    problem = leg_problem(True) if kind == "leg" else joint(1, cyclic=True, scenarios=2)
+    problem = leg_problem() if kind == "leg" else joint(1, cyclic=True, scenarios=2)
     if kind == "models":
         problem = replace(problem, norm="max", weights=(0.4, 0.6))
     stage, unit = Stage(0.3, 0.0, power), 0.1
@@ -285,7 +267,7 @@ def test_all_periods_of_a_long_path_lead_where_its_simulation_does(cyclic):
 
 
 def test_the_curvature_of_a_foot_is_that_of_its_derivatives_and_a_ridge():
-    problem = leg_problem(True)
+    problem = leg_problem()
     point = point_at(problem, Stage(0.3, 0.0))
     values, jacobians = (each[:, 0] for each in problem.errors(point.states))
     curvature = np.einsum("kij,kih->kjh", jacobians, jacobians) + 1e-4 * np.eye(3)
@@ -310,7 +292,7 @@ def test_without_a_unit_errors_count_in_that_of_the_largest(power):
 
 
 @CYCLIC
-@pytest.mark.parametrize("smoothing", [True, False])
+@SMOOTHING
 def test_the_regularisation_adds_its_weight_times_its_squares(smoothing, cyclic):
     problem = joint(3, cyclic=cyclic, friction=True)
     stage = Stage(0.3, 0.25, 2.0, 1, smoothing)
@@ -336,12 +318,9 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     found, _ = set_step(spec, stage, pattern, point, search, step)
     assert found
 
+    terms = terms_of(problem, point, DAMPING)
     count = point.requests.size
-    terms = np.zeros(count + point.states.size)
-    terms[:count] = DAMPING
     angles = count + np.arange(point.states.size).reshape(point.states.shape)
-    if problem.spec.parts > 1:
-        terms[angles[:, 1]] = SPEED_TERM
     bends = np.moveaxis(point.slopes[0, :, spec.parts + width :], -1, 0)  # (n, s, width)
     curvature = -np.einsum("ks,ksj->kj", multipliers, bends)
     assert np.any(curvature > 0.0)
@@ -356,36 +335,18 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
 
 
 SAME = 1e-9  # agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]
-HELD = pytest.mark.parametrize("hold", [1, 3])
-
-
-def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
-    """Joints of different lag, sag and tick, but of one period, and requests for them."""
-    rng = np.random.default_rng([seed, joints, hold, cyclic])
-    models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(joints)]
-    models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)
-    resting = np.stack([saturating(rng, model, samples=samples) for model in models], axis=1)
-    offsets = np.array([model.offset for model in models])
-    lower, upper = limits or (np.full(joints, -np.inf), np.full(joints, np.inf))
-    problem = Problem(
-        models=tuple(models),
-        desired=resting + offsets,
-        lower=lower,
-        upper=upper,
-        max_step=np.full(joints, np.inf),
-        loads=np.zeros((joints, samples)),
-        cyclic=cyclic,
-        start=None if cyclic else resting[0] + offsets,
-    )
-    requests = problem.admissible(resting + rng.uniform(-0.1, 0.1, resting.shape))
-    return problem, requests
 
 
 @CYCLIC
-@HELD
-@pytest.mark.parametrize("joints", [1, 2, 3])
+@pytest.mark.parametrize(("joints", "hold"), [(1, 1), (2, 3), (3, 1)])
 def test_the_exact_angles_are_those_of_the_simulation(joints, hold, cyclic):
-    problem, requests = stacked(1, joints, hold=hold, cyclic=cyclic)
+    """Of joints of different lag, sag and tick, but of one period."""
+    rng = np.random.default_rng([joints, hold, cyclic])
+    models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(joints)]
+    models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)
+    desired = np.transpose([saturating(rng, model, samples=30) for model in models])
+    problem = problem_of(Task.of(models, desired, cyclic=cyclic))
+    requests = problem.admissible(problem.resting + rng.uniform(-0.1, 0.1, desired.shape))
     angles = problem.exact_angles(requests)
     for joint, model in enumerate(problem.models):
         start = None if cyclic else float(problem.start[joint])
@@ -428,20 +389,15 @@ def test_the_largest_error_over_several_models_is_that_of_all_of_them_together()
 
 def test_with_dry_friction_roughness_counts_how_far_requests_are_from_the_middle_of_the_band():
     """A tenth of the distance, beside second differences; docs/math.md, section 6."""
-    rng = np.random.default_rng(5)
-    for cyclic in (True, False):
+    requests = np.random.default_rng(5).normal(size=(6, 1))
+    at_rest, closed = (np.vstack([each, requests]) for each in (requests[:1], requests[-1:]))
+    for cyclic, path in ((True, np.vstack([closed, requests[:1]])), (False, at_rest)):
         start = None if cyclic else 0.1
         plain, sticky = (
             track(replace(ERS210A, dead_band=band), np.full(6, 0.1), cyclic=cyclic, start=start)
             for band in (0.0, 0.02)
         )
-        requests = rng.normal(size=(6, 1))
-        bends = requests[:-2] - 2.0 * requests[1:-1] + requests[2:]
-        first = requests[1] - requests[0]  # before the first the joint rests at it
-        squares = float(np.sum(bends**2)) + float(first[0] ** 2)
-        if cyclic:
-            closed = np.vstack([requests[-1:], requests, requests[:1]])
-            squares = float(np.sum(np.diff(closed, 2, axis=0) ** 2))
+        squares = float(np.sum(np.diff(path, 2, axis=0) ** 2))
         assert plain.roughness(requests) == pytest.approx(squares)
         away = float(np.sum((0.1 * (requests - 0.1)) ** 2))
         assert sticky.roughness(requests) == pytest.approx(squares + away)
@@ -456,31 +412,19 @@ def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_do
     inertia, integral, position, cyclic
 ):
     """Each period has a torque of its own; the top speeds of the two directions differ, too."""
-    model = replace(
-        ERS210A,
-        sag_sin=-0.04,
-        sag_cos=0.02,
-        compliance=0.05,
-        v_offset=0.6,
-        speed_per_torque=0.8,
-        dead_band=0.01,
-        time_constant=inertia,
-        integral_rate=integral,
-        position_integral_rate=position,
-    )
+    terms = {"sag_sin": -0.04, "sag_cos": 0.02, "compliance": 0.05, "v_offset": 0.6}
+    terms |= {"speed_per_torque": 0.8, "dead_band": 0.01, "time_constant": inertia}
+    rates = {"integral_rate": integral, "position_integral_rate": position}
+    model = replace(ERS210A, **terms, **rates)
     requests = 0.8 * np.sin(2.0 * np.pi * np.arange(60) / 30)
     torques = np.cos(0.3 * np.arange(60))
     start = None if cyclic else 0.1
     problem = track(model, requests, cyclic=cyclic, start=start, load=torques)
-    point = allocated(problem.spec, smoothing=False)
     acting_load = load_by_period(torques, cyclic=cyclic)
     motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=acting_load)
-    point.requests[:, 0] = requests
-    point.states[:, 0] = motion[0]
-    point.states[:, 1:] = (
-        problem.spec.drives[:, gauss_newton.COASTING] * motion[1 : problem.spec.parts].T
-    )
-    evaluate(problem.spec, Stage(1e-12, 1.0), 1.0, point)
+    moving = problem.spec.drives[:, gauss_newton.COASTING] * motion[1 : problem.spec.parts].T
+    states = np.column_stack([motion[0], moving])
+    point = evaluated(problem, Stage(1e-12, 1.0, 2.0, 1, False), requests[:, np.newaxis], states)
     np.testing.assert_allclose(point.defects, 0.0, rtol=0.0, atol=SAME)
     exact = problem.exact_angles(requests[:, np.newaxis])
     np.testing.assert_array_equal(exact[:, 0], motion[0])
