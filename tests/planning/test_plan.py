@@ -48,30 +48,32 @@ def test_a_caller_who_makes_underflow_an_error_gets_the_plan_all_the_same():
 
 
 @pytest.mark.parametrize(
-    "models",
-    [(ERS210A, SLOW), {"knee": SLOW, "": ERS210A, "elbow": SLOW}, {"knee": SLOW, "hip": ERS210A}],
+    ("models", "of_each"),
+    [
+        ((ERS210A, SLOW), (ERS210A, SLOW)),
+        ({"knee": SLOW, "": ERS210A, "elbow": SLOW}, (ERS210A, SLOW)),
+        (ERS210A, (ERS210A, ERS210A)),
+    ],
 )
-def test_models_are_one_for_each_joint_or_a_dict_by_joint(models):
+def test_models_are_one_for_each_joint_or_by_joint_or_that_of_all(models, of_each):
     made = planner.plan(models, DESIRED, names=["hip", "knee"], method="closed_form")
-    assert made.models == (ERS210A, SLOW)
+    assert made.models == of_each
     assert made.inversions[0].method == "closed_form"
 
 
-def test_one_model_is_that_of_every_joint_and_one_column_is_one_joint():
-    assert planner.plan(ERS210A, DESIRED, method="closed_form").models == (ERS210A, ERS210A)
+def test_one_column_is_one_joint():
     made = planner.plan({"": ERS210A}, DESIRED[:, 0], method="closed_form", segments=4)
     assert (made.names, made.requests.shape) == (("joint_1",), (60, 1))
     assert made.inversions[0].approximation.segments == 4
 
 
-LOADED = dataclasses.replace(ERS210A, compliance=0.05, dead_band=0.01)
+LOADED = replace(ERS210A, compliance=0.05, dead_band=0.01)
 TORQUES = np.column_stack([0.3 * np.cos(PHASE), 0.1 + 0.0 * PHASE])
 
 
-@pytest.mark.parametrize("load", [TORQUES, {"hip": TORQUES[:, 0], "knee": 0.1}], ids=["rows", "by"])
 @pytest.mark.parametrize("method", ["optimal", "closed_form"])
-def test_a_load_is_that_of_each_joint(load, method):
-    made = planner.plan(LOADED, DESIRED, names=["hip", "knee"], load=load, method=method)
+def test_a_load_is_that_of_each_joint(method):
+    made = planner.plan(LOADED, DESIRED, load=TORQUES, method=method)
     invert = planner.invert_optimal if method == "optimal" else planner.invert_closed_form
     for j in range(2):
         alone = invert(LOADED, DESIRED[:, j], load=TORQUES[:, j])
@@ -119,7 +121,7 @@ def test_desired_angles_requested_as_they_are_meet_the_load_and_the_rest_of_the_
 
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_a_path_is_too_fast_where_the_load_makes_the_joint_slower(cyclic):
-    slowed = dataclasses.replace(SLOW, compliance=0.01, speed_per_torque=1.0)
+    slowed = replace(SLOW, compliance=0.01, speed_per_torque=1.0)
     desired = SLOW.v_max * SLOW.period * 0.8 * np.arange(20.0)[:, np.newaxis]
     load = {"load": -0.5, "cyclic": cyclic}  # towards smaller angles: v_max - 0.5 rad/s upwards
     free, held = (planted(desired, desired, each, **load) for each in (SLOW, slowed))
@@ -145,24 +147,23 @@ def test_the_foot_on_the_robot_is_expected_off_by_the_plans_errors_and_those_of_
     jacobians = walk.leg.jacobians(made.predicted)
     squares = np.mean(made.distances**2) + error**2 * np.mean(np.sum(jacobians**2, axis=(1, 2)))
     assert made.expected_foot == pytest.approx(np.sqrt(squares), rel=0.01)
-    learnt = dataclasses.replace(task, disturbance=np.full_like(task.desired, 0.01))
-    assert dataclasses.replace(made, task=learnt).expected_foot is None
-    np.testing.assert_array_equal(dataclasses.replace(made, task=learnt).lower_bounds, [0.0])
+    learnt = replace(task, disturbance=np.full_like(task.desired, 0.01))
+    assert replace(made, task=learnt).expected_foot is None
+    np.testing.assert_array_equal(replace(made, task=learnt).lower_bounds, [0.0])
 
 
 def test_what_cycles_have_added_is_part_of_what_is_predicted():
     added = 0.01 * np.arange(120.0).reshape(60, 2)
     made = planted(DESIRED, 0.9 * DESIRED)
-    learnt = dataclasses.replace(made, task=dataclasses.replace(made.task, disturbance=added))
+    learnt = replace(made, task=replace(made.task, disturbance=added))
     np.testing.assert_array_equal(learnt.predicted, made.predicted + added)
     np.testing.assert_array_equal(learnt.errors, made.predicted + added - DESIRED)
-    np.testing.assert_array_equal(
-        learnt.direct.predicted, made.direct.predicted
-    )  # of the models alone
+    of_models_alone = made.direct.predicted
+    np.testing.assert_array_equal(learnt.direct.predicted, of_models_alone)
 
 
 def test_the_bound_of_each_joint_holds_under_its_load():
-    heavy = dataclasses.replace(SLOW, compliance=0.1, speed_per_torque=0.8)
+    heavy = replace(SLOW, compliance=0.1, speed_per_torque=0.8)
     load = np.column_stack([-0.5 * np.sign(np.cos(PHASE)), 0.0 * PHASE])  # against the motion
     made = planted(4.0 * DESIRED, DESIRED, (heavy, SLOW), load=load)
     for j, (model, torque) in enumerate(((heavy, load[:, 0]), (SLOW, None))):
@@ -214,7 +215,7 @@ def test_reversals_are_counted_by_second_where_requests_turn_by_more_than_roundi
 
 
 def test_the_errors_of_all_models_are_in_their_order_the_nominal_one_first():
-    others = [dataclasses.replace(ERS210A, offset=sag) for sag in (0.1, -0.3)]
+    others = [replace(ERS210A, offset=sag) for sag in (0.1, -0.3)]
     made = planted(np.zeros((5, 2)), np.full((5, 2), 0.05), [[ERS210A, *others], [SLOW]])
     np.testing.assert_allclose(made.errors_of_models[0], [0.05, 0.15, 0.25], atol=1e-12)
     np.testing.assert_allclose(made.errors_of_models[1], [0.05], atol=1e-12)
@@ -228,7 +229,7 @@ def test_the_view_of_each_joint_shows_the_figures_of_that_joint():
     """Those of a plan of this joint alone, name by name, and none of them is that of the other."""
     known = [
         LOADED.with_evidence(Evidence(0.01)),
-        dataclasses.replace(SLOW, compliance=0.2).with_evidence(Evidence(0.02)),
+        replace(SLOW, compliance=0.2).with_evidence(Evidence(0.02)),
     ]
     made = planted(
         DESIRED,
@@ -262,8 +263,8 @@ def test_a_tolerance_is_kept_in_the_norm_of_the_plan():
     assert made.inversions[0].within_tolerance  # none was asked for
     between = 0.5 * float(made.rms[0] + made.max_error[0])
     for norm, kept in (("rms", True), ("max", False)):
-        task = dataclasses.replace(made.task, norm=norm, tolerance=between)
-        (view,) = dataclasses.replace(made, task=task).inversions
+        task = replace(made.task, norm=norm, tolerance=between)
+        (view,) = replace(made, task=task).inversions
         assert view.within_tolerance is kept
 
 
@@ -300,7 +301,7 @@ OPTIONS = {
 
 @pytest.mark.parametrize("joints", [1, 2])
 def test_every_option_is_asked_of_the_search_and_kept_in_the_task_of_the_plan(joints, unsearched):
-    models, told = [LOADED, dataclasses.replace(LOADED, lag=0.05)], []
+    models, told = [LOADED, replace(LOADED, lag=0.05)], []
     if joints == 1:
         made = planner.invert_optimal(models, DESIRED[:, 0], **OPTIONS).plan
     else:
@@ -324,7 +325,7 @@ def test_every_option_of_a_foot_is_asked_of_the_search_too(unsearched):
     walk = planner.reference_walk()
     foot, added = walk.desired_foot[::8], 0.01 * np.ones((11, 3))
     made = planner.invert_foot(
-        [[LOADED, dataclasses.replace(LOADED, lag=0.05)]] * 3,
+        [[LOADED, replace(LOADED, lag=0.05)]] * 3,
         walk.leg,
         foot,
         cyclic=False,
@@ -350,10 +351,6 @@ def test_every_option_of_a_foot_is_asked_of_the_search_too(unsearched):
     assert len(task.scenarios) == 2
 
 
-def plan_of(desired, requests, **options):
-    return inversion(ERS210A, desired, requests, method="closed_form", **options)
-
-
 @pytest.mark.parametrize("norm", ["rms", "max"])
 @pytest.mark.parametrize("start", [None, 0.3])
 def test_the_gap_is_the_error_over_the_bound_in_the_plans_own_norm(norm, start):
@@ -361,17 +358,16 @@ def test_the_gap_is_the_error_over_the_bound_in_the_plans_own_norm(norm, start):
     desired = saturating(np.random.default_rng(1), ERS210A)
     requests = desired.copy()
     requests[0] = desired[0] if start is None else start
-    plan = plan_of(desired, requests, norm=norm, cyclic=cyclic, start=start)
+    plan = inversion(ERS210A, desired, requests, norm=norm, cyclic=cyclic, start=start)
     bound = lower_bound(ERS210A, desired, cyclic=cyclic, norm=norm, start=start)
     assert plan.lower_bound == bound
-    error = plan.rms if norm == "rms" else plan.max_error
-    assert plan.gap == pytest.approx(error / bound - 1.0, rel=1e-12)
+    assert plan.gap == pytest.approx(plan.error / bound - 1.0, rel=1e-12)
     assert plan.gap >= 0.0
 
 
 def test_without_a_bound_the_gap_of_a_perfect_plan_is_0_and_of_any_other_infinite():
     for request, gap in ((0.2, 0.0), (0.3, math.inf)):
-        plan = plan_of(np.full(9, 0.2), np.full(9, request))
+        plan = inversion(ERS210A, np.full(9, 0.2), np.full(9, request))
         assert (plan.lower_bound, plan.gap) == (0.0, gap)
 
 
@@ -380,7 +376,7 @@ def test_without_a_bound_the_gap_of_a_perfect_plan_is_0_and_of_any_other_infinit
     [([0.0, 1.0, 0.5], 0.0), ([-0.2, 1.1, 0.5], 0.2), ([0.2, 1.3, 0.5], 0.3), ([0.5] * 3, 0.0)],
 )
 def test_the_excess_is_the_distance_beyond_the_desired_range(requests, excess):
-    plan = plan_of([0.0, 1.0, 0.5], requests, cyclic=False, start=0.0)
+    plan = inversion(ERS210A, [0.0, 1.0, 0.5], requests, cyclic=False, start=0.0)
     assert plan.excess == pytest.approx(excess)
 
 
@@ -388,7 +384,7 @@ def test_what_cycles_have_added_counts_in_the_bound_and_ends_what_the_model_prom
     desired = saturating(np.random.default_rng(2), ERS210A)
     disturbance = 0.1 * np.roll(desired, 5)
     added = disturbance[:, np.newaxis]
-    plan = replace(plan_of(desired, desired), disturbance=added)
+    plan = replace(inversion(ERS210A, desired, desired), disturbance=added)
     assert plan.lower_bound == lower_bound(ERS210A, desired - disturbance)
     tested = inversion(ERS210A.with_evidence(Evidence(0.01)), desired, desired)
     assert tested.expected.error > 0.01
@@ -404,7 +400,6 @@ def test_a_copy_of_a_plan_is_read_only_too(copied):
     again = copied(plan)
     for name in ("desired", "requests", "predicted"):
         np.testing.assert_array_equal(getattr(again, name), getattr(plan, name))
-        with pytest.raises(ValueError, match="read-only"):
-            getattr(again, name)[0] = 1.0
+        assert not getattr(again, name).flags.writeable
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(again, name, np.zeros(30))

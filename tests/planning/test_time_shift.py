@@ -20,7 +20,7 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.trajectory import rms
+from planner.trajectory import error_norm, rms
 from tests.instances import ERS210A, random_model, saturating
 
 NEARBY = 1e-3  # share of the error that a lead within the tolerance of the best one may cost
@@ -28,17 +28,11 @@ PATH = 0.3 * np.sin(2.0 * np.pi * np.arange(80) / 80)  # a path that the ERS-210
 SIZE = rms(np.diff(PATH, 2)) / ERS210A.period**2  # its acceleration [rad/s^2]
 
 
-def shifted_by(samples, path=PATH):
-    """A cyclic path a whole number of samples early."""
-    return np.roll(path, -samples)
-
-
 def test_requests_are_the_desired_angles_between_samples_the_lead_early():
     made = planner.invert_shift(ERS210A, PATH)
     assert made.method == "shift"
     places = np.arange(80) + made.lead / ERS210A.period
-    three = np.tile(PATH, 3)
-    expected = np.interp(80 + places, np.arange(240), three)
+    expected = np.interp(places, np.arange(80), PATH, period=80)
     np.testing.assert_allclose(made.requests, expected, rtol=0.0, atol=1e-12)
 
 
@@ -50,16 +44,12 @@ def test_no_shift_by_whole_samples_or_a_twentieth_of_one_is_better(seed, norm):
     desired = (0.2, 1.0, 3.0)[seed % 3] * saturating(rng, model, samples=60)
     made = planner.invert_shift(model, desired, norm=norm)
     delay = model.lag + model.acceleration_time / 2.0 + model.theta_0 / model.v_max
-    for samples in range(int(USUAL * delay / model.period) + WORSE_LEADS):
-        errors = simulate(model, shifted_by(samples, desired)) - desired
-        size = np.sqrt(np.mean(errors**2)) if norm == "rms" else np.max(np.abs(errors))
-        assert made.error <= size * (1.0 + 1e-12)
-    for part in (-0.05, 0.05):  # nor one a little to either side
-        places = np.arange(60) + max(made.lead / model.period + part, 0.0)
-        sent = np.interp(places, np.arange(60), desired, period=60)
-        errors = simulate(model, sent) - desired
-        size = np.sqrt(np.mean(errors**2)) if norm == "rms" else np.max(np.abs(errors))
-        assert made.error <= size * (1.0 + 1e-12)
+    leads = [*range(int(USUAL * delay / model.period) + WORSE_LEADS)]
+    leads += [max(made.lead / model.period + part, 0.0) for part in (-0.05, 0.05)]
+    for lead in leads:
+        sent = np.interp(np.arange(60) + lead, np.arange(60), desired, period=60)
+        error = error_norm(simulate(model, sent) - desired, norm)
+        assert made.error <= error * (1.0 + 1e-12)
 
 
 def test_from_rest_the_first_request_holds_the_joint_and_the_last_angle_is_held():
@@ -98,16 +88,18 @@ def test_requests_of_a_shift_keep_limits_within_which_the_joint_is_held():
     """The joint rests 0.1 rad beside its requests: it reaches angles beyond the limit on these."""
     model = replace(JointModel.ers210a(), offset=0.1)
     desired = 0.05 + 0.55 * np.sin(2.0 * np.pi * np.arange(88) / 88)
-    plan = planner.plan(
-        {"knee": model}, desired[:, np.newaxis], limits=(-0.7, 0.52), method="shift"
-    )
+    plan = planner.plan(model, desired, limits=(-0.7, 0.52), method="shift")
     assert np.max(desired) > 0.59
     assert (np.max(plan.requests), np.min(plan.requests) > -0.7) == (0.52, True)
 
 
+def planned(evidence, path=PATH, **terms):
+    """The plan of a joint of which so much is known."""
+    return planner.invert_optimal(replace(ERS210A, **terms).with_evidence(evidence), path).plan
+
+
 def test_an_error_of_the_model_is_no_reason_for_a_shift_whose_lead_is_that_models():
-    known = ERS210A.with_evidence(Evidence(error=1.0, over_delay=0.1))
-    plan = planner.invert_optimal(known, PATH).plan
+    plan = planned(Evidence(error=1.0, over_delay=0.1))
     assert plan.expected[0].error > 10.0 * planner.invert_shift(ERS210A, PATH).rms
     assert not shift_recommended(plan, shifted(plan.task))
 
@@ -138,8 +130,7 @@ def test_a_shift_is_recommended_beyond_tested_motion_where_the_largest_is_unknow
             known = {"by_acceleration": ((0.0, 1e-4), (tested, 1e-4))}
             known |= {} if end is None else {"intervals": {"max_acceleration": (end, 300.0)}}
         evidence = Evidence(error=1e-4, over_delay=0.1, **known)
-        servo = replace(ERS210A, max_acceleration=limit).with_evidence(evidence)
-        plan = planner.invert_optimal(servo, PATH).plan
+        plan = planned(evidence, max_acceleration=limit)
         why = shift_recommended(plan, shifted(plan.task))
         more = {"accelerates": "accelerates more", "moves": "moves faster"}[way]
         assert why.startswith(f"the joint {more} than in its logs" if recommended else "")
@@ -149,23 +140,18 @@ def test_a_shift_is_recommended_beyond_tested_motion_where_the_largest_is_unknow
 def test_requests_are_better_refined_where_the_error_is_the_models_and_near_that_of_the_shift():
     shift = planner.invert_shift(ERS210A, PATH)
     for share, recommended in ((0.7, True), (5.0, True), (0.4, False)):
-        known = ERS210A.with_evidence(Evidence(error=share * shift.rms, over_delay=0.1))
-        plan = planner.invert_optimal(known, PATH).plan
+        plan = planned(Evidence(error=share * shift.rms, over_delay=0.1))
         best = shifted(plan.task)
         expected = plan.expected[0].error
         assert (expected > 0.5 * best.expected[0].error) == recommended
         assert bool(refining_recommended(plan, best)) == recommended
-    at_rest = planner.invert_optimal(ERS210A.with_evidence(Evidence(error=0.02)), 0.3 * PATH).plan
-    assert not refining_recommended(at_rest, shifted(at_rest.task))
     # Not where the joint is too slow for the path, nor below the step of an encoder.
-    fast = saturating(np.random.default_rng(0), ERS210A)
-    plan = planner.invert_optimal(ERS210A.with_evidence(Evidence(error=0.01)), fast).plan
-    assert plan.rms[0] > 0.01
-    assert not refining_recommended(plan, shifted(plan.task))
-    exact = ERS210A.with_evidence(Evidence(error=0.0014))
-    plan = planner.invert_optimal(exact, 0.01 * PATH).plan
-    assert plan.expected[0].error > 0.5 * shifted(plan.task).expected[0].error
-    assert not refining_recommended(plan, shifted(plan.task))
+    slow = planned(Evidence(error=0.01), saturating(np.random.default_rng(0), ERS210A))
+    assert slow.rms[0] > 0.01
+    exact = planned(Evidence(error=0.0014), 0.01 * PATH)
+    assert exact.expected[0].error > 0.5 * shifted(exact.task).expected[0].error
+    for plan in (planned(Evidence(error=0.02), 0.3 * PATH), slow, exact):
+        assert not refining_recommended(plan, shifted(plan.task))
 
 
 def test_a_shift_is_recommended_where_its_error_to_expect_is_clearly_smaller():
@@ -180,15 +166,13 @@ def test_a_shift_is_recommended_where_its_error_to_expect_is_clearly_smaller():
 
 def test_leads_at_which_a_joint_rings_for_ever_are_left_out():
     """It overshoots, and does not settle for requests that are 11 periods early."""
-    joint = JointModel(
-        v_max=5.25, theta_0=0.247, lag=0.01, acceleration_time=0.02, tick=0.001, hold=20,
-        dead_band=0.016, max_acceleration=22.0,
-    )  # fmt: skip
+    four = {"v_max": 5.25, "theta_0": 0.247, "lag": 0.01, "acceleration_time": 0.02}
+    joint = JointModel(**four, tick=0.001, hold=20, dead_band=0.016, max_acceleration=22.0)
     turns = 2.0 * np.pi * np.arange(40) / 40
     path = np.radians(
         18.0 * np.sin(turns) + 5.0 * np.sin(2.0 * turns + 1.0) + 3.0 * np.sin(3.0 * turns + 2.0)
     )
     with pytest.raises(NoSteadyCycle):
-        simulate(joint, shifted_by(11, path))
-    errors = [rms(simulate(joint, shifted_by(samples, path)) - path) for samples in range(9)]
+        simulate(joint, np.roll(path, -11))
+    errors = [rms(simulate(joint, np.roll(path, -samples)) - path) for samples in range(9)]
     assert planner.invert_shift(joint, path).rms <= min(errors) * (1.0 + NEARBY)
