@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ CURVE = {
     "tick": 0.01,
     "cyclic": True,
 }
+PLANNED = {"models": MODEL, "desired": ANGLES[:, None], "method": "closed_form"}
 LOG = {"times": 0.01 * np.arange(20), "requests": ANGLES, "angles": ANGLES}
 
 
@@ -104,168 +106,132 @@ def _play(**given: Any) -> planner.Playback:
     return planner.play(**{"send": send, "now": lambda: clock[0], "sleep": sleep, **given})
 
 
-def leg_of(method: str) -> Callable[..., Any]:
+def _of_leg(method: str) -> Callable[..., Any]:
     """A method of the leg, which is made when it is called."""
     return lambda **given: getattr(leg(), method)(**given)
 
 
-Entrance = tuple[Callable[..., Any], Callable[[], dict[str, Any]], str]
+OWN: Mapping[str, Callable[..., Any]] = {
+    "PiecewiseLinear.slope_at": lambda index: curve().slope_at(index),
+    "play": _play,
+    "follow": _follow,
+    "Stream.step": _step,
+} | {
+    f"Leg.{name}": _of_leg(name)
+    for name in (
+        "foot_positions",
+        "joint_positions",
+        "jacobians",
+        "jumps",
+        "joint_angles",
+        "inverse",
+    )
+}
+"""Functions that are called otherwise than by their name."""
 
-ENTRANCES: Mapping[str, Entrance] = {
+
+def function(name: str) -> Callable[..., Any]:
+    """What is called by this name."""
+    package = kinematics if name.partition(".")[0] in kinematics.__all__ else planner
+    return OWN[name] if name in OWN else attrgetter(name)(package)
+
+
+def _poses() -> dict[str, Any]:
+    return {"angles": poses()}
+
+
+def _feet() -> dict[str, Any]:
+    return {"foot": leg().foot_positions(poses())}
+
+
+def _executed() -> dict[str, Any]:
+    return {"plan": closed_form(), "measured": closed_form().predicted + 0.01}
+
+
+def _recorded() -> dict[str, Any]:
+    return {"recording": planner.Log(**LOG), "models": MODEL}
+
+
+def _streamed() -> dict[str, Any]:
+    return {"desired": ANGLES[:7, np.newaxis], "stream": planner.Stream(MODEL, preview=7)}
+
+
+ENTRANCES: Mapping[str, tuple[Callable[[], dict[str, Any]], str]] = {
     "JointModel": (
-        planner.JointModel,
         lambda: {"v_max": 4.0, "theta_0": 0.2, "lag": 0.02, "acceleration_time": 0.04},
         "tick hold offset dead_band v_offset compliance speed_per_torque time_constant "
         "max_acceleration sag_sin sag_cos",
     ),
-    "PiecewiseLinear": (planner.PiecewiseLinear, lambda: dict(CURVE), ""),
-    "PiecewiseLinear.from_dict": (
-        planner.PiecewiseLinear.from_dict,
-        lambda: {"data": curve().to_dict()},
-        "",
-    ),
-    "PiecewiseLinear.slope_at": (lambda index: curve().slope_at(index), lambda: {"index": 3}, ""),
-    "CurveStack": (
-        planner.CurveStack,
-        lambda: CURVE | {"values": np.array([CURVE["values"]] * 2)},
-        "",
-    ),
-    "CurveStack.of": (planner.CurveStack.of, lambda: {"curves": [curve()]}, ""),
-    "Log": (planner.Log, lambda: dict(LOG), "torque_on name joint unit notes"),
+    "PiecewiseLinear": (lambda: dict(CURVE), ""),
+    "PiecewiseLinear.from_dict": (lambda: {"data": curve().to_dict()}, ""),
+    "PiecewiseLinear.slope_at": (lambda: {"index": 3}, ""),
+    "CurveStack": (lambda: CURVE | {"values": np.array([CURVE["values"]] * 2)}, ""),
+    "CurveStack.of": (lambda: {"curves": [curve()]}, ""),
+    "Log": (lambda: dict(LOG), "torque_on name joint unit notes"),
     "LogOptions": (
-        planner.LogOptions,
         dict,
         "joint time requested actual torque unit ticks_per_turn topic command_topic episodes",
     ),
-    "certify": (
-        planner.certify,
-        lambda: {**JOINT, "level": "envelope", "time_limit": 1.0},
-        "cyclic norm start",
-    ),
+    "certify": (lambda: JOINT | {"level": "envelope", "time_limit": 1.0}, "cyclic norm start"),
     "lower_bound": (
-        planner.lower_bound,
-        lambda: {**JOINT, "norm": "max", "level": "slope", "time_limit": 1.0},
+        lambda: JOINT | {"norm": "max", "level": "slope", "time_limit": 1.0},
         "cyclic start",
     ),
-    "closed_form_requests": (
-        planner.closed_form_requests,
-        lambda: {"model": MODEL, "curves": [curve()]},
-        "rule",
-    ),
+    "closed_form_requests": (lambda: {"model": MODEL, "curves": [curve()]}, "rule"),
     "cross_check": (
-        planner.cross_check,
-        lambda: {**JOINT, "segments": 3, "level": "envelope"},
+        lambda: JOINT | {"segments": 3, "level": "envelope"},
         "cyclic limits leg norm names progress",
     ),
     "fit_pwl": (
-        planner.fit_pwl,
         lambda: {"desired": ANGLES, "v_max": 4.0, "tick": 0.01, "segments": 3},
         "cyclic max_error max_rms knots required exact",
     ),
     "half_ellipse": (
-        planner.half_ellipse,
         dict,
         "samples length height forward sideways hip_height ground_fraction heading",
     ),
-    "identify": (
-        planner.identify,
-        lambda: {"logs": LOG, "tick": 0.01, "hold": 1, "hold_out": False},
-        "",
-    ),
-    "invert_closed_form": (
-        planner.invert_closed_form,
-        lambda: {**JOINT, "segments": 3, "refine": False},
-        "cyclic rule",
-    ),
-    "invert_shift": (planner.invert_shift, lambda: dict(JOINT), "cyclic norm start"),
+    "identify": (lambda: {"logs": LOG, "tick": 0.01, "hold": 1, "hold_out": False}, ""),
+    "invert_closed_form": (lambda: JOINT | {"segments": 3, "refine": False}, "cyclic rule"),
+    "invert_shift": (lambda: dict(JOINT), "cyclic norm start"),
     "invert_foot": (
-        planner.invert_foot,
-        lambda: {"models": MODEL, "leg": leg(), "foot": leg().foot_positions(poses())},
+        lambda: {"models": MODEL, "leg": leg(), **_feet()},
         "cyclic limits norm weights max_step unreachable",
     ),
     "invert_optimal": (
-        planner.invert_optimal,
         lambda: dict(JOINT),
         "cyclic limits solver norm start tolerance load max_step smoothness robust",
     ),
-    "plan": (
-        planner.plan,
-        lambda: (
-            {"models": MODEL, "desired": ANGLES[:, None], "method": "closed_form"}
-            | {"segments": 3, "rule": "exact"}
-        ),
-        "names",
-    ),
-    "read_models": (planner.read_models, lambda: {"path": MISSING}, ""),
-    "refine": (
-        planner.refine,
-        lambda: (
-            {"plan": closed_form(), "measured": closed_form().predicted + 0.01}
-            | {"sensor_delay": 0.0, "reidentify": False}
-        ),
-        "",
-    ),
-    "replay": (
-        planner.replay,
-        lambda: {"recording": planner.Log(**LOG), "models": MODEL, "end": 0.12},
-        "speed track joints begin limits",
-    ),
-    "fastest": (
-        planner.fastest,
-        lambda: {"recording": planner.Log(**LOG), "models": MODEL, "tolerance": 0.2},
-        "retime",
-    ),
-    "joints_in": (planner.joints_in, lambda: {"path": MISSING}, "options"),
-    "read_logs": (planner.read_logs, lambda: {"paths": MISSING}, "options"),
-    "line_offset": (planner.line_offset, lambda: {"model": MODEL, "slope": 1.0}, "rule"),
+    "plan": (lambda: PLANNED | {"segments": 3, "rule": "exact"}, "names"),
+    "read_models": (lambda: {"path": MISSING}, ""),
+    "refine": (lambda: _executed() | {"sensor_delay": 0.0, "reidentify": False}, ""),
+    "replay": (lambda: _recorded() | {"end": 0.12}, "speed track joints begin limits"),
+    "fastest": (lambda: _recorded() | {"tolerance": 0.2}, "retime"),
+    "joints_in": (lambda: {"path": MISSING}, "options"),
+    "read_logs": (lambda: {"paths": MISSING}, "options"),
+    "line_offset": (lambda: {"model": MODEL, "slope": 1.0}, "rule"),
     "play": (
-        _play,
         lambda: {"requests": ANGLES, "period": 0.01, "current": [0.1], "speed": 1.0},
         "cycles on_stop report",
     ),
-    "follow": (
-        _follow,
-        lambda: {
-            "desired": ANGLES[:7, np.newaxis],
-            "stream": planner.Stream(MODEL, preview=7),
-            "send": lambda _: None,
-        },
-        "measure",
-    ),
-    "Stream": (
-        planner.Stream,
-        lambda: {"models": MODEL, "preview": 7},
-        "limits cycle max_step on_bad",
-    ),
-    "Stream.step": (_step, lambda: {"desired": ANGLES[:7]}, "measured load missed"),
-    "simulate": (
-        planner.simulate,
-        lambda: {"model": MODEL, "requests": ANGLES},
-        "cyclic start load",
-    ),
-    "step_test": (planner.step_test, lambda: {"amplitude": 0.5}, "samples"),
-    "Leg.from_urdf": (Leg.from_urdf, lambda: dict(PLACE), "locked near"),
-    "Leg.foot_positions": (leg_of("foot_positions"), lambda: {"angles": poses()}, ""),
-    "Leg.joint_positions": (leg_of("joint_positions"), lambda: {"angles": poses()}, ""),
-    "Leg.jacobians": (leg_of("jacobians"), lambda: {"angles": poses()}, ""),
-    "Leg.jumps": (leg_of("jumps"), lambda: {"angles": poses()}, ""),
-    "Leg.joint_angles": (
-        leg_of("joint_angles"),
-        lambda: {"foot": leg().foot_positions(poses()), "unreachable": "nearest"},
-        "",
-    ),
-    "Leg.inverse": (
-        leg_of("inverse"),
-        lambda: {"foot": leg().foot_positions(poses()), "unreachable": "clamp"},
-        "",
-    ),
-    "foot_function": (kinematics.foot_function, lambda: {"leg": leg()}, ""),
-    "urdf_path": (kinematics.urdf_path, lambda: {"name": "ers210a.urdf"}, ""),
+    "follow": (lambda: _streamed() | {"send": lambda _: None}, "measure"),
+    "Stream": (lambda: {"models": MODEL, "preview": 7}, "limits cycle max_step on_bad"),
+    "Stream.step": (lambda: {"desired": ANGLES[:7]}, "measured load missed"),
+    "simulate": (lambda: {"model": MODEL, "requests": ANGLES}, "cyclic start load"),
+    "step_test": (lambda: {"amplitude": 0.5}, "samples"),
+    "Leg.from_urdf": (lambda: dict(PLACE), "locked near"),
+    "Leg.foot_positions": (_poses, ""),
+    "Leg.joint_positions": (_poses, ""),
+    "Leg.jacobians": (_poses, ""),
+    "Leg.jumps": (_poses, ""),
+    "Leg.joint_angles": (lambda: _feet() | {"unreachable": "nearest"}, ""),
+    "Leg.inverse": (lambda: _feet() | {"unreachable": "clamp"}, ""),
+    "foot_function": (lambda: {"leg": leg()}, ""),
+    "urdf_path": (lambda: {"name": "ers210a.urdf"}, ""),
 }
-"""By name a function, a maker of arguments, and further arguments; each is replaced in turn."""
+"""By name a maker of arguments, and further arguments; each is replaced in turn."""
 
 
 def places(name: str) -> list[str]:
     """The arguments of a function that are tried."""
-    _, good, more = ENTRANCES[name]
+    good, more = ENTRANCES[name]
     return [*good(), *more.split()]

@@ -16,7 +16,7 @@ import kinematics
 import planner
 from kinematics import KinematicsError
 from planner import PlannerError
-from tests.robustness.entrances import ANSWERS, ENTRANCES, MISSING, places
+from tests.robustness.entrances import ANSWERS, ENTRANCES, MISSING, function, places
 from tests.snapshots import NUMBER
 
 NUMBERS = [
@@ -75,9 +75,8 @@ OPEN = {"speeds", "predicted", "held_out_predicted", "covariance"}
 
 def _call(name, arguments, refused=None):
     """The answer, or None for an error of ours; any other error or warning fails the test."""
-    function = ENTRANCES[name][0]
     try:
-        return function(**arguments)
+        return function(name)(**arguments)
     except (PlannerError, KinematicsError) as error:
         message = str(error)
         assert message.isprintable(), message
@@ -123,7 +122,7 @@ def test_every_public_function_is_among_the_entrances():
 
 @pytest.mark.parametrize("name", ENTRANCES)
 def test_arguments_that_are_fine_give_an_answer(name):
-    good = ENTRANCES[name][1]
+    good = ENTRANCES[name][0]
     if good().get("path", good().get("paths")) is not MISSING:
         _check_arrays(_call(name, good()))
 
@@ -168,7 +167,7 @@ def _ranges(indices):
 def test_each_hostile_value_in_each_place_is_answered_or_refused(snapshot):
     """Which are answered, and in which words the others are refused, is held by a snapshot."""
     answered, refused = defaultdict(list), defaultdict(dict)
-    for name, (_, good, _) in ENTRANCES.items():
+    for name, (good, _) in ENTRANCES.items():
         for place in places(name):
             taken = {kind: [] for kind in HOSTILE}
             for kind, values in HOSTILE.items():
@@ -193,7 +192,7 @@ def test_each_hostile_value_in_each_place_is_answered_or_refused(snapshot):
 @settings(max_examples=20)
 @given(data=st.data())
 def test_hostile_values_in_several_places_are_answered_or_refused(name, data):
-    good = ENTRANCES[name][1]
+    good = ENTRANCES[name][0]
     chosen = st.lists(st.sampled_from(places(name)), min_size=2, max_size=4, unique=True)
     hostile = {place: data.draw(ANYTHING, label=place) for place in data.draw(chosen)}
     assume(not any(callable(hostile.get(place)) for place in CALLED))
@@ -202,7 +201,7 @@ def test_hostile_values_in_several_places_are_answered_or_refused(name, data):
 
 @pytest.mark.parametrize("name", ENTRANCES)
 def test_read_only_arrays_are_taken_and_left_as_they_were(name):
-    good = ENTRANCES[name][1]
+    good = ENTRANCES[name][0]
     arguments = good()
     before = {}
     for place, value in arguments.items():
