@@ -103,7 +103,7 @@ def calibrate(
         calibration_text,
         servos_text,
     )
-    from planner.report.identification_text import model_comments, remarks
+    from planner.report.identification_text import REMARKS, model_comments
     from planner.robot import calibration
     from planner.robot.arm import Arm, Servo
 
@@ -185,7 +185,7 @@ def calibrate(
                 text = models_text(  # bus, models and servos; other joints of the file stay
                     {name: each.model for name, each in results.items()},
                     beside=output,
-                    remarks=remarks(),
+                    remarks=REMARKS,
                     about=model_comments({n: each.identification for n, each in results.items()}),
                     servos={
                         name: replace(arm.servos[name], settings=checked.settings[name])

@@ -62,7 +62,7 @@ def identify(*, logs: tuple[str, ...], output: str, **choices: Any) -> Answer:
     """  # noqa: D301
     from planner.files.joint_model import has_content, models_text, read_model_file
     from planner.model.evidence import with_reasons
-    from planner.report.identification_text import identification_text, model_comments, remarks
+    from planner.report.identification_text import REMARKS, identification_text, model_comments
 
     others, above = list[str](), ""
     try:
@@ -93,7 +93,7 @@ def identify(*, logs: tuple[str, ...], output: str, **choices: Any) -> Answer:
     text = models_text(
         {joint: each.model for joint, each in tables.items()},
         beside=output,
-        remarks=remarks(),
+        remarks=REMARKS,
         about=model_comments(tables),
         of_joint=of_joint,
     )

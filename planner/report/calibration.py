@@ -15,7 +15,7 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.identification_page import cloud_figure
 from planner.report.identification_text import explained, joints_table, next_step
 from planner.report.page import Page
-from planner.report.table import Column, Row, Table, number
+from planner.report.table import Row, Table, number
 from planner.report.wording import words_of
 from planner.robot.arm import SETTINGS, Servo
 from planner.robot.calibration import WORDS, Check, Compared, Recheck, Way
@@ -96,13 +96,13 @@ def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
     """Every joint and every method, with its errors measured on the test motion."""
     rows = []
     for joint, compared in comparisons.items():
-        for method in compared.candidates:
-            sizes = (method.error, method.max_error, method.expected, method.largest_step)
-            cells = [number(math.degrees(each)) for each in sizes]
-            cells[0] += "\nrecommended" if method is compared.recommended else ""
-            rows.append(Row(WORDS[method.way], cells, subject=joint))
-    columns = map(Column, ("error, rms", "largest", "expected", "largest step"))
-    return Table("on the test motion [deg]", tuple(columns), rows, apart=True)
+        for each in compared.candidates:
+            sizes = (each.error, each.max_error, each.expected, each.largest_step)
+            cells = [number(math.degrees(size)) for size in sizes]
+            cells[0] += "\nrecommended" * (each is compared.recommended)
+            rows.append(Row(WORDS[each.way], cells, subject=joint))
+    columns = ("error, rms", "largest", "expected", "largest step")
+    return Table("on the test motion [deg]", columns, rows, apart=True)
 
 
 def recommendation(joint: str, each: Compared) -> str:
@@ -164,23 +164,21 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
 def ways_figure(comparisons: Mapping[str, Compared]) -> Figure:
     """The measured error of every way, a row for each joint."""
     count, curves = len(comparisons), list[Curve]()
+    places = np.arange(float(count))
     for way, role in ROLES.items():
         errors = [
             next((each.error for each in compared.candidates if each.way == way), math.nan)
             for compared in comparisons.values()
         ]
-        curves.append(Curve(role, np.degrees(errors), np.arange(float(count)), marks="dots"))
+        curves.append(Curve(role, np.degrees(errors), places, marks="dots"))
     best = np.degrees([each.recommended.error for each in comparisons.values()])
-    curves.append(Curve(style.INK, best, np.arange(float(count)), "recommended", marks="rings"))
-    names = {float(k): joint for k, joint in enumerate(comparisons)}
+    curves.append(Curve(style.INK, best, places, "recommended", marks="rings"))
     top = 1.06 * float(np.nanmax(np.concatenate([curve.x for curve in curves])))
+    joints = Axis("", range=(count - 0.5, -0.5), names=dict(enumerate(comparisons)))
+    panel = Panel(joints, curves, height=0.6 + 0.25 * count)
     return Figure(
-        "ways",
-        *words_of("ways"),
-        Axis("error, rms", "deg", (0.0, top), decimals=3),
-        (Panel(Axis("", range=(count - 0.5, -0.5), names=names), curves,
-               height=0.6 + 0.25 * count),),
-    )  # fmt: skip
+        "ways", *words_of("ways"), Axis("error, rms", "deg", (0.0, top), decimals=3), [panel]
+    )
 
 
 def motion_figure(joint: str, compared: Compared, number: int) -> Figure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -41,7 +41,7 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
     left_out = [Row(_short(name), (reason,)) for name, reason in failures.items()]
     if len(left_out) > 20:  # that is enough to read
         left_out[20:] = [Row(f"{len(left_out) - 20} more", (NOTHING,))]
-    reasons = Table("recording", (Column("reason", words=True),), tuple(left_out), label="Left out")
+    reasons = Table("recording", [Column("reason", words=True)], left_out, "Left out")
     units = sorted({row["unit"] for row in rows})
     worst = max(rows, key=lambda row: float(row["planned_rms"]))
     return Page(
@@ -92,21 +92,18 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     few = range(1, len(rows) + 1) if len(rows) <= 12 else ()  # more have round numbers on the axis
     numbers = {float(k): str(k) for k in few} or None
     looks = {"direct_rms": style.DIRECT, "shifted_rms": style.SHIFT, "planned_rms": style.OPTIMAL}
-    curves = [
-        Curve(role, places, values(kind), marks="rings" if role is style.SHIFT else "dots",
-              notes=notes, hidden=role is style.DIRECT)
-        for kind, role in looks.items()
-    ]  # fmt: skip
+    curves = []
+    for kind, role in looks.items():
+        marks: Literal["rings", "dots"] = "rings" if role is style.SHIFT else "dots"
+        hidden = role is style.DIRECT
+        curves.append(Curve(role, places, values(kind), marks=marks, notes=notes, hidden=hidden))
     if np.isfinite(bounds := values("lower_bound")).any():
         ends = places[:, None] + np.array([-0.4, 0.4])
         heights = np.column_stack([bounds, bounds])
         curves.append(Curve(style.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
-    return Figure(
-        f"errors_{unit}",
-        *words_of("episodes"),
-        Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers),
-        (Panel(Axis("error, rms", SIGNS[unit], from_zero=True), curves, height=2.2),),
-    )
+    across = Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers)
+    panel = Panel(Axis("error, rms", SIGNS[unit], from_zero=True), curves, height=2.2)
+    return Figure(f"errors_{unit}", *words_of("episodes"), across, [panel])
 
 
 def _short(recording: str) -> str:

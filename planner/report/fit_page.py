@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,20 +16,16 @@ from planner.report.wording import words_of
 if TYPE_CHECKING:
     from planner.approximation.fit import Choices, PiecewiseLinearFit
 
-LINES = APPROXIMATION._replace(label="lines", dashes="-", width=2.0)
-FAST = DIRECT._replace(label="at the top speed", dashes="-", width=2.0)
-
 
 def fit_page(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choices]) -> Page:
     """The page: every joint's samples and lines, with error against number of lines beside them."""
     worst = max(fits, key=lambda name: fits[name].max_error)
     rms, most = np.degrees([fits[worst].rms, fits[worst].max_error])
-    joints = {}
-    for k, (name, fit) in enumerate(fits.items(), 1):
-        pictures = [fit_figure(name, fit), choices_figure(choices[name], fit)]
-        joints[name] = [replace(each, name=f"{each.name}_{k}") for each in pictures]
-    table = fits_table(fits)
-    return Page("fit", joints=joints, table=table, worst=worst, rms=rms, most=most)
+    joints = {
+        name: [fit_figure(name, fit, k), choices_figure(choices[name], fit, k)]
+        for k, (name, fit) in enumerate(fits.items(), 1)
+    }
+    return Page("fit", joints=joints, table=fits_table(fits), worst=worst, rms=rms, most=most)
 
 
 def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
@@ -61,7 +56,7 @@ def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:
     )
 
 
-def fit_figure(name: str, fit: PiecewiseLinearFit) -> Figure:
+def fit_figure(name: str, fit: PiecewiseLinearFit, number: int) -> Figure:
     """A joint's samples, and the lines through them."""
     timeline = Timeline(fit.tick, fit.samples, fit.cyclic)
     step, last = timeline.step, timeline.last
@@ -71,20 +66,19 @@ def fit_figure(name: str, fit: PiecewiseLinearFit) -> Figure:
     heights = np.degrees(fit(cuts))
     shares = np.abs(fit.slope_at(0.5 * (cuts[:-1] + cuts[1:]))) / fit.v_max
     fast = np.flatnonzero(shares >= 0.999)  # rounding
-    curves = [timeline.curve(np.degrees(fit.desired), DESIRED), Curve(LINES, step * cuts, heights)]
+    lines = APPROXIMATION._replace(label="lines", dashes="-", width=2.0)
+    curves = [timeline.curve(np.degrees(fit.desired), DESIRED), Curve(lines, step * cuts, heights)]
     if len(fast):
         pairs = np.stack([fast, fast + 1], axis=1)
-        curves.append(Curve(FAST, step * joined(cuts[pairs]), joined(heights[pairs])))
+        role = lines._replace(label="at the top speed", light=DIRECT.light, dark=DIRECT.dark)
+        curves.append(Curve(role, step * joined(cuts[pairs]), joined(heights[pairs])))
     knots = np.mod(fit.knots, fit.samples)
     curves.append(Curve(INK, step * knots, np.degrees(fit.values), "knots", marks="rings"))
-    return timeline.figure(
-        "fit",
-        [Panel(Axis("angle", "deg"), curves, height=1.3)],
-        words_of("fit", name=name, fit=fit),
-    )
+    panel = Panel(Axis("angle", "deg"), curves, height=1.3)
+    return timeline.figure(f"fit_{number}", [panel], words_of("fit", name=name, fit=fit))
 
 
-def choices_figure(choices: Choices, fit: PiecewiseLinearFit) -> Figure:
+def choices_figure(choices: Choices, fit: PiecewiseLinearFit, number: int) -> Figure:
     """Error against number of lines, its lower bound, and the automatic choice."""
     numbers, errors = np.array(choices.segments, float), np.degrees(choices.rms)
     bound = float(np.degrees(choices.floor))
@@ -101,9 +95,6 @@ def choices_figure(choices: Choices, fit: PiecewiseLinearFit) -> Figure:
     if choices.automatic in choices.segments:
         at = choices.segments.index(choices.automatic)
         curves.append(Curve(APPROXIMATION, numbers[[at]], errors[[at]], "automatic", marks="rings"))
-    return Figure(
-        "choices",
-        *words_of("choices"),
-        Axis("number of lines", names={each: f"{each:.0f}" for each in numbers}),
-        (Panel(Axis("rms error", "deg", (low, high)), curves, height=1.3),),
-    )
+    across = Axis("number of lines", names={each: f"{each:.0f}" for each in numbers})
+    panel = Panel(Axis("rms error", "deg", (low, high)), curves, height=1.3)
+    return Figure(f"choices_{number}", *words_of("choices"), across, [panel])

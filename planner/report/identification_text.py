@@ -40,6 +40,9 @@ NOT_KNOWN = "not known"
 HARDLY = "hardly at all"
 """How well a parameter is known whose interval is wider to either side than the estimate."""
 
+REMARKS = (f"Identified by request-planner {__version__}; the intervals hold with 95 %.",)
+"""The top of a model file; no date, so that the same logs give the same file."""
+
 RECORD: dict[str, dict[Topic, str]] = {
     "steps": {
         "motion": "larger motion",
@@ -233,9 +236,9 @@ def joints_table(identifications: Mapping[str, Identification], *, page: bool = 
 
     On a page a unit that all cells of a column have stands in its title.
     """
-    names, rows = shown_parameters(identifications), list[list[tuple[str, str]]]()
-    for each in identifications.values():
-        shown = {row.name: row for row in parameters(each)}
+    estimates = [{row.name: row for row in parameters(i)} for i in identifications.values()]
+    names, rows = list(dict.fromkeys(name for own in estimates for name in own)), []
+    for each, shown in zip(identifications.values(), estimates, strict=True):
         delays = [telling_error(other)[0] for other in each.alternatives if other.name == "delay"]
         errors = (each.rms, each.held_out_rms, delays[0] if delays else None)
         rows.append(
@@ -269,15 +272,10 @@ def joints_table(identifications: Mapping[str, Identification], *, page: bool = 
     )
 
 
-def shown_parameters(identifications: Mapping[str, Identification]) -> list[str]:
-    """The parameters that some joint has."""
-    rows = (row for each in identifications.values() for row in parameters(each))
-    return list(dict.fromkeys(row.name for row in rows))
-
-
 def explained(identifications: Mapping[str, Identification]) -> str:
     """Explanations of parameters that not every joint has, in a sentence; empty for none."""
-    rare = [name for name in shown_parameters(identifications) if name in TERMS.values()]
+    shown = {row.name for each in identifications.values() for row in parameters(each)}
+    rare = [name for name in PARAMETERS if name in shown.intersection(TERMS.values())]
     return "; ".join(": ".join(reversed(PARAMETERS[name])) for name in rare)
 
 
@@ -491,11 +489,6 @@ def excitation_text(excitation: Excitation, expected: Identification, *, model: 
         unit=units.angle,
         warnings=expected.warnings,
     )
-
-
-def remarks() -> tuple[str, ...]:
-    """The top of a model file; no date, so that the same logs give the same file."""
-    return (f"Identified by request-planner {__version__}; the intervals hold with 95 %.",)
 
 
 def model_comments(identifications: Mapping[str, Identification]) -> dict[str, dict[str, str]]:

@@ -88,12 +88,9 @@ def errors_figure(progress: Trials, name: str = "learning") -> Figure:
         curves.append(Curve(NEXT, at, np.array([progress.predicted]), marks="rings"))
     top = 1.1 * float(np.nanmax([*progress.errors, progress.noise, progress.predicted]))
     names = {float(number): str(number) for number in range(1, last + 1)}
-    return Figure(
-        name,
-        *words_of("trials", name=progress.name, bounded=bounded, goes_on=goes_on),
-        Axis("trial", names=names, range=ends),
-        (Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), curves),),
-    )
+    words = words_of("trials", name=progress.name, bounded=bounded, goes_on=goes_on)
+    panel = Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), curves)
+    return Figure(name, *words, Axis("trial", names=names, range=ends), [panel])
 
 
 def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure:

@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-import numpy as np
 from markupsafe import Markup
 
 from planner._version import __version__
@@ -30,7 +29,6 @@ from planner.report.figure import Axis, Curve, Figure, Panel, around
 from planner.report.style import INK, MUTED, ROLES
 from planner.report.table import NOTHING, Row, Table, signed
 from planner.report.wording import breakable, environment
-from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.model.joint import JointModel
@@ -195,18 +193,18 @@ def plot(figure: Figure) -> dict[str, Any]:
 
 def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
     """A curve with its looks, and with what is written beside the pointer."""
-
-    def packed(values: Array) -> dict[str, str]:
-        """Numbers as Plotly takes them in the fewest bytes: single precision, little-endian."""
-        content = np.asarray(values, dtype="<f4").tobytes()
-        return {"dtype": "f4", "bdata": base64.b64encode(content).decode()}
-
     colour = curve.role.colour
     trace: dict[str, Any] = {
         "type": "scatter",
         "name": curve.name,
-        "x": packed(curve.x),
-        "y": packed(curve.y),
+        # in the fewest bytes that Plotly takes: single precision, little-endian
+        **{
+            axis: {
+                "dtype": "f4",
+                "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode(),
+            }
+            for axis, values in (("x", curve.x), ("y", curve.y))
+        },
         "visible": "legendonly" if curve.hidden else True,
         "connectgaps": False,
     }

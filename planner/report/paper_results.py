@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,8 @@ GAPS = {
     "optimised": "gap",
 }
 """Methods whose gaps over the lower bound the results hold, and the key of each."""
+
+_column = partial(Column, parts=("ours", "paper", "diff."), joined="{0} / {1} ({2})")
 
 NORMS = {"L2": "L₂", "Linf": "L∞"}
 
@@ -345,13 +348,18 @@ def _values(results: Results) -> dict[str, Any]:
     """The tables, and what the sentences say."""
     values = {"results": results, "table_2": table_2(results), "foot_table": foot_table(results)}
     if "robot" in results:
-        dropped = results["robot"]["dropped_cycles"].values()
+        dropped, constants = results["robot"]["dropped_cycles"].values(), []
+        for name, each in results["robot"]["constants"].items():
+            unit = each["unit"].replace("^2", "²") if each["unit"] != "1" else ""
+            value = signed(f"{each['value']:.4g} {unit}".strip())
+            constants.append(Row(name.replace("_", " "), (value, each["source"])))
+        columns = ("value", Column("source", words=True))
         return values | {
             "table_1": table_1(results),
             "executed": executed_table(results),
             "dropped": " to ".join(dict.fromkeys(f"{end(dropped)}" for end in (min, max))),
             "loss": relative(results["foot"]["foot_optimal"]["loss"], 1),
-            "constants": constants_table(results["robot"]["constants"]),
+            "constants": Table("constant", columns, constants, "Constants"),
         }
     parameters = results["parameters"]
     model = parameters["model"]
@@ -442,10 +450,6 @@ def relative(share: float, digits: int = 0) -> str:
     return signed(text) if float(text[:-2]) else text[1:]
 
 
-def _column(title: str) -> Column:
-    return Column(title, ("ours", "paper", "diff."), joined="{0} / {1} ({2})")
-
-
 def _beside(entry: Results, norm: str) -> tuple[str, ...]:
     """One of our figures, the paper's, and the difference."""
     ours = f"{entry[norm]:.2f}"
@@ -456,13 +460,3 @@ def _beside(entry: Results, norm: str) -> tuple[str, ...]:
         return ours, NOTHING, NOTHING
     paper = entry["paper"][norm]
     return ours, f"{paper:.2f}", relative(entry[norm] / paper - 1.0)
-
-
-def constants_table(constants: Results) -> Table:
-    """The constants of the robot, with their sources."""
-    rows = []
-    for name, constant in constants.items():
-        unit = constant["unit"].replace("^2", "²") if constant["unit"] != "1" else ""
-        value = signed(f"{constant['value']:.4g} {unit}".strip())
-        rows.append(Row(name.replace("_", " "), (value, constant["source"])))
-    return Table("constant", ("value", Column("source", words=True)), rows, "Constants")

@@ -12,7 +12,7 @@ from planner.planning.plan import DEGREE, Plan
 from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
-from planner.report.plan_results import PlanAnswer, no_bound
+from planner.report.plan_results import PlanAnswer, motions_table, no_bound
 from planner.report.table import Column, Row, Table, by_columns, percent, signed, thousandths
 from planner.report.wording import words_of
 from planner.trajectory import Array, size
@@ -80,6 +80,7 @@ def plan_page(
         feet_distances=distances_figure(answer.parts, role) if answer.parts else None,
         joints=joints_table(answer),
         no_bound=no_bound(plan),
+        motions=motions_table(plan.names, plan.motions),
         pictures=[joint_figure(plan, role, j) for j in range(len(plan.names))],
         requests=Table(timeline.unit, plan.names, requests, "Requests"),
         models=models_table(plan.names, plan.models),
@@ -116,7 +117,7 @@ def joints_table(answer: PlanAnswer) -> Table:
         [
             (planned, [thousandths(each.planned) for each in joints]),
             is_shift and ("early [ms]", early),
-            answer.has_expected and ("on the robot [deg]", answer.on_robot),
+            bool(answer.on_robot) and ("on the robot [deg]", answer.on_robot),
             (Column("without a plan [deg]", norms), [thousandths(each.direct) for each in joints]),
             not is_shift and (Column("best time shift", ("rms [deg]", "early [ms]")), shifts),
             bounded and (f"{bound} [deg]", least),

@@ -53,6 +53,7 @@ class JointNumbers(NamedTuple):
 
     name: str
     unit: str  # "deg" or "percent"
+    label: str  # the name, with the unit where that is not degrees
     planned: Distance  # error by the plan
     direct: Distance  # error when the desired angles are requested as they are
     early: float  # root mean square error under the best time shift
@@ -63,19 +64,10 @@ class JointNumbers(NamedTuple):
     gap: float  # relative distance of the error from it
     speed: float  # of the path where that is largest for the joint [unit/s]
     top: float  # the joint's top speed there [unit/s]
+    load: float  # that speed over the top speed [-]
     share: float  # of the path beyond the top speed [-]
     at_limit: int  # requests at a limit or beyond it
     beyond: float  # how far requests go beyond the limits
-
-    @property
-    def label(self) -> str:
-        """The joint, with its unit where that is not degrees."""
-        return self.name if self.unit == "deg" else f"{self.name} [% of its range]"
-
-    @property
-    def load(self) -> float:
-        """That speed over the top speed [-]."""
-        return self.speed / self.top
 
 
 class FootNumbers(NamedTuple):
@@ -130,11 +122,13 @@ class PlanAnswer:
         bounded = task.goal == "angles" and self.method != "foot-optimal"
         for j, (name, model) in enumerate(zip(plan.names, plan.models, strict=True)):
             has_bound = bounded and not (task.load_of_pose or model.exceeds_v_max)
-            speed, top = np.degrees(plan.speeds[j].highest)
+            speed, top = np.degrees(plan.speeds[j].highest).tolist()
+            unit = self.units[j] if self.units else "deg"
             numbers.append(
                 JointNumbers(
                     name=name,
-                    unit=self.units[j] if self.units else "deg",
+                    unit=unit,
+                    label=name if unit == "deg" else f"{name} [% of its range]",
                     planned=size(np.ascontiguousarray(plan.errors[:, j]), DEGREE),
                     direct=size(np.ascontiguousarray(plan.direct.errors[:, j]), DEGREE),
                     early=math.degrees(rms(shift.errors[:, j])),
@@ -143,8 +137,9 @@ class PlanAnswer:
                     expected_early=math.degrees(shift.expected[j].error),
                     bound=math.degrees(plan.lower_bounds[j]) if has_bound else math.nan,
                     gap=float(plan.gaps[j]) if has_bound else math.nan,
-                    speed=float(speed),
-                    top=float(top),
+                    speed=speed,
+                    top=top,
+                    load=speed / top,
                     share=float(plan.too_fast[j]),
                     at_limit=int(np.sum(excess[:, j] >= -AT_LIMIT)),
                     beyond=math.degrees(most[j]) if most[j] > AT_LIMIT else 0.0,
@@ -167,16 +162,6 @@ class PlanAnswer:
         """The numbers of the foot, or of all feet together; None where there is none."""
         feet = list(self.parts.values()) or ([self.plan] if self.plan.task.leg else [])
         return foot_numbers(feet) if feet else None
-
-    @property
-    def draws(self) -> int:
-        """Number of models beside the nominal one."""
-        return max(map(len, self.plan.task.models)) - 1
-
-    @property
-    def has_expected(self) -> bool:
-        """Whether an error to expect on the robot is known, of any joint."""
-        return any(math.isfinite(each.error) for each in self.plan.expected)
 
     @cached_property
     def recommended(self) -> str:
@@ -226,20 +211,14 @@ class PlanAnswer:
 
     @property
     def on_robot(self) -> list[str]:
-        """Error to expect of each joint on the robot, rms, with its range in a note."""
+        """Error to expect of each joint on the robot, rms, its range in a note; [] if unknown."""
         cells = []
         for each in self.plan.expected:
             error, *ends = np.degrees([each.error, each.low, each.high])
             low, high = (f"{end:.3g}" for end in ends)
             known = f"{error:.3f}" if low == high else f"{error:.3f}\n{low} to {high}"
             cells.append(NOTHING if math.isnan(error) else known)
-        return cells
-
-    @property
-    def motions(self) -> Table:
-        """How the requests of every joint move; see :func:`motions_table`."""
-        pairs = zip(self.plan.names, self.plan.motions, strict=True)
-        return motions_table((*pair, DEGREE) for pair in pairs)
+        return [] if set(cells) == {NOTHING} else cells
 
     @property
     def over_models(self) -> Table | None:
@@ -291,6 +270,20 @@ class PlanAnswer:
             }
             for name, each in self.feet.items()
         }
+        foot = None
+        if self.of_foot and self.foot:
+            numbers, bound, inversion = self.foot, plan.foot_bound, plan.of_foot
+            early = {"rms_cm": numbers.early.rms, "expected_rms_cm": numbers.expected_early}
+            foot = {
+                **named(numbers.planned, "cm"),
+                "expected_rms_cm": numbers.expected,
+                "norm": inversion and inversion.norm,
+                "best_shift": early,
+                "lower_bound_cm": None if bound is None else 100.0 * bound,
+                "gap": None if bound is None else inversion and inversion.gap,
+                "over_models": inversion and _over_models(inversion, "cm", 100.0),
+                "predicted_m": plan.foot.tolist(),
+            }
         return {
             "method": self.method,
             "recommended_method": None if has_refused(plan) else method,
@@ -302,7 +295,7 @@ class PlanAnswer:
             "unreachable_samples": self.unreachable,
             "lower_bound_withdrawn": no_bound(plan) or None,
             "joints": {each.name: self._joint(j, each) for j, each in enumerate(self.joints)},
-            "foot": self._foot(self.foot) if self.of_foot and self.foot else None,
+            "foot": foot,
             **({"legs": feet} if feet else {}),
             "within_tolerance": None if self.missed is None else not self.missed,
         }
@@ -343,23 +336,6 @@ class PlanAnswer:
             **({} if plan.task.load is None else {"load_Nm": plan.task.load[:, j].tolist()}),
         }
 
-    def _foot(self, numbers: FootNumbers) -> dict[str, Any]:
-        """The foot for machines."""
-        bound, inversion = self.plan.foot_bound, self.plan.of_foot
-        return {
-            **named(numbers.planned, "cm"),
-            "expected_rms_cm": numbers.expected,
-            "norm": inversion and inversion.norm,
-            "best_shift": {
-                "rms_cm": numbers.early.rms,
-                "expected_rms_cm": numbers.expected_early,
-            },
-            "lower_bound_cm": None if bound is None else 100.0 * bound,
-            "gap": None if bound is None else inversion and inversion.gap,
-            "over_models": inversion and _over_models(inversion, "cm", 100.0),
-            "predicted_m": self.plan.foot.tolist(),
-        }
-
     def text(self) -> str:
         """The plan for people."""
         joints, plan = self.joints, self.plan
@@ -369,7 +345,7 @@ class PlanAnswer:
             [
                 ("rms [deg]", [f"{each.planned.rms:.3f}" for each in joints]),
                 ("max [deg]", [f"{each.planned.max:.3f}" for each in joints]),
-                self.has_expected and ("on the robot", self.on_robot),
+                bool(self.on_robot) and ("on the robot", self.on_robot),
                 *self.bounds,
             ],
         )
@@ -377,12 +353,11 @@ class PlanAnswer:
             f"{len(plan.requests)} requests, one every {1e3 * plan.period:.6g} ms; {self.model}",
             table.text(),
             "",
-            self.motions.text(),
+            motions_table(plan.names, plan.motions).text(),
         ]
         if over_models := self.over_models:
-            words = (
-                f"{plan.task.norm} errors over the nominal model and {self.draws} drawn from its"
-            )
+            draws = max(map(len, plan.task.models)) - 1
+            words = f"{plan.task.norm} errors over the nominal model and {draws} drawn from its"
             lines += ["", f"{words} intervals:", over_models.text()]
         if self.feet:
             lines += ["", self.feet_table.text(), ""]
@@ -412,7 +387,7 @@ class PlanAnswer:
             more = f" and {len(fast) - 4} more" if len(fast) > 4 else ""
             words = "no requests follow exactly where the path is faster than the joint"
             lines.append(f"{words}: {worst}{more}")
-        if self.has_expected:
+        if self.on_robot:
             has_range = any(np.isfinite(each.expected.high) for each in joints)
             more = ", and the range of 90 % of such motions" if has_range else ""
             words = "on the robot: rms error to expect, by what the models were tested on"
@@ -495,16 +470,17 @@ def start_words(plan: Plan) -> str:
     )
 
 
-def motions_table(motions: Iterable[tuple[str, RequestMotion, float]]) -> Table:
+def motions_table(
+    names: Iterable[str], motions: Sequence[RequestMotion], factors: Iterable[float] | None = None
+) -> Table:
     """How requests move, beside the desired path: by joint, with the factor to degrees."""
-    names, each, factors = zip(*motions, strict=True)
-    pairs = [*zip(each, factors, strict=True)]
+    pairs = [*zip(motions, factors or [DEGREE] * len(motions), strict=True)]
     return by_columns(
         "requests",
         names,
         [
             ("largest step [deg]", [f"{factor * m.largest_step:.2f}" for m, factor in pairs]),
-            ("reversals/s", [f"{m.reversals_per_s:.1f}" for m in each]),
+            ("reversals/s", [f"{m.reversals_per_s:.1f}" for m in motions]),
             ("length [deg]", [f"{factor * m.path_length:.1f}" for m, factor in pairs]),
             ("desired", [f"{factor * m.desired_length:.1f}" for m, factor in pairs]),
             ("outside desired [deg]", [f"{factor * m.beyond:.2f}" for m, factor in pairs]),

@@ -95,9 +95,6 @@ def replay_page(
     ``models`` is their origin; an ``arm``, whose joints are all recorded, moves on the page.
     ``missed`` are the tolerances that it misses.
     """
-    curves = [] if fastest is None else [speeds_figure(fastest)]
-    if fastest is not None and fastest.retime == "varying":
-        curves.append(factors_figure(fastest))
     there = [joint.path.unit for joint in replay.planned]
     units = {"rad": "degrees", "1": "% of the range"}
     joints = [*map(sizes_of, replay.planned)]
@@ -129,7 +126,7 @@ def replay_page(
         farthest=max(joints, key=lambda each: each.errors["planned"].rms),
         expected=max(known, key=lambda each: each.expected, default=None),
         moving=moment_figure(replay) if arm is None else arm_figure(replay, arm),
-        speeds=curves,
+        speeds=[] if fastest is None else speeds_figures(fastest),
         of_foot=fastest is not None and fastest.foot,
         open_speeds=sorted(replay.path.open_top_speeds),
         joints=joints_table(replay),
@@ -146,12 +143,16 @@ def replay_page(
 
 def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms, and how its requests move."""
-    planned = [(sizes_of(each), each.plan.motions[0]) for each in replay.planned]
+    planned = [*map(sizes_of, replay.planned)]
     return rendered_text(
         "replay.txt",
         **_spoken(replay, models, fastest),
         joints=joints_table(replay, "rms [deg]"),
-        requests=motions_table((each.label, motion, each.factor) for each, motion in planned),
+        requests=motions_table(
+            [each.label for each in planned],
+            [each.plan.motions[0] for each in replay.planned],
+            [each.factor for each in planned],
+        ),
     )
 
 
@@ -215,7 +216,7 @@ def joints_table(replay: Replay, about: str = "joint [deg]") -> Table:
 
 def moment_figure(replay: Replay) -> Figure:
     """The slider through the episode, with the numbers of its moment."""
-    timeline, joints = _timeline_of(replay), replay.joints
+    timeline, joints = Timeline(replay.period, len(replay.moments), cyclic=False), replay.joints
     stride = -(-timeline.samples // MOST_FRAMES)
     units = [LOG_UNITS[each.path.unit] for each in joints]
     kinds = []
@@ -250,12 +251,14 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
         return arm.joint_positions(np.column_stack(angles))
 
     others = ((AS_IT_IS, points("direct")), (style.OPTIMAL, points("predicted")))
-    return _timeline_of(replay).leg("arm", words_of("arm"), points("desired"), others)
+    return Timeline(replay.period, len(replay.moments), cyclic=False).leg(
+        "arm", words_of("arm"), points("desired"), others
+    )
 
 
 def joint_figure(replay: Replay, j: int) -> Figure:
     """A joint: its angles and errors, where it is planned, and its requests."""
-    timeline, joint = _timeline_of(replay), replay.joints[j]
+    timeline, joint = Timeline(replay.period, len(replay.moments), cyclic=False), replay.joints[j]
     unit, factor = LOG_UNITS[joint.path.unit]
     desired = (joint.desired, style.DESIRED._replace(label="path"))
     recorded = (joint.recorded_requests, style.APPROXIMATION._replace(label="recorded requests"))
@@ -281,8 +284,8 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     )
 
 
-def speeds_figure(fastest: Fastest) -> Figure:
-    """Largest errors against the speed, with the tolerance."""
+def speeds_figures(fastest: Fastest) -> list[Figure]:
+    """Largest errors against the speed, with the tolerance; and the speed along the replay."""
     tolerance, unit = _allowed(fastest)
     speeds = np.array([each.speed for each in fastest.curve])
     looks = {"direct": AS_IT_IS, "shifted": style.SHIFT, "planned": style.OPTIMAL}
@@ -300,30 +303,20 @@ def speeds_figure(fastest: Fastest) -> Figure:
         replace(each, label=f"{each.role.label}, off the scale") if np.all(each.y > top) else each
         for each in curves
     ]
-    return Figure(
-        "speeds",
-        *words_of("speeds"),
-        Axis("times the recorded speed", range=ends),
-        (Panel(Axis("largest error", unit, (0.0, top)),
-               (line(ends, (tolerance, tolerance), style.LIMIT), *curves), height=1.8),),
-    )  # fmt: skip
-
-
-def factors_figure(fastest: Fastest) -> Figure:
-    """The speed along the replay."""
-    timeline = _timeline_of(fastest.replay)
+    curves.insert(0, line(ends, (tolerance, tolerance), style.LIMIT))
+    panel = Panel(Axis("largest error", unit, (0.0, top)), curves, height=1.8)
+    across = Axis("times the recorded speed", range=ends)
+    errors = Figure("speeds", *words_of("speeds"), across, [panel])
+    if fastest.retime != "varying":
+        return [errors]
+    timeline = Timeline(fastest.replay.period, len(fastest.replay.moments), cyclic=False)
     factors = np.append(fastest.factors, fastest.factors[-1:])
-    constant = np.full(len(factors), fastest.constant)
-    curves = (
-        timeline.curve(constant, style.LIMIT, "largest constant"),
+    curves = [
+        timeline.curve(np.full(len(factors), fastest.constant), style.LIMIT, "largest constant"),
         timeline.curve(factors, style.OPTIMAL, "speed"),
-    )
+    ]
     panel = Panel(Axis("times the recorded speed", from_zero=True), curves, height=1.8)
-    return timeline.figure("factors", [panel], words_of("factors"), clock=True)
-
-
-def _timeline_of(replay: Replay) -> Timeline:
-    return Timeline(replay.period, len(replay.moments), cyclic=False)
+    return [errors, timeline.figure("factors", [panel], words_of("factors"), clock=True)]
 
 
 # For machines.

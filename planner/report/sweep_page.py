@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from planner.evaluation.sweep import Outcome, Requirement, Swept
+from planner.evaluation.sweep import Outcome, Swept
 from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
-from planner.report.table import Column, Row, Table
+from planner.report.table import Column, Row, Table, by_columns
 from planner.report.wording import words_of
 
 WORDS = {
@@ -37,8 +37,8 @@ def sweep_page(swept: Swept) -> Page:
         Row(f"{points[0].number}", (parameters(swept, points[0]), f"{len(points)}", reason))
         for reason, points in list(swept.failures.items())[:20]
     ]
-    columns = Column("parameters", words=True), Column("points"), Column("reason", words=True)
-    failures = Table("first point", columns, rows, label="Points without a plan")
+    columns = Column("parameters", words=True), "points", Column("reason", words=True)
+    failures = Table("first point", columns, rows, "Points without a plan")
     return Page(
         "sweep",
         swept=swept,
@@ -54,29 +54,34 @@ def sweep_page(swept: Swept) -> Page:
 
 def sweep_results(swept: Swept) -> list[dict[str, Any]]:
     """The columns of every point; values that a point without a plan lacks are None."""
-    speed = "speed_cm_s" if swept.speed_unit == "cm/s" else "speed_factor"
-    unit, front = swept.error_unit, {each.number for each in swept.front}
-    return [
-        {
-            "point": each.number,
-            **dict(zip(swept.names, each.point, strict=True)),
-            **{
-                name: value if math.isfinite(value) else None
-                for name, value in {
-                    speed: each.speed,
-                    f"error_{unit}": each.error,
-                    f"largest_error_{unit}": each.largest,
-                    f"direct_error_{unit}": each.direct,
-                    "too_fast_percent": 100.0 * each.too_fast,
-                }.items()
-            },
-            "slowest_joint": each.slowest or None,
-            "unreachable_samples": each.unreachable,
-            "on_front": each.number in front,
-            "reason": each.reason or missed_by(swept.requirement, each) or None,
+    unit, front, rows = swept.error_unit, {each.number for each in swept.front}, []
+    for each in swept.outcomes:
+        reason, required = each.reason, swept.requirement
+        if not reason and required is not None and not required.is_met_by(each):
+            reason = f"{required.of} {'below' if required.of == 'speed' else 'above'} "
+            reason += f"{required.value:g}"
+            if required.of == "error" and each.slowest:
+                fast = f"its top speed on {100.0 * each.too_fast:.0f} % of the path"
+                reason += f"; {each.slowest} would have to exceed {fast}"
+        numbers = {
+            "speed_cm_s" if swept.speed_unit == "cm/s" else "speed_factor": each.speed,
+            f"error_{unit}": each.error,
+            f"largest_error_{unit}": each.largest,
+            f"direct_error_{unit}": each.direct,
+            "too_fast_percent": 100.0 * each.too_fast,
         }
-        for each in swept.outcomes
-    ]
+        rows.append(
+            {
+                "point": each.number,
+                **dict(zip(swept.names, each.point, strict=True)),
+                **{k: value if math.isfinite(value) else None for k, value in numbers.items()},
+                "slowest_joint": each.slowest or None,
+                "unreachable_samples": each.unreachable,
+                "on_front": each.number in front,
+                "reason": reason or None,
+            }
+        )
+    return rows
 
 
 def sweep_text(swept: Swept) -> str:
@@ -124,19 +129,6 @@ def missed(swept: Swept) -> str:
     return verdict(swept) if failed else ""
 
 
-def missed_by(requirement: Requirement | None, outcome: Outcome) -> str:
-    """How a planned point misses the requirement, in words; empty where it does not."""
-    if requirement is None or requirement.is_met_by(outcome):
-        return ""
-    if requirement.of == "speed":
-        return f"speed below {requirement.value:g}"
-    slow = (
-        f"; {outcome.slowest} would have to exceed its top speed on "
-        f"{100.0 * outcome.too_fast:.0f} % of the path"
-    )
-    return f"error above {requirement.value:g}{slow if outcome.slowest else ''}"
-
-
 def parameters(swept: Swept, outcome: Outcome) -> str:
     """The parameters of a point."""
     values = zip((WORDS[name] for name in swept.names), outcome.point, strict=True)
@@ -153,23 +145,19 @@ def command(swept: Swept, outcome: Outcome) -> str:
 
 def points_table(swept: Swept) -> Table:
     """The points of the front with their parameters, speeds and errors."""
-    quantities = [WORDS[name] for name in swept.names]
+    front, unit = swept.front, swept.error_unit
+    columns = {WORDS[name]: [each.point[k] for each in front] for k, name in enumerate(swept.names)}
     if "speed" not in swept.names:
-        quantities.append(("speed", swept.speed_unit))
-    quantities.append(("error", swept.error_unit))
-    quantities.append(("without a plan", swept.error_unit))
-    quantities.append(("too fast", ""))
-    titles = [f"{words} [{unit}]" if unit else words for words, unit in quantities]
-    rows = []
-    for each in swept.front:
-        numbers = [*each.point]
-        if "speed" not in swept.names:
-            numbers.append(each.speed)
-        numbers += [each.error, each.direct]
-        fast = f"{100.0 * each.too_fast:.0f} % {each.slowest}" if each.slowest else "nowhere"
-        best = "\nbest" if each is swept.best else ""
-        rows.append(Row(f"{each.number}{best}", (*(f"{value:.4g}" for value in numbers), fast)))
-    return Table("point", titles, rows, label="The Pareto front")
+        columns["speed", swept.speed_unit] = [each.speed for each in front]
+    columns["error", unit] = [each.error for each in front]
+    columns["without a plan", unit] = [each.direct for each in front]
+    shown = [
+        (f"{words} [{unit}]" if unit else words, [f"{value:.4g}" for value in values])
+        for (words, unit), values in columns.items()
+    ]
+    fast = [f"{100.0 * p.too_fast:.0f} % {p.slowest}" if p.slowest else "nowhere" for p in front]
+    numbers = [f"{each.number}" + "\nbest" * (each is swept.best) for each in front]
+    return by_columns("point", numbers, [*shown, ("too fast", fast)], label="The Pareto front")
 
 
 def front_figure(swept: Swept) -> Figure:
@@ -197,10 +185,6 @@ def front_figure(swept: Swept) -> Figure:
         curves.insert(0, Curve(LIMIT._replace(label="required"), *ends))
     if swept.best is not None:
         curves.append(curve(INK, [swept.best], "best", marks="dots"))
-    return Figure(
-        "front",
-        *words_of("front"),
-        Axis("speed", swept.speed_unit, None if high > low else (0.9 * low, 1.1 * high)),
-        (Panel(Axis("error", swept.error_unit, from_zero=True, decimals=3), curves,
-               height=2.4),),
-    )  # fmt: skip
+    across = Axis("speed", swept.speed_unit, None if high > low else (0.9 * low, 1.1 * high))
+    upward = Axis("error", swept.error_unit, from_zero=True, decimals=3)
+    return Figure("front", *words_of("front"), across, [Panel(upward, curves, height=2.4)])

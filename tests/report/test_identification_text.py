@@ -11,10 +11,10 @@ import pytest
 from planner.files.joint_model import models_text
 from planner.identification.result import Alternative, Finding, Interval
 from planner.report.identification_text import (
+    REMARKS,
     identification_text,
     model_comments,
     parameters,
-    remarks,
     verdict,
 )
 from tests.report.made_up import made_up, made_up_log, never_saturated
@@ -110,7 +110,7 @@ def test_what_to_do_next_is_to_plan_unless_the_model_is_refused_or_a_column_wron
 
 def test_no_name_of_a_log_can_break_the_model_file():
     found = {"": made_up(made_up_log(name="a\nv_max = 1\r\x00\udcff.csv", unit="1"))}
-    text = models_text({"": found[""].model}, remarks=remarks(), about=model_comments(found))
+    text = models_text({"": found[""].model}, remarks=REMARKS, about=model_comments(found))
     assert tomllib.loads(text)["v_max"] == found[""].model.v_max
     assert "shares of the joint's range" in text
     assert "# [1/s], " in text
