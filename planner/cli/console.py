@@ -38,17 +38,11 @@ from planner.files.text import (
 KEY = "planner.cli.verbosity"
 """Key of the verbosity in the command's context."""
 
-BAR = 24
-"""Characters of the bar."""
+BAR, WIDTH = 24, 80
+"""Characters of the bar, and of a line of a terminal of unknown width."""
 
-REDRAWN = 0.5
-"""Time after which the line is drawn again [s]."""
-
-BRIEF = 2.0
-"""Shortest running time for which an estimate is shown [s]."""
-
-WIDTH = 80
-"""Characters of a line of a terminal of unknown width."""
+REDRAWN, BRIEF = 0.5, 2.0
+"""Time after which the line is drawn again, and from which on an estimate is shown [s]."""
 
 _ERASE = "\r\x1b[K"
 

@@ -8,6 +8,7 @@ commands (:mod:`planner.cli.options`).
 from __future__ import annotations
 
 import math
+import operator
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
@@ -24,6 +25,7 @@ from typing import (
     Any,
     ClassVar,
     Literal,
+    NamedTuple,
     Self,
     TypeVar,
     Union,
@@ -45,8 +47,7 @@ NUMBER = "NUMBER"
 """Part of the place of a table that may stand there several times."""
 
 
-@dataclass(frozen=True)
-class Expected:
+class Expected(NamedTuple):
     """The expected value of a key in words, where its type is not enough, and a check of it.
 
     The check returns the value, or raises ValueError with an addition to these words. The ``form``
@@ -58,40 +59,27 @@ class Expected:
     form: str = ""
 
 
-def within(
-    *,
-    gt: float = -math.inf,
-    ge: float = -math.inf,
-    lt: float = math.inf,
-    le: float = math.inf,
-    words: str = "",
-) -> Expected:
+def within(words: str = "", **ends: float) -> Expected:
     """Numbers above ``gt``, below ``lt``, from ``ge`` to ``le``: whole ones, or as in ``words``."""
-    texts = {"above": gt, "of at least": ge, "below": lt}
-    ends = " and ".join(f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end))
 
     def check(number: float) -> float:
-        if not (gt < number < lt and ge <= number <= le):
+        if not all(getattr(operator, name)(number, end) for name, end in ends.items()):
             raise ValueError
         return number
 
-    numbers = f"a number {ends}" if math.isinf(le) else f"a whole number from {ge} to {le}"
-    return Expected(words or numbers, check)
+    texts = {"gt": "above", "ge": "of at least", "lt": "below"}
+    bounds = " and ".join(f"{texts[name]} {end:g}" for name, end in ends.items() if name in texts)
+    if "le" in ends:
+        return Expected(words or f"a whole number from {ends['ge']} to {ends['le']}", check)
+    return Expected(words or f"a number {bounds}", check)
 
 
 class Kind:
     """The type of a setting, and what its annotations expect of a value.
 
-    Attributes:
-        type: Without None and annotations, such as float, or a Literal of choices.
-        optional: Whether it may be None.
-        notes: The annotations, innermost first.
-        origin: Literal, tuple or dict; None of a simple type.
-        inner: The choices of a Literal, the kinds in a tuple or dict.
-        expected: The expected value, in words.
-        form: What stands for it in the help of an option; "" for what its type does.
-        is_table, is_repeated, is_free: Whether it is a table of settings, one that may stand there
-            several times, or one of values by any name, such as ``limits.joints``.
+    Its ``type`` is without None and annotations, such as float, or a Literal of choices; ``notes``
+    are the annotations, innermost first; ``origin`` is Literal, tuple, dict, or None of a simple
+    type, and ``inner`` the choices of a Literal, or the kinds in a tuple or dict.
     """
 
     def __init__(self, annotation: Any) -> None:
@@ -105,15 +93,16 @@ class Kind:
                 self.optional = True
         self.type, self.origin, self.inner = annotation, origin, get_args(annotation)
         words = [note.words for note in self.notes]
-        self.form = self.notes[-1].form if self.notes else ""
+        self.form = self.notes[-1].form if self.notes else ""  # in the help of an option
         if origin is Literal:
             words = words or [f"one of {', '.join(self.inner)}"]
         else:
             self.inner = tuple(each if each is ... else Kind(each) for each in self.inner)
+        self.expected = ["true or false" if annotation is bool else "a number", *words][-1]
+        # a table of settings, one that may stand there several times, or one of values by any name
         self.is_table = isinstance(annotation, type) and issubclass(annotation, Settings)
         self.is_repeated = origin is tuple and self.inner[0].is_table
         self.is_free = origin is dict and not words
-        self.expected = ["true or false" if annotation is bool else "a number", *words][-1]
 
     def fitted(self, value: Any) -> Any:
         """A value of this kind; ValueError, perhaps with a hint, if it does not fit."""
@@ -161,6 +150,7 @@ class Declared:
     """
 
     kind: Kind
+    default_in_words: str  # as TOML, or the effect of leaving it unset
 
     def __init__(
         self,
@@ -183,17 +173,14 @@ class Declared:
 
     def bind(self, name: str, annotation: Any) -> Declared:
         """Take the name and the type of the field."""
-        self.kind = Kind(annotation)
+        self.kind = kind = Kind(annotation)
         if self.option == "--":
             self.option += name.replace("_", "-")
         if self.default is ...:
-            self.default = None if self.kind.optional else {} if self.kind.origin is dict else ...
+            self.default = None if kind.optional else {} if kind.origin is dict else ...
+        unset = self.default is None or self.default is ...
+        self.default_in_words = self.otherwise or ("" if unset else toml_value(self.default))
         return self
-
-    @property
-    def default_in_words(self) -> str:
-        """Its default as TOML, or the effect of leaving it unset."""
-        return self.otherwise or ("" if self.default in (None, ...) else toml_value(self.default))
 
 
 setting: Any = Declared
@@ -281,12 +268,10 @@ class Settings:
                     hint = f" (did you mean '{key_name((*other, name))}'?)"
                 words = f"'{hint}; keys{of}: {', '.join(cls.keys)}"
                 raise BadSetting(f"unknown key '{marked((*place, name))}{words}")
-        required = {name: key for name, key in cls.keys.items() if key.default is ...}
-        if missing := [name for name in required if name not in content]:
-            words = f"keys {', '.join(missing)}; add them"
-            if len(missing) == 1:
-                words = f"key '{missing[0]}', expected {required[missing[0]].kind.expected}; add it"
-            raise BadSetting(f"{marked(place)}: no {words}")
+        for name, key in cls.keys.items():
+            if key.default is ... and name not in content:
+                words = f"no key '{name}', expected {key.kind.expected}; add it"
+                raise BadSetting(f"{marked(place)}: {words}")
 
         def checked(kind: Kind, value: Any, place: Place) -> Any:
             hint, expected = "", kind.expected
@@ -437,6 +422,10 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
+MOST_CHARACTERS = 1000
+"""Longest accepted text: beyond any name."""
+
+
 def _is_text(value: str) -> str:
     if not value.strip() or not value.isprintable():
         raise ValueError
@@ -458,39 +447,19 @@ def _rises(value: tuple[float, ...]) -> tuple[float, ...]:
     return value
 
 
-MOST_CHARACTERS = 1000
-"""Longest accepted text: beyond any name."""
-
 SOURCE = Expected("the name of a file")
+INSIDE = "the name of a file inside the folder of the results"
 
-Text = Annotated[str, Expected("a text", _is_text)]
-"""Text that is not empty and on one line."""
-
-Source = Annotated[Text, SOURCE]
-"""A file to read; its place is relative to the file that names it."""
-
-Written = Annotated[
-    Text, Expected("the name of a file inside the folder of the results", _stays_inside)
-]
-"""A file to write."""
-
+Text = Annotated[str, Expected("a text", _is_text)]  # not empty, and on one line
+Source = Annotated[Text, SOURCE]  # to read; its place is relative to the file that names it
+Written = Annotated[Text, Expected(INSIDE, _stays_inside)]
 WrittenOrNone = Annotated[
-    str,
-    Expected(
-        'the name of a file inside the folder of the results, or "" for none',
-        lambda value: value and _stays_inside(_is_text(value)),
-    ),
+    str, Expected(f'{INSIDE}, or "" for none', lambda each: each and _stays_inside(_is_text(each)))
 ]
-"""The same, or the empty text for none."""
-
 Span = Annotated[
     tuple[float, float], Expected("two numbers [LOW, HIGH] with LOW below HIGH", _rises)
 ]
-"""Smallest and largest value."""
-
 Values = Annotated[tuple[float, ...], Expected("a list of rising numbers", _rises)]
-"""Values to try."""
-
 Positive = Annotated[float, within(gt=0.0)]
 NotNegative = Annotated[float, within(ge=0.0)]
 Count = Annotated[int, within(ge=1, le=10**6)]

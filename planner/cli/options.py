@@ -230,13 +230,10 @@ def answers(report: str = "") -> Callable[[Callable[..., Answer | None]], Comman
         @option("--json as_json", "Print JSON for machines.", bool)
         @wraps(command)
         def answered(*, as_json: bool, report: str | None = None, **arguments: Any) -> None:
-            for name, place in (
-                ("report", report),
-                ("expected-log", arguments.get("expected_log")),
-            ):
-                if as_json and place == "-":
-                    words = "standard output takes the JSON; name a file."
-                    raise click.UsageError(f"--{name}: {words}")
+            places = {"report": report, "expected-log": arguments.get("expected_log")}
+            for name in [name for name, place in places.items() if as_json and place == "-"]:
+                words = "standard output takes the JSON; name a file."
+                raise click.UsageError(f"--{name}: {words}")
             if answer := command(**arguments):
                 answer.deliver(arguments.get("output", "-"), report, as_json=as_json)
 
@@ -332,9 +329,11 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
         for key in keys:
             declared = SETTINGS[key]
             own = helps.get(_parameter(key)) or helps.get(key.rpartition(".")[2], "")
-            if key.startswith("plan.") and "plan.method" not in keys and not own:
-                own = declared.help.partition(": ")[2] if declared.only else declared.help
-                own = own[:1].upper() + own[1:]  # without the methods, of which there is no choice
+            if declared.only and "plan.method" not in keys and key.startswith("plan.") and not own:
+                own = declared.help.partition(": ")[
+                    2
+                ]  # without methods, of which there is no choice
+                own = own[:1].upper() + own[1:]
             decorators.append(_option(key, declared, own))
         return several(*decorators)(with_settings)
 

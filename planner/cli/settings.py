@@ -22,14 +22,9 @@ from planner.cli.declared import (
 )
 from planner.exceptions import nearest
 
-FROM_LOG = "from-log"
-"""The models that `replay` identifies from the recordings themselves."""
-
-SHIPPED_MODEL = "ers210a"
-"""The model that needs no file: Table 1 of the paper."""
-
-FROM_URDF = "urdf"
-"""Models with the top speeds of the leg's description, and assumed other parameters."""
+FROM_LOG, FROM_URDF, SHIPPED_MODEL = "from-log", "urdf", "ers210a"
+"""Models without a file: those that `replay` identifies from the recordings themselves, those with
+the top speeds of the leg's description and assumed other parameters, and Table 1 of the paper."""
 
 Frame = Annotated[Text, Expected("the name of a frame", form="FRAME")]
 Angles = Annotated[dict[str, float], Expected("a table of angles by joint")]
@@ -136,10 +131,11 @@ class HalfEllipse(Settings):
 
     def arguments(self, *, given_only: bool = False) -> dict[str, Any]:
         """The arguments of :func:`planner.half_ellipse`, with or without the defaults."""
-        values = self.values()
-        names = (self.keys_set if given_only else values.keys()) - {"heading_deg", "for_leg"}
-        arguments = {name: value for name, value in values.items() if name in names}
-        return {**arguments, "heading": math.radians(self.heading_deg)}
+        names = (self.keys_set if given_only else self.keys.keys()) - {"heading_deg", "for_leg"}
+        return {
+            "heading": math.radians(self.heading_deg),
+            **{name: getattr(self, name) for name in names},
+        }
 
 
 class Path(Settings):
