@@ -35,10 +35,7 @@ CLOSE_UP = 3.0
 """Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""
 
 BAR = 9.0
-"""Width of a bar [pt]."""
-
-SIDES: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
-"""Where the numbers below a strip stand."""
+"""Width of the bar of an interval [pt]."""
 
 
 def identification_page(identifications: Mapping[str, Identification]) -> Page:
@@ -160,7 +157,7 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
             curves.append(Curve(role, x, y, name, marks="dots", opacity=opacity))
     far = max(reach, float(np.max(np.abs(points.errors), initial=0.0)))
     ends = np.array([-far, *np.clip(corners, -far, far), far])
-    words: tuple[Words, ...] = ()
+    words: list[Words] = []
     corner, level = factor * float(corners[-1]), factor * float(model.speed(corners[-1]))
     seen = corners[-1] <= reach
     if identification.saturates and seen:
@@ -168,27 +165,23 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
         curves.append(line((corner, corner), (-high, level), dotted))
         threshold = "θ₀ + dead band" if model.steady.dead_band else "θ₀"
         side: Literal["left", "right"] = "left" if corner < right / 3 else "right"  # within it
-        words = (  # at the lower edge, where a joint has no dots: they lie about f
-            Words(threshold, corner, -high, side, "bottom"),
-            Words("v_max", -right, factor * model.v_max, across="left"),
-        )
+        # at the lower edge, where a joint has no dots: they lie about f
+        words.append(Words(threshold, corner, -high, side, "bottom"))
+        words.append(Words("v_max", -right, factor * model.v_max, across="left"))
     wide, speeds = style.CLOSED_FORM._replace(width=2.4), factor * model.speed(ends)
     curves.append(Curve(wide, factor * ends, speeds, "f, identified"))
-    panel = Panel(Axis("speed", units.speed, (-high, high)), curves, words=words, height=2.2)
-    return Figure(
-        f"{prefix}speed",
-        *words_of(
-            "speed",
-            youngest=1e3 * model.lag,
-            oldest=1e3 * (model.lag + model.acceleration_time),
-            gravity=model.most_pose_sag > 0.0,
-            inertia=model.has_inertia,
-            off=points.off.any(),
-            guessed=not identification.saturates and seen,
-        ),
-        Axis("request minus angle", units.angle, (-right, right), decimals=3),
-        (panel,),
+    about = words_of(
+        "speed",
+        youngest=1e3 * model.lag,
+        oldest=1e3 * (model.lag + model.acceleration_time),
+        gravity=model.most_pose_sag > 0.0,
+        inertia=model.has_inertia,
+        off=points.off.any(),
+        guessed=not identification.saturates and seen,
     )
+    across = Axis("request minus angle", units.angle, (-right, right), decimals=3)
+    panel = Panel(Axis("speed", units.speed, (-high, high)), curves, words=words, height=2.2)
+    return Figure(f"{prefix}speed", *about, across, [panel])
 
 
 def intervals_figure(identification: Identification, prefix: str = "") -> Figure:
@@ -196,46 +189,39 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
 
     The strip of a lag covers at least a period; those of sags lie about zero.
     """
-    model, curves, words, names = (
-        identification.model,
-        list[Curve](),
-        list[Words](),
-        dict[float, str](),
-    )
+    model, names = identification.model, dict[float, str]()
+    curves, words = list[Curve](), list[Words]()
     sag = 1.5 * model.most_pose_sag or 1.0
     static = max(0.25 * model.theta_0, 1.5 * abs(model.offset))
     about_zero = {"offset": static, "sag_sin": sag, "sag_cos": sag, "v_offset": model.v_max}
-
-    def stroke(role: Role, width: float, label: str, *x: float, high: float = 0.0) -> Curve:
-        looks, y = role._replace(width=width, dashes="-"), np.array([k - high, k + high])
-        return Curve(looks, np.array(x), y, label, legend=bool(label))
-
     for k, row in enumerate(parameters(identification)):
         shortest = model.period if row.name == "lag" else 0.0
         most = about_zero.get(row.name) or max(2.0 * row.estimate, shortest) or 1.0
         marks = np.linspace(-most if row.name in about_zero else 0.0, most, 3)
-        places = np.clip([*row.ends, row.estimate, *marks], marks[0], most)
-        low, high, estimated, *ends = np.interp(places, (marks[0], most), (0.0, 100.0)).tolist()
-        bounded = row.ends.bounded
-        label = "95 % interval" if bounded else "interval without an end"
-        curves += [
-            stroke(style.GRID, BAR, "", 0.0, 100.0),
-            stroke(style.CLOSED_FORM if bounded else style.DIRECT, BAR, label, low, high),
-            stroke(style.INK, 2.0, "estimate", estimated, estimated, high=0.22),
-        ]
+        places = np.clip([*row.ends, row.estimate], marks[0], most)
+        low, high, estimated = np.interp(places, (marks[0], most), (0.0, 100.0)).tolist()
+        role, label = style.DIRECT, "interval without an end"
+        if row.ends.bounded:
+            role, label = style.CLOSED_FORM, "95 % interval"
+        for looks, x, name, height in (
+            (style.GRID._replace(width=BAR, dashes="-"), (0.0, 100.0), "", 0.0),
+            (role._replace(width=BAR, dashes="-"), (low, high), label, 0.0),
+            (style.INK._replace(width=2.0), (estimated, estimated), "estimate", 0.22),
+        ):
+            y = np.array([k - height, k + height])
+            curves.append(Curve(looks, np.array(x), y, name, legend=bool(name)))
         shown = Interval(*(row.factor * end for end in row.ends))
+        numbers = [figure(row.factor * mark, shown) if mark else "0" for mark in marks.tolist()]
         words += [
-            Words(figure(row.factor * mark, shown) if mark else "0", end, k + 0.18, across, "top")
-            for mark, end, across in zip(marks.tolist(), ends, SIDES, strict=True)
+            Words(numbers[0], 0.0, k + 0.18, "left", "top"),
+            Words(numbers[1], 50.0, k + 0.18, "center", "top"),
+            Words(numbers[2], 100.0, k + 0.18, "right", "top"),
         ]
         names[float(k)] = f"{row.brief} [{row.unit}]"
     axis = Axis("", range=(len(names) - 0.3, -0.5), names=names)
-    return Figure(
-        f"{prefix}intervals",
-        *words_of("intervals"),
-        Axis("", range=(-1.0, 101.0), names={}),
-        (Panel(axis, curves, words=words, height=0.4 * len(names)),),
-    )
+    panel = Panel(axis, curves, words=words, height=0.4 * len(names))
+    across = Axis("", range=(-1.0, 101.0), names={})
+    return Figure(f"{prefix}intervals", *words_of("intervals"), across, [panel])
 
 
 def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figure:
@@ -250,50 +236,42 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     outliers = np.flatnonzero(fit.used & (fit.weights < 0.5))  # which count by less than half
     residuals = angles - predicted
     fitted, unseen = (each._replace(width=1.4) for each in (style.CLOSED_FORM, style.OPTIMAL))
+    requested, ink = style.REQUESTED._replace(width=1.1), style.INK._replace(width=0.9)
     above = [
         _log_curve(style.DESIRED, "measured", times, angles),
-        _log_curve(
-            style.REQUESTED._replace(width=1.1), "", times, factor * log.requests, held=True
-        ),
+        _log_curve(requested, "", times, factor * log.requests, held=True),
         _log_curve(fitted, "model, fitted", times, np.where(held_out, np.nan, predicted)),
         _log_curve(unseen, "model, rows held out", times, np.where(held_out, predicted, np.nan)),
     ]
     below = [
-        _log_curve(style.INK._replace(width=0.9), "residual", times, residuals),
+        _log_curve(ink, "residual", times, residuals),
         Curve(style.DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
     ]
-    shades = tuple(
+    shades = [
         Span(float(times[rows.start]), float(times[rows.stop - 1]), style.GRID, 0.45)
         for rows in stretches(held_out)
         if not held_out.all()
-    )
+    ]
     noise, known = factor * identification.noise, math.isfinite(identification.noise)
-    noises = (Span(-2.0 * noise, 2.0 * noise, style.CLOSED_FORM, 0.16, "y"),) if known else ()
-    top, low = (tuple(curve for curve in curves if len(curve.y)) for curves in (above, below))
+    noises = [Span(-2.0 * noise, 2.0 * noise, style.CLOSED_FORM, 0.16, "y")] if known else []
+    top, low = ([curve for curve in curves if len(curve.y)] for curves in (above, below))
     quantity, whole = "angle" if units.si else "position", (0.0, float(times[-1]))
-    return Figure(
-        f"{prefix}whole",
-        *words_of(
-            "log",
-            held_out=held_out.any(),
-            noise=f"{noise:.2g} {units.angle}" if known else "unknown",
-            outliers=len(outliers),
-            least=float(np.min(log.weights[fit.used], initial=1.0)),
-            seconds=CLOSE_UP,
-        ),
-        Axis("time", "s", whole, decimals=3),
-        (
-            Panel(Axis(quantity, units.angle), top, spans=shades, height=1.9),
-            Panel(
-                Axis("residual", units.angle),
-                low,
-                "measured − predicted",
-                spans=(*shades, *noises),
-            ),
-        ),
-        over_time=True,
-        views={"whole log": whole, "close-up": close_up(fit)},
+    about = words_of(
+        "log",
+        held_out=held_out.any(),
+        noise=f"{noise:.2g} {units.angle}" if known else "unknown",
+        outliers=len(outliers),
+        least=float(np.min(log.weights[fit.used], initial=1.0)),
+        seconds=CLOSE_UP,
     )
+    residual = Axis("residual", units.angle)
+    panels = [
+        Panel(Axis(quantity, units.angle), top, spans=shades, height=1.9),
+        Panel(residual, low, "measured − predicted", spans=[*shades, *noises]),
+    ]
+    views = {"whole log": whole, "close-up": close_up(fit)}
+    across = Axis("time", "s", whole, decimals=3)
+    return Figure(f"{prefix}whole", *about, across, panels, over_time=True, views=views)
 
 
 def close_up(fit: LogFit) -> tuple[float, float]:

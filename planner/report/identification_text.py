@@ -170,8 +170,7 @@ def parameters_table(identification: Identification, *, page: bool = False) -> T
         kind = "" if row.ends.bounded else "unknown"
         rows.append(Row(about, (*cells, row.judgement), kind=kind))
     titles = ("value", "95 % interval", *(("in SI",) if column else ()))
-    columns = (*map(Column, titles), Column("known", words=True))
-    return Table("parameter", columns, rows, label="Parameters")
+    return Table("parameter", (*titles, Column("known", words=True)), rows, "Parameters")
 
 
 def telling_error(of: Identification | Alternative) -> tuple[float, str]:
@@ -194,8 +193,7 @@ def errors_table(identification: Identification) -> Table:
             kind = ""
         cells = tuple(units.sized(error)[0] for error in (each.rms, each.held_out_rms))
         rows.append(Row(about, cells, kind=kind))
-    columns = (Column("all rows"), Column("held out"))
-    return Table(f"rms error [{units.angle}]", columns, rows, label="Errors")
+    return Table(f"rms error [{units.angle}]", ("all rows", "held out"), rows, "Errors")
 
 
 def verdict(identification: Identification) -> str:
@@ -236,40 +234,32 @@ def joints_table(identifications: Mapping[str, Identification], *, page: bool = 
 
     On a page a unit that all cells of a column have stands in its title.
     """
-    estimates = [{row.name: row for row in parameters(i)} for i in identifications.values()]
-    names, rows = list(dict.fromkeys(name for own in estimates for name in own)), []
-    for each, shown in zip(identifications.values(), estimates, strict=True):
+    found = identifications.values()
+    estimates = [{row.name: row for row in parameters(each)} for each in found]
+    words = ["DOES NOT FIT" if each.verdict == "refused" else each.verdict for each in found]
+    columns = {"model": [(each, "") for each in words]}
+    for name in dict.fromkeys(name for own in estimates for name in own):
+        cells = [own[name].short if name in own else (NOTHING, "") for own in estimates]
+        columns[PARAMETERS[name][1]] = cells
+    for title in ("rms", "held out", "best delay"):
+        columns[title] = []
+    for each in found:
         delays = [telling_error(other)[0] for other in each.alternatives if other.name == "delay"]
-        errors = (each.rms, each.held_out_rms, delays[0] if delays else None)
-        rows.append(
-            [
-                ("DOES NOT FIT" if each.verdict == "refused" else each.verdict, ""),
-                *(shown[name].short if name in shown else (NOTHING, "") for name in names),
-                *map(units_of(each).sized, errors),
-            ]
-        )
-    titles = ("model", *(PARAMETERS[name][1] for name in names), "rms", "held out", "best delay")
-    units = [{unit for _, unit in column if unit} for column in zip(*rows, strict=True)]
-    common = [own.pop() if page and len(own) == 1 else "" for own in units]
-    return Table(
-        "joint",
-        tuple(
-            Column(f"{title} [{unit}]" if unit else title)
-            for title, unit in zip(titles, common, strict=True)
-        ),
-        tuple(
-            Row(
-                joint or "unnamed",
-                tuple(
-                    f"{number} {unit}" if unit not in ("", of_all) else number
-                    for (number, unit), of_all in zip(cells, common, strict=True)
-                ),
-                kind="" if identification.accepted else "broken",
-            )
-            for (joint, identification), cells in zip(identifications.items(), rows, strict=True)
-        ),
-        label="Joints",
-    )
+        for title, error in (
+            ("rms", each.rms),
+            ("held out", each.held_out_rms),
+            ("best delay", delays[0] if delays else None),
+        ):
+            columns[title].append(units_of(each).sized(error))
+    shown = []
+    for title, cells in columns.items():
+        units = {unit for _, unit in cells if unit}
+        common = units.pop() if page and len(units) == 1 else ""
+        words = [f"{size} {unit}" if unit not in ("", common) else size for size, unit in cells]
+        shown.append((f"{title} [{common}]" if common else title, words))
+    kinds = ["" if each.accepted else "broken" for each in found]
+    names = [joint or "unnamed" for joint in identifications]
+    return by_columns("joint", names, shown, label="Joints", kinds=kinds)
 
 
 def explained(identifications: Mapping[str, Identification]) -> str:
@@ -334,23 +324,15 @@ def identification_text(
     Several joints share a table, and warnings; "" is one without a name.
     """
     if len(identifications) > 1:
-        lines = [
-            of_several(identifications),
-            joints_table(identifications).text(),
-            *filter(None, [explained(identifications)]),
-            *_shared_warnings(identifications),
-        ]
+        table, more = joints_table(identifications).text(), explained(identifications)
+        lines = [of_several(identifications), table, more, *_shared_warnings(identifications)]
     else:
-        ((joint, identification),) = identifications.items()
-        lines = [
-            (f"{joint}: " if joint else "") + verdict(identification),
-            parameters_table(identification).text(),
-            "",
-            errors_table(identification).text(),
-            *filter(None, [profile(identification)]),
-            *(f"warning: {warning}" for warning in identification.warnings),
-        ]
-    return "\n".join([*lines, next_step(identifications, model)])
+        ((joint, found),) = identifications.items()
+        tables = [parameters_table(found).text(), "", errors_table(found).text()]
+        warnings = (f"warning: {warning}" for warning in found.warnings)
+        whose = f"{joint}: " if joint else ""
+        lines = [whose + verdict(found), "\n".join(tables), profile(found), *warnings]
+    return "\n".join([*filter(None, lines), next_step(identifications, model)])
 
 
 def next_step(identifications: Mapping[str, Identification], model: str) -> str:
@@ -362,19 +344,14 @@ def next_step(identifications: Mapping[str, Identification], model: str) -> str:
     wrong = [joint for joint, open_ in topics.items() if open_ & {"sign", "columns"}]
     if wrong:
         return f"next: check the columns of {_names(wrong)}, as the first warning says"
-    needed = {
-        kind: which
-        for kind, shows in RECORD.items()
-        if (which := [joint for joint, open_ in topics.items() if open_ & shows.keys()])
-    }
+    needed, subjects = dict[str, set[str]](), list[str]()
+    for kind, shows in RECORD.items():
+        for topic, what in shows.items():
+            if which := {joint for joint, open_ in topics.items() if topic in open_}:
+                needed[kind] = needed.get(kind, set()) | which
+                subjects.append(what)
     if needed:
-        joints = list(dict.fromkeys(joint for which in needed.values() for joint in which))
-        subjects = [
-            what
-            for kind, which in needed.items()
-            for topic, what in RECORD[kind].items()
-            if any(topic in topics[joint] for joint in which)
-        ]
+        joints = [joint for joint in topics if joint in set().union(*needed.values())]
         kind = next(iter(needed)) if len(needed) == 1 else "combined"
         first = joints[0] if joints[0] in identifications else ""
         likewise = f" (likewise {_names(joints[1:])})" if joints[1:] else ""

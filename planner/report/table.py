@@ -100,11 +100,12 @@ def by_columns(
     columns: Iterable[tuple[str | Column, Sequence[str | tuple[str, ...]]] | Literal[False]],
     *,
     label: str = "",
+    kinds: Iterable[str] | None = None,
 ) -> Table:
     """A table from the labels of its rows and its columns: titles and cells; False is no column."""
-    shown = [each for each in columns if each]
+    shown, names = [each for each in columns if each], [*rows]
     cells = zip(*(own for _, own in shown), strict=True)
-    each = zip(rows, cells, strict=True)
+    each = zip(names, cells, [""] * len(names), kinds or [""] * len(names), strict=True)
     return Table(about, (title for title, _ in shown), (Row(*row) for row in each), label)
 
 
