@@ -392,7 +392,7 @@ def _model(
         raise wrong(f"got {' and '.join(both)}, {expected}")
     intervals = {}
     for key, (name, unit) in declared.items():
-        value = model.v_max / model.theta_0 if name == GAIN else getattr(model, name)
+        value = getattr(model, name)
         ends = own[key] if isinstance(own[key], list) and len(own[key]) == 2 else [math.nan] * 2
         least, most = (as_number(end, infinite=True) for end in ends)
         rounding = 1e-9 * abs(value)

@@ -381,7 +381,7 @@ def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bo
     outside = [measured_speed(log, ~used) for log, used in pairs]
     model = fit.parameters.model(tick=fit.grid.tick, hold=1)
     limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
-    most = float(np.max(np.abs(limits))) + model.v_max / model.theta_0 * model.most_pose_sag
+    most = float(np.max(np.abs(limits))) + model.gain * model.most_pose_sag
     seen, most = max(outside), most * (upper / fit.parameters.v_max)  # of a joint with that v_max
     refuted, unit = seen - SPEED_NOISE * noise_of(fit) > most, logs[0].unit
     if refuted:

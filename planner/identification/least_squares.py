@@ -116,7 +116,7 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
 
     faster = 0.0 if math.isinf(at.v_max) else grid.tick * at.v_max
     return Servo(
-        Law.of(at, tick=grid.tick, gain=at.gain, acceleration=at.max_acceleration(grid.tick)),
+        Law.of(at, tick=grid.tick, acceleration=at.max_acceleration(grid.tick)),
         float(at.lag),
         float(at.acceleration_time),
         float(at.compliance),

@@ -63,10 +63,9 @@ class Parameters(NamedTuple):
     @classmethod
     def of(cls, model: JointModel) -> Self:
         """The parameters of a model."""
-        gain = model.v_max / model.theta_0
-        taken = slowed_by_friction(gain, model.dead_band, model.time_constant, model.tick)
+        taken = slowed_by_friction(model.gain, model.dead_band, model.time_constant, model.tick)
         return cls(
-            gain=gain,
+            gain=model.gain,
             asymmetry=model.v_offset / model.v_max,
             slowing=model.speed_per_torque / model.v_max,
             acceleration=model.max_acceleration - taken,

@@ -435,7 +435,7 @@ class Identification(ReadOnly, Summarised):
     @property
     def gain(self) -> float:
         """Speed called for per error, v_max / theta_0 [1/s]."""
-        return self.model.v_max / self.model.theta_0
+        return self.model.gain
 
     @property
     def unit(self) -> str:

@@ -194,7 +194,7 @@ class JointModel:
                 f"lag + acceleration_time: got {self.lag + self.acceleration_time:g} s, expected "
                 f"at most {LONGEST_WINDOW} ticks of {self.tick:g} s; are the times in seconds?"
             )
-        gain = self.v_max / self.theta_0
+        gain = self.gain
         slowed = slowed_by_friction(gain, self.dead_band, self.time_constant, self.tick)
         if self.max_acceleration <= slowed:
             raise InvalidModel(
@@ -264,7 +264,7 @@ class JointModel:
         tick = period / hold
         if math.isclose(tick, self.tick, rel_tol=1e-9):
             return replace(self, tick=tick, hold=hold).with_evidence(self.evidence)
-        gain = self.v_max / self.theta_0
+        gain = self.gain
         inertia = self.time_constant > 0.0
         other, lag = with_ticks(gain, self.lag, self.tick, tick, inertia=inertia)
         before, after = (
@@ -400,14 +400,9 @@ class JointModel:
         return self.v_max * self.tick
 
     @property
-    def v_max_per_period(self) -> float:
-        """Farthest that the joint moves between two requests [rad]."""
-        return self.v_max * self.period
-
-    @property
-    def gain_per_tick(self) -> float:
-        """Slope of Equation 2 where it does not saturate, v_max / theta_0 [1/tick]."""
-        return self.v_max_per_tick / self.theta_0
+    def gain(self) -> float:
+        """Slope of Equation 2 where it does not saturate, v_max / theta_0 [1/s]."""
+        return self.v_max / self.theta_0
 
     @property
     def lag_ticks(self) -> float:
@@ -445,7 +440,7 @@ class JointModel:
         if not self.has_integral:
             return np.zeros(np.shape(angle))
         by_load = self.compliance * np.asarray(load, dtype=np.float64)
-        return np.asarray(-self.gain_per_tick * (by_load + self.gravity(angle)))
+        return np.asarray(-self.law.gain * (by_load + self.gravity(angle)))
 
     def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
         """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q).
@@ -493,13 +488,13 @@ class JointModel:
         """
         faster = self.v_offset + self.top_speed_per_torque * np.asarray(load, dtype=np.float64)
         if angle is not None and self.most_pose_sag > 0.0 and not self.exceeds_v_max:
-            faster = faster + self.v_max / self.theta_0 * self.gravity(angle)
+            faster = faster + self.gain * self.gravity(angle)
         return np.asarray(-(self.v_max - faster)), np.asarray(self.v_max + faster)
 
     @property
     def top_speed_per_torque(self) -> float:
         """Change of the steady top speeds by a torque [rad/(s N m)]: see :meth:`speed_limits`."""
-        made_up = self.v_max / self.theta_0 * self.compliance if self.exceeds_v_max else 0.0
+        made_up = self.gain * self.compliance if self.exceeds_v_max else 0.0
         return self.speed_per_torque - made_up
 
     def corners(self, load: npt.ArrayLike = 0.0, angle: npt.ArrayLike | None = None) -> Array:
@@ -526,13 +521,12 @@ class JointModel:
         band = self.steady.dead_band
         beyond = np.asarray(error, dtype=np.float64) - np.clip(error, -band, band)
         low, high = self.speed_limits(load, angle)
-        return np.asarray(np.minimum(np.maximum(self.v_max / self.theta_0 * beyond, low), high))
+        return np.asarray(np.minimum(np.maximum(self.gain * beyond, low), high))
 
     @cached_property
     def law(self) -> Law:
         """The numbers of the law, by ticks."""
-        gain = self.v_max / self.theta_0
-        return Law.of(self, tick=self.tick, gain=gain, acceleration=self.max_acceleration)
+        return Law.of(self, tick=self.tick, acceleration=self.max_acceleration)
 
     @property
     def has_inertia(self) -> bool:

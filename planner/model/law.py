@@ -87,21 +87,20 @@ class Law(NamedTuple):
         return self.share * self.friction if self.share < 1.0 else 0.0
 
     @classmethod
-    def of(cls, joint: Any, *, tick: float, gain: float, acceleration: float) -> Self:
+    def of(cls, joint: Any, *, tick: float, acceleration: float) -> Self:
         """The law for ticks of this time.
 
         Args:
             joint: A model, or the parameters of a fit, in SI.
             tick: Time step [s].
-            gain: v_max / theta_0 [1/s].
             acceleration: Acceleration limit [rad/s^2].
         """
         acting = float(joint.time_constant > 0.0)  # an integral acts through it
         of_speed, of_position = joint.integral_rate, joint.position_integral_rate
-        friction = gain * joint.dead_band
+        friction = joint.gain * joint.dead_band
         inside = acting * of_position > 0.0
         return cls(
-            gain * tick,
+            joint.gain * tick,
             (joint.v_max if acting * of_speed > 0.0 else joint.v_max + friction) * tick,
             friction * tick,
             motor_share(joint.time_constant, tick),

@@ -155,7 +155,7 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     assert evidence is not None, "a model without intervals was refused"
     intervals = _drawn_from(model)
     names, ends = list(intervals), np.array(list(intervals.values()))
-    values = np.array([_value(model, name) for name in names])
+    values = np.array([getattr(model, name) for name in names])
     down, up = np.where(np.isfinite(ends), np.abs(ends - values[:, np.newaxis]), 0.0).T / QUANTILE
     ends_at_zero = (ends[:, 0] == 0.0) & (values >= 0.0)
     down = np.where(ends_at_zero, np.maximum(down, up), down)
@@ -207,11 +207,6 @@ def _drawn_from(model: JointModel) -> dict[str, tuple[float, float]]:
     return intervals
 
 
-def _value(model: JointModel, name: str) -> float:
-    """A parameter of the model, or v_max / theta_0."""
-    return model.v_max / model.theta_0 if name == GAIN else float(getattr(model, name))
-
-
 def _delay_kept(
     names: Sequence[str], values: Array, move: Array, shares: Array, delay_error: float
 ) -> Array:
@@ -235,7 +230,7 @@ def _delay_kept(
 
 def _moved(model: JointModel, names: Sequence[str], move: Array) -> JointModel:
     """The model with its parameters moved, half as far while they would be invalid."""
-    moved = {name: _value(model, name) + by for name, by in zip(names, move.tolist(), strict=True)}
+    moved = {name: getattr(model, name) + by for name, by in zip(names, move.tolist(), strict=True)}
     gain = moved.pop(GAIN, None)
     if gain is not None and gain > 0.0:
         moved["theta_0"] = moved.get("v_max", model.v_max) / gain

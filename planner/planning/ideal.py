@@ -67,11 +67,11 @@ def nearest_within_speeds(
     low, high = model.speed_limits(torques, desired)
     mean = (low + high) / 2.0 * model.period
     if not np.any(mean):
-        return slope_bounded(desired, model.v_max_per_period, cyclic=cyclic)
+        return slope_bounded(desired, model.v_max * model.period, cyclic=cyclic)
     turns, count = 3 if cyclic else 1, len(desired)
     drift = np.cumsum(np.tile(mean, turns))
     sheared = np.tile(desired, turns) - drift
-    bounded = slope_bounded(sheared, model.v_max_per_period, cyclic=False) + drift
+    bounded = slope_bounded(sheared, model.v_max * model.period, cyclic=False) + drift
     return bounded[(turns // 2) * count :][:count]
 
 

@@ -103,7 +103,7 @@ def tracked(
         model.offset,
         model.steady.dead_band,
         np.array([slopes * curve.tick, offsets]),
-        0.0 if model.exceeds_v_max else model.gain_per_tick * model.hold,
+        0.0 if model.exceeds_v_max else model.law.gain * model.hold,
         LEAST_SHARE * model.v_max * curve.tick,
         (2.0 - LEAST_SHARE) * model.v_max * curve.tick,
         by_load,

@@ -182,7 +182,7 @@ class Stream(Summarised):
         joints["faster_by_load"] = ticks * [model.speed_per_torque for model in models]
         joints["steady_by_load"] = ticks * [model.top_speed_per_torque for model in models]
         joints["v_max"] = [model.v_max_per_tick for model in models]
-        joints["travel"] = [model.v_max_per_period for model in models]
+        joints["travel"] = [model.v_max * model.period for model in models]
         joints["lower"], joints["upper"], joints["max_step"] = *self._limits, self._max_step
         joints["smoothing"] = SMOOTHING + CROSSING * joints["dead_band"] / joints["theta_0"]
         effects = np.array([model.switching_time for model in models]) / self.period

@@ -123,7 +123,7 @@ def parameters(identification: Identification) -> list[Parameter]:
         "sag_cos": model.most_pose_sag,
     }
     for name in filter(intervals.__contains__, PARAMETERS):
-        estimate = identification.gain if name == "gain" else getattr(model, name)
+        estimate = getattr(model, name)
         if math.isinf(estimate):  # no limit of the acceleration
             continue
         unit, ends = PARAMETER_UNITS.get(name, "1/s").replace("^2", "²"), intervals[name]

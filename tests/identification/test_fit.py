@@ -71,7 +71,7 @@ def test_even_rows_are_simulated_as_the_planner_simulates_them(model, requests, 
 def test_what_friction_takes_of_the_acceleration_is_added_in_the_model():
     motor = replace(STICKY, time_constant=0.03, max_acceleration=40.0)
     at = Parameters.of(motor)
-    gain = motor.v_max / motor.theta_0
+    gain = motor.gain
     share = -math.expm1(-motor.tick / 0.03)
     assert at.acceleration == pytest.approx(40.0 - share * gain * motor.dead_band / motor.tick)
     assert at.model(tick=motor.tick, hold=motor.hold) == motor

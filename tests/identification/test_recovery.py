@@ -76,7 +76,7 @@ def test_what_is_found_belongs_to_the_joint_and_not_to_the_rate_of_its_log(const
     log = logged(joint, period=period, rows=round(24.0 / period))
     found = planner.identify(log, hold_out=False)
     model, gain = found.model, found.gain_interval
-    assert abs(model.v_max / model.theta_0 / 20.0 - 1.0) <= 0.02
+    assert abs(model.gain / 20.0 - 1.0) <= 0.02
     assert abs(model.lag - joint.lag) <= 0.001
     assert abs(model.time_constant - constant) <= 0.001
     assert gain.lower <= 20.0 <= gain.upper

@@ -106,5 +106,5 @@ def test_a_top_speed_that_the_trials_do_not_show_stays_as_it_was(size, v_max):
     log = refining._log(ERS210A, steps, answers, cyclic=True, load=None)
     found = refining._identified(ERS210A, [log])
     assert found.v_max == pytest.approx(v_max, rel=0.02)
-    assert found.v_max / found.theta_0 == pytest.approx(20.0, rel=0.05)
+    assert found.gain == pytest.approx(20.0, rel=0.05)
     assert (found.tick, found.hold) == (ERS210A.tick, ERS210A.hold)

@@ -263,16 +263,15 @@ def test_the_same_joint_with_requests_at_another_rate_has_its_intervals_moved_wi
         max_acceleration=500.0,
     )
     for model, open_end in ((joint, "max_acceleration"), (JointModel.ers210a(), "v_max")):
-        known = {name: getattr(model, name) for name in ("v_max", "theta_0", "lag")}
-        known |= {"gain": model.v_max / model.theta_0, "max_acceleration": model.max_acceleration}
+        names = ("v_max", "theta_0", "lag", "gain", "max_acceleration")
+        known = {name: getattr(model, name) for name in names}
         intervals = {name: (0.98 * each, 1.02 * each) for name, each in known.items()}
         intervals[open_end] = (0.98 * known[open_end], np.inf)
         tested = model.with_evidence(SEEN._replace(intervals=intervals))
         other = tested.requested_every(0.02)
         assert other.lag - model.lag < -1e-4
         for name, ends in other.evidence.intervals.items():
-            value = known["gain"] if name == "gain" else getattr(model, name)
-            moved = other.v_max / other.theta_0 if name == "gain" else getattr(other, name)
+            value, moved = known[name], getattr(other, name)
             share = moved / value if name in ("gain", "theta_0") else 1.0
             shift = 0.0 if name in ("gain", "theta_0", "v_max") or moved == value else moved - value
             low, high = intervals[name]

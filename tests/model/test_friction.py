@@ -63,7 +63,7 @@ def test_the_slope_of_the_speed_changes_at_the_corners_only(model, load):
     corners = model.corners(load)
     assert np.all(np.diff(corners) >= 0.0)
     inner = np.concatenate([[corners[0] - 1.0], corners, [corners[-1] + 1.0]])
-    gain = model.v_max / model.theta_0
+    gain = model.gain
     for low, high, slope in zip(inner[:-1], inner[1:], (0.0, gain, 0.0, gain, 0.0), strict=True):
         ends = model.speed(np.array([low, high]), load)
         assert ends[1] - ends[0] == pytest.approx(slope * (high - low), abs=1e-11 * model.v_max)
@@ -190,7 +190,7 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
 def with_inertia(rng, model, integral="integral_rate"):
     """The joint with a time constant, an acceleration limit, and half of them an integral."""
     inert = replace(model, time_constant=rng.uniform(0.5, 4.0) * model.tick)
-    slower = inert.time_constant / model.tick - 1.0 / model.gain_per_tick
+    slower = inert.time_constant / model.tick - 1.0 / model.law.gain
     rate = rng.uniform(0.02, min(0.2, 0.5 / max(slower, 1.0)))  # so that it comes to rest
     if rng.random() < 0.5:  # with little friction: else it may stick and slip for ever
         slight = min(model.dead_band, 0.1 * model.theta_0)

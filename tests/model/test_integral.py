@@ -50,7 +50,7 @@ def test_at_rest_the_joint_is_at_its_request(name):
     assert float(model.sag(load) + model.pose_sag(0.4)) == pytest.approx(0.1)
     _, _, integrals = motion_under(model, np.full(40, 0.3), cyclic=False, torques=np.full(40, load))
     sag = LOADED.pose_sag(0.4) + LOADED.compliance * load
-    np.testing.assert_allclose(integrals, -model.gain_per_tick * sag, rtol=1e-12)
+    np.testing.assert_allclose(integrals, -model.law.gain * sag, rtol=1e-12)
     assert float(model.rest_integral(0.4, load)) == pytest.approx(integrals[0])
 
 

@@ -60,7 +60,7 @@ def test_a_joint_is_faster_downhill_than_uphill_by_twice_what_its_sag_would_move
     )
     here = (down[0], up[0])
     speeds = [(each[1] - each[0]) / model.tick for each in (down, up)]
-    gravity = model.v_max / model.theta_0 * model.pose_sag(np.array(here))
+    gravity = model.gain * model.pose_sag(np.array(here))
     limits = model.v_offset + gravity + np.array([-model.v_max, model.v_max])
     np.testing.assert_allclose(speeds, limits, rtol=1e-9)
     for limit, at, speed in zip((0, 1), here, speeds, strict=True):
@@ -69,7 +69,7 @@ def test_a_joint_is_faster_downhill_than_uphill_by_twice_what_its_sag_would_move
 
 
 def test_a_path_is_too_fast_where_gravity_slows_the_joint_down():
-    path = 0.5 * math.pi + 0.97 * PAPER.v_max_per_period * np.arange(-10.0, 11.0)
+    path = 0.5 * math.pi + 0.97 * PAPER.v_max * PAPER.period * np.arange(-10.0, 11.0)
     hanging = replace(PAPER, sag_sin=-0.1 * PAPER.theta_0)
     assert not path_speeds(PAPER, path, cyclic=False).too_fast.any()
     assert path_speeds(hanging, path, cyclic=False).too_fast.all()

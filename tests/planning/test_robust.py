@@ -97,7 +97,7 @@ def test_models_are_drawn_as_their_intervals_and_correlations_say():
         np.array([getattr(each, name) for each in models])
         for name in ("v_max", "lag", "acceleration_time")
     )
-    gains = np.array([each.v_max / each.theta_0 for each in models])
+    gains = np.array([each.gain for each in models])
     for values, (least, most) in ((lags, (0.029, 0.035)), (times, (0.04, 0.056))):
         assert least <= np.min(values) <= 0.95 * least + 0.05 * most
         assert most >= np.max(values) >= 0.05 * least + 0.95 * most

@@ -345,7 +345,7 @@ def test_a_measured_angle_far_off_moves_the_predicted_one_by_what_the_joint_turn
         stream.step([[0.4]], [measured])
     before = stream.angles[0]
     stream.step([[0.4]], [2.4])  # counts from the second time on
-    assert stream.angles[0] - before == pytest.approx(model.v_max_per_period, rel=1e-9)
+    assert stream.angles[0] - before == pytest.approx(model.v_max * model.period, rel=1e-9)
 
 
 def measuring(path, readings):

@@ -405,10 +405,10 @@ def attainable_angles(
     farthest = np.array(list(map(farthest_per_period, models, loads)))
     beyond = np.full(len(models), math.inf)
     for j, (model, load) in enumerate(zip(models, loads, strict=True)):
-        pose, top, period = model.most_pose_sag, model.v_max_per_tick, model.v_max_per_period
+        pose, top, period = model.most_pose_sag, model.v_max_per_tick, model.v_max * model.period
         low, high = model.speed_limits(0.0 if load is None else load)
         weakest = float(min(np.min(high), np.min(-low)))
-        overcome = pose > 0.0 and model.v_max / model.theta_0 * pose >= weakest
+        overcome = pose > 0.0 and model.gain * pose >= weakest
         if not (model.has_inertia or overcome):
             over = max(top - model.theta_0 / (1.0 + pose), 0.0) * farthest[j] / period
             beyond[j] = max(over, model.dead_band / (1.0 - pose))

@@ -123,7 +123,7 @@ def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
     Without these the bounds of 24 random cycles are 0.3 of what they are, in the median.
     """
     reachable, model = reachable_set(problem, level), problem.model
-    ticks, gain, hold = ticks_of(problem), model.gain_per_tick, model.hold
+    ticks, gain, hold = ticks_of(problem), model.law.gain, model.hold
     moved = np.arange(0 if problem.cyclic else 1, ticks)
     before = (moved - 1) % ticks  # the tick whose angle gravity depends on
     at = problem.desired[before // hold]
@@ -188,7 +188,7 @@ def ticks_of(problem: BoundProblem) -> int:
 def farthest_per_period(model: JointModel, load: Array | None = None) -> float:
     """Farthest that the joint moves between two requests, in either direction [rad]."""
     low, high = model.speed_limits(0.0 if load is None else load)
-    by_pose = model.gain_per_tick * model.most_pose_sag * model.hold
+    by_pose = model.law.gain * model.most_pose_sag * model.hold
     return float(max(np.max(high), np.max(-low))) * model.period + by_pose
 
 
@@ -220,8 +220,8 @@ def _speed_limits(model: JointModel, load: Array, pose: tuple[float, float]) -> 
     if model.most_pose_sag == 0.0:
         return low, high
     least = 1e-3 * model.v_max_per_tick  # weaker, where gravity overcomes the joint
-    low = np.minimum(low + model.gain_per_tick * pose[0], -least)
-    return low, np.maximum(high + model.gain_per_tick * pose[1], least)
+    low = np.minimum(low + model.law.gain * pose[0], -least)
+    return low, np.maximum(high + model.law.gain * pose[1], least)
 
 
 def speed_conditions(
@@ -269,7 +269,7 @@ def drive_change(
     largest change of the sag by the pose, p being its largest slope. ``change`` is that of the
     torque in the direction of the speeds [N m].
     """
-    weights, gain, by_pose = model.window.weights, model.gain_per_tick, model.most_pose_sag
+    weights, gain, by_pose = model.window.weights, model.law.gain, model.most_pose_sag
     replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
     common = float(np.minimum(weights[1:], weights[:-1]).sum())
     sagged, faster = model.compliance * change, model.speed_per_torque * model.tick * change
@@ -321,12 +321,12 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
     new = np.concatenate([resting, changed if follows else []])[: len(load)]
     low, high = model.speed_limits(load[: len(new)])
     fastest = np.maximum(high, -low) * model.tick
-    by_pose = model.gain_per_tick * model.most_pose_sag
+    by_pose = model.law.gain * model.most_pose_sag
     if by_pose > 0.0:
         fastest = fastest + by_pose
         if np.any(by_pose >= model.tick * np.minimum(high, -low)):  # no request surely holds it
             new = np.ones_like(new)
-    sagged = model.gain_per_tick * model.compliance * np.abs(load[: len(new)] - load[0])
+    sagged = model.law.gain * model.compliance * np.abs(load[: len(new)] - load[0])
     if model.has_inertia and np.any(sagged):  # overshoot is not bounded here
         sagged = np.full_like(fastest, np.max(fastest))
     more = (fastest - model.v_max_per_tick) * new + (1.0 - new) * sagged

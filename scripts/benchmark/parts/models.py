@@ -230,10 +230,7 @@ def rows(
     for name in names:
         columns = []
         for joint, each in zip([*truths] * len(periods), results, strict=True):
-            true, value = (
-                model.v_max / model.theta_0 if name == "gain" else getattr(model, name)
-                for model in (joint, each.model)
-            )
+            true, value = (getattr(model, name) for model in (joint, each.model))
             unknown = (math.nan, math.nan)
             low, high = each.gain_interval if name == "gain" else each.intervals.get(name, unknown)
             size = 1e-3 if name in ("lag", "acceleration_time") else 0.01 * true
