@@ -219,46 +219,44 @@ def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> 
     They are those that the options name, or the only ones that their types allow.
     """
 
-    def listed(topics: Sequence[str]) -> str:
+    def listed(topics: Iterable[str]) -> str:
         return ", ".join(f"{name} ({kinds[name]})" for name in sorted(topics)[:20]) or "none"
 
-    def only(topics: list[str], what: str, option: str, advice: str) -> str:
-        if len(topics) == 1:
+    def chosen(
+        role: str, named: str | None, types: Sequence[str], topics: Sequence[str], advice: str
+    ) -> str:
+        option = "--topic" if role == "actual" else "--command-topic"
+        if named is None and len(topics) == 1:
             return topics[0]
-        several = f"several topics {what}; topics: {listed(topics)}; choose one with {option}"
-        none = f"no topic {what}; topics: {listed([*kinds])}; {advice}"
-        raise InvalidFile(path, several if topics else none)
+        if named is None and topics:
+            several = f"several topics with {role} angles; topics: {listed(topics)}"
+            raise InvalidFile(path, f"{several}; choose one with {option}")
+        if named is None:
+            none = f"no topic with {role} angles; topics: {listed(kinds)}"
+            raise InvalidFile(path, f"{none}; {advice}")
+        if named not in kinds:
+            hint = nearest(named, list(kinds))
+            problem = f"no topic '{named}'{hint}; topics: {listed(kinds)}"
+            raise InvalidFile(path, f"{option}: {problem}")
+        if kinds[named] not in types:
+            problem = f"topic {named} holds {kinds[named]}, expected one of {', '.join(types)}"
+            raise InvalidFile(path, f"{option}: {problem}")
+        return named
 
-    actual, requested = options.topic, options.command_topic
-    for topic, option, types in (
-        (requested, "--command-topic", REQUEST_TYPES),
-        (actual, "--topic", ACTUAL_TYPES),
-    ):
-        if topic is not None and topic not in kinds:
-            hint = nearest(topic, list(kinds))
-            problem = f"no topic '{topic}'{hint}; topics: {listed([*kinds])}"
-            raise InvalidFile(path, f"{option}: {problem}")
-        if topic is not None and kinds[topic] not in types:
-            problem = f"topic {topic} holds {kinds[topic]}, expected one of {', '.join(types)}"
-            raise InvalidFile(path, f"{option}: {problem}")
-    if actual is None:
-        states = [topic for topic, kind in kinds.items() if kind == JOINT_STATE]
-        controllers = [topic for topic, kind in kinds.items() if kind == CONTROLLER_STATE]
-        if requested is not None and kinds[requested] != CONTROLLER_STATE:
-            controllers = [] if set(states) - {requested} else controllers
-        topics = controllers or [topic for topic in states if topic != requested]
-        advice = f"expected {' or '.join(ACTUAL_TYPES)}"
-        actual = only(topics, "with actual angles", "--topic", advice)
-    if requested is None and kinds[actual] == CONTROLLER_STATE:
-        requested = actual
-    if requested is None:
-        topics = [
-            topic for topic, kind in kinds.items() if kind in REQUEST_TYPES and topic != actual
-        ]
-        if len(topics) > 1 and options.joint not in (None, ALL_JOINTS):
-            topics = [topic for topic in topics if options.joint in topic] or topics
-        advice = "record the topic of the commands too, or a controller's state"
-        requested = only(topics, "with requested angles", "--command-topic", advice)
+    command = options.command_topic
+    states = [name for name, kind in kinds.items() if kind == JOINT_STATE and name != command]
+    controllers = [name for name, kind in kinds.items() if kind == CONTROLLER_STATE]
+    if command is not None and kinds.get(command) != CONTROLLER_STATE and states:
+        controllers = []
+    advice = f"expected {' or '.join(ACTUAL_TYPES)}"
+    actual = chosen("actual", options.topic, ACTUAL_TYPES, controllers or states, advice)
+    topics = [name for name, kind in kinds.items() if kind in REQUEST_TYPES and name != actual]
+    if kinds[actual] == CONTROLLER_STATE:
+        topics = [actual]
+    elif len(topics) > 1 and options.joint not in (None, ALL_JOINTS):
+        topics = [topic for topic in topics if options.joint in topic] or topics
+    advice = "record the topic of the commands too, or a controller's state"
+    requested = chosen("requested", command, REQUEST_TYPES, topics, advice)
     if requested == actual and kinds[actual] != CONTROLLER_STATE:
         raise InvalidFile(
             path,
