@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from functools import partial
 
 import numpy as np
 import pytest
 
 import planner
-from planner import InvalidFile, LogOptions, read_logs
+from planner import LogOptions, read_logs
 from tests.files.logs.told import told
 
 EXACT = 1e-12
@@ -145,6 +146,56 @@ def test_joints_are_named_where_the_unit_of_the_times_is_still_to_be_said(tmp_pa
     assert planner.joints_in(log) == ("knee",)
 
 
+PER_RADIAN, MIDDLE = -163.0, 512.0
+"""Counts of a potentiometer that is wired the wrong way round [1/rad], and at angle 0."""
+
+COUNTED = "requested=us,actual=counts"
+"""Units of pulses and of a potentiometer."""
+
+HOBBY_SERVO = planner.JointModel(
+    v_max=4.0, theta_0=0.3, lag=0.02, acceleration_time=0.02, tick=0.02, dead_band=0.01
+)
+
+
+def _csv(units, times, requests, angles, digits=9):
+    """A log of a knee, as text."""
+    titles = ("t_s", *map("knee_{}{}".format, ("requested", "actual"), units))
+    rows = zip(times, requests, angles, strict=True)
+    return ",".join(titles) + "".join(f"\n{t:.2f},{r:.9f},{a:.{digits}f}" for t, r, a in rows)
+
+
+def _slow_then_fast(slow):
+    """Times and requests [rad]; the slow ones have this share of the range of all, 0 for none."""
+    times = 0.02 * np.arange(1000)
+    triangle = slow * 0.6 * np.interp(times % 12.0, [0.0, 3.0, 9.0, 12.0], [0.0, 1.0, -1.0, 0.0])
+    steps = 0.6 * np.sign(np.sin(2.0 * np.pi * 0.9 * times))
+    return times, np.where((times < 12.0) & (slow > 0.0), triangle, steps)
+
+
+def _potentiometer(slow):
+    """A log of a hobby servo: pulses, and counts of a converter of ten bits."""
+    times, requests = _slow_then_fast(slow)
+    angles = planner.simulate(HOBBY_SERVO, requests, cyclic=False)
+    counts = np.round(MIDDLE + PER_RADIAN * angles)
+    return _csv(("", ""), times, 1500.0 + 2000.0 / np.pi * requests, counts)
+
+
+def _swinging(unit, reach, step, digits=9):
+    """A log of a joint that swings so far, rests, and whose sensor has such steps."""
+    times = 0.02 * np.arange(600)
+    requests = reach * np.sin(0.01 * np.minimum(np.arange(600), 400) ** 1.3)
+    angles = step * np.round(0.9 * requests / step) if step else 0.9 * requests
+    return _csv((f"_{unit}", f"_{unit}"), times, requests, angles, digits)
+
+
+def _sines(units, of_requests, of_angles):
+    """A log of a joint that lags, with factors of requests and angles."""
+    times = 0.02 * np.arange(200)
+    requests, angles = 0.12 * np.sin(5.0 * times), 0.1 * np.sin(5.0 * (times - 0.1))
+    titles = [f"_{unit}" for unit in units.split()]
+    return _csv(titles, times, of_requests * requests, of_angles * angles)
+
+
 GOOD = "t_s,req_rad,act_rad\n0,0,0\n1,0,0\n2,0,0\n"
 
 TWO = "t_s,req_knee,act_knee,req_hip,act_hip\n" + "".join(f"{k},0,0,0,0\n" for k in range(3))
@@ -194,6 +245,20 @@ BAD = {
     "two torques": "t_s,req_rad,act_rad,torque_on,torque_enable\n0,0,0,1,1\n1,0,0,1,1\n2,0,0,1,1\n",
     "one column for both": (GOOD, {"requested": "act_rad"}),
     "an option of another format": (GOOD, {"command_topic": "/x"}),
+    "counts of no slow requests": (partial(_potentiometer, 0.0), {"unit": COUNTED}),
+    "counts of too few slow requests": (partial(_potentiometer, 0.49), {"unit": COUNTED}),
+    "requests in counts": (partial(_potentiometer, 1.0), {"unit": "counts"}),
+    "requests alone in counts": (
+        partial(_potentiometer, 1.0),
+        {"unit": "requested=counts,actual=us"},
+    ),
+    "radians under degrees": _swinging("deg", 0.7, 2.0 * np.pi / 4096),
+    "rounded radians under degrees": _swinging("deg", 0.7, 2.0 * np.pi / 4096, 3),
+    "radians of ten bits under degrees": _swinging("deg", 1.5, 2.0 * np.pi / 1024),
+    "angles in degrees": _sines("rad rad", 1.0, 57.3),
+    "requests alone in degrees": _sines("rad rad", 57.3, 1.0),
+    "angles in radians": _sines("deg deg", 57.3, 1.0),
+    "both in degrees": _sines("deg rad", 57.3, 57.3),
 }
 
 
@@ -202,43 +267,20 @@ def test_what_cannot_be_read_is_reported_with_its_place_and_its_remedy(tmp_path,
 
     def read(case):
         content, options = (case, {}) if isinstance(case, str) else case
-        file.write_text(content)
+        file.write_text(content if isinstance(content, str) else content())
         read_logs(file, options=LogOptions(**options))
 
     snapshot.refusals("csv_logs", read, BAD, FILE=file)
 
 
-PER_RADIAN, MIDDLE = -163.0, 512.0
-"""Counts of a potentiometer that is wired the wrong way round [1/rad], and at angle 0."""
-
-
-def _potentiometer(tmp_path, *, slow=1.0):
-    """A log of a hobby servo: pulses, and counts of a converter of ten bits.
-
-    ``slow`` is the range of slow requests as a share of that of all, 0 for none.
-    """
-    times = 0.02 * np.arange(1000)
-    triangle = slow * 0.6 * np.interp(times % 12.0, [0.0, 3.0, 9.0, 12.0], [0.0, 1.0, -1.0, 0.0])
-    steps = 0.6 * np.sign(np.sin(2.0 * np.pi * 0.9 * times))
-    requests = np.where((times < 12.0) & (slow > 0.0), triangle, steps)
-    joint = planner.JointModel(
-        v_max=4.0, theta_0=0.3, lag=0.02, acceleration_time=0.02, tick=0.02, dead_band=0.01
-    )
-    angles = planner.simulate(joint, requests, cyclic=False)
-    pulses = 1500.0 + 2000.0 / np.pi * requests
-    counts = np.round(MIDDLE + PER_RADIAN * angles)
-    file = tmp_path / "servo.csv"
-    columns = np.column_stack([times, pulses, counts])
-    np.savetxt(file, columns, delimiter=",", header="t_s,requested,actual", comments="")
-    return file, requests, angles
-
-
 @pytest.mark.parametrize("slow", [1.0, 0.51])
 def test_the_scale_of_a_potentiometer_is_that_of_slow_requests_and_reported(tmp_path, slow):
-    file, requests, angles = _potentiometer(tmp_path, slow=slow)
-    log = _read(file, unit="requested=us,actual=counts")
+    file, requests = tmp_path / "servo.csv", _slow_then_fast(slow)[1]
+    file.write_text(_potentiometer(slow))
+    log = _read(file, unit=COUNTED)
     np.testing.assert_allclose(log.requests, requests, atol=EXACT)
     # Half a count of rounding; a scale within 1 % of the range of slow requests.
+    angles = planner.simulate(HOBBY_SERVO, requests, cyclic=False)
     np.testing.assert_allclose(log.angles, angles, atol=0.5 / 163.0 + 0.01 / slow * 0.6)
     (note,) = [each for each in log.notes if "a count of the actual angle" in each]
     per_count, zero = map(float, re.findall(r"(-?[\d.]+) (?:degrees|counts)", note))
@@ -246,93 +288,21 @@ def test_the_scale_of_a_potentiometer_is_that_of_slow_requests_and_reported(tmp_
     assert zero == pytest.approx(MIDDLE, abs=1.0)
 
 
-@pytest.mark.parametrize(
-    ("unit", "slow", "message"),
-    [
-        ("requested=us,actual=counts", 0.0, "the scale of actual angles in counts cannot be found"),
-        ("requested=us,actual=counts", 0.49, "slow requests, over 49 % of their range; expected"),
-        ("counts", 1.0, "requests in counts, whose scale is unknown"),
-        ("requested=counts,actual=us", 1.0, "requests in counts"),
-    ],
-)
-def test_counts_without_a_scale_are_refused(tmp_path, unit, slow, message):
-    file, *_ = _potentiometer(tmp_path, slow=slow)
-    with pytest.raises(InvalidFile, match=message):
-        _read(file, unit=unit)
+ACCEPTED = {
+    "steps of 12 bits": _swinging("rad", 0.7, 2.0 * np.pi / 4096),
+    "steps of 10 bits": _swinging("rad", 1.5, 2.0 * np.pi / 1024),
+    "no steps, as of a simulation": _swinging("deg", 0.7, 0.0),
+    "other steps": _swinging("deg", 0.7, 0.001),
+    "steps of degrees": _swinging("deg", 40.0, 360.0 / 4096, 2),
+    "two units": _sines("deg rad", 57.3, 1.0),
+    "two units the other way round": _sines("rad deg", 1.0, 57.3),
+    "one unit": _sines("rad rad", 1.0, 1.0),
+    "39 times as much": _sines("rad rad", 1.0, 47.0),
+    "81 times as much": _sines("rad rad", 1.0, 97.0),
+}
 
 
-def _swinging(reach, step, digits):
-    """Rows of a joint that swings so far, rests, and whose sensor has such steps."""
-    times = 0.02 * np.arange(600)
-    requests = reach * np.sin(0.01 * np.minimum(np.arange(600), 400) ** 1.3)
-    angles = step * np.round(0.9 * requests / step) if step else 0.9 * requests
-    return "".join(
-        f"{time:.2f},{request:.6f},{angle:.{digits}f}\n"
-        for time, request, angle in zip(times, requests, angles, strict=True)
-    )
-
-
-@pytest.mark.parametrize(
-    ("reach", "step", "digits", "refused"),
-    [
-        (0.7, 2.0 * np.pi / 4096, 9, True),
-        (0.7, 2.0 * np.pi / 4096, 3, True),
-        (1.5, 2.0 * np.pi / 1024, 6, True),
-        (0.7, 0.0, 9, False),  # no sensor has so fine steps, but a simulation may
-        (0.7, 0.001, 6, False),
-        (40.0, 360.0 / 4096, 2, False),
-    ],
-)
-def test_radians_under_a_heading_in_degrees_are_refused_where_their_steps_show_it(
-    tmp_path, reach, step, digits, refused
-):
-    file = tmp_path / "log.csv"
-    file.write_text("t_s,requested_deg,actual_deg\n" + _swinging(reach, step, digits))
-    if not refused:
-        (log,) = read_logs([str(file)])
-        assert log.unit == "rad"
-        return
-    with pytest.raises(
-        InvalidFile, match=r"in steps of 0\.00153.*: they are radians; rename the columns$"
-    ):
-        read_logs([str(file)])
-    file.write_text(file.read_text().replace("_deg", "_rad"))
-    (log,) = read_logs([str(file)])
-    assert np.ptp(log.angles) > 0.8 * reach
-
-
-@pytest.mark.parametrize(
-    ("units", "factors", "wrong"),
-    [
-        ("rad rad", (1.0, 57.3), "the actual ones are read as radians, and are degrees"),
-        ("rad rad", (57.3, 1.0), "the requested ones are read as radians, and are degrees"),
-        ("deg deg", (57.3, 1.0), "the actual ones are read as degrees, and are radians"),
-        ("deg rad", (57.3, 57.3), "the actual ones are read as radians, and are degrees"),
-        ("deg rad", (57.3, 1.0), None),
-        ("rad rad", (1.0, 1.0), None),
-        ("rad rad", (1.0, 47.0), None),  # 39 times as much, and 81
-        ("rad rad", (1.0, 97.0), None),
-    ],
-)
-def test_one_column_in_degrees_beside_one_in_radians_is_refused(tmp_path, units, factors, wrong):
-    times = 0.02 * np.arange(200)
-    requests = factors[0] * 0.12 * np.sin(5.0 * times)
-    angles = factors[1] * 0.1 * np.sin(5.0 * (times - 0.1))
-    rows = [
-        "{:.2f},{:.9f},{:.9f}".format(*row) for row in zip(times, requests, angles, strict=True)
-    ]
-    of_requests, of_angles = units.split()
-    file = tmp_path / "log.csv"
-    heading = f"t_s,knee_requested_{of_requests},knee_actual_{of_angles}"
-    file.write_text("\n".join([heading, *rows]))
-    if wrong is None:
-        read_logs([str(file)])
-    else:
-        with pytest.raises(
-            InvalidFile, match=f"knee: the .* times as much as .*: {wrong}; rename"
-        ) as error:
-            read_logs([str(file)])
-        option = str(error.value).partition("--unit ")[2].split()[0]
-        file.write_text("\n".join(["t_s,knee_requested,knee_actual", *rows]))
-        (log,) = read_logs([str(file)], options=LogOptions(unit=option))
-        assert np.ptp(log.requests) == pytest.approx(1.2 * np.ptp(log.angles), rel=0.01)
+@pytest.mark.parametrize("name", ACCEPTED)
+def test_a_log_in_its_own_units_is_read(tmp_path, name):
+    (tmp_path / "log.csv").write_text(ACCEPTED[name])
+    assert _read(tmp_path / "log.csv").unit == "rad"
