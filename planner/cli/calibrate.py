@@ -105,34 +105,20 @@ def calibrate(
     )
     from planner.report.identification_text import REMARKS, model_comments
     from planner.robot import calibration
-    from planner.robot.arm import Arm, Servo
+    from planner.robot.arm import Arm, Servo, servos_of
 
     if choices["rate_hz"] < 16.0:  # of slower ones the sines of the test motion have too few
         got = f"{choices['rate_hz']:g}"
         raise click.UsageError(f"--rate-hz: got {got}, expected 16 Hz or more.")
     ids = buses.ids_by_joint(choices, ids)
+    joints = _chosen(chosen, ids)
     zeros: dict[str, int] = dict(choices["zeros"])
-    for option, names in (
-        ("--joint", chosen),
-        ("--zero-tick", filter(None, zeros)),
-        ("--reverse", choices["reversed_"]),
-    ):
-        _check_joints(option, names, ids)
-    joints = chosen or tuple(ids)
     folder = Path(output).with_name(f"{Path(output).stem}_logs")
     results: dict[str, Compared] = {}
     with buses.open_bus(choices, ids) as bus:
-        zero, turn = zeros.get("", bus.protocol.middle), bus.protocol.ticks_per_turn
-        servos = {
-            name: Servo(
-                id=servo,
-                zero_tick=zeros.get(name, zero),
-                direction=-1 if name in choices["reversed_"] else 1,
-                ticks_per_turn=turn,
-            )
-            for name, servo in ids.items()
-        }
-        arm = Arm(bus, servos)
+        zero, turn = zeros.pop("", bus.protocol.middle), bus.protocol.ticks_per_turn
+        like = Servo(zero_tick=zero, ticks_per_turn=turn)
+        arm = Arm(bus, servos_of(ids, like, zeros, choices["reversed_"]))
         with Progress() as progress:
             progress("asking the servos")
             checked = calibration.check(arm)
@@ -209,11 +195,12 @@ def calibrate(
     return Answer(document, calibration_text(results, output), page=page)
 
 
-def _check_joints(option: str, names: Iterable[str], joints: Iterable[str]) -> None:
-    """Refuse names in an option that are of no joint."""
-    for name in names:
+def _chosen(chosen: tuple[str, ...], joints: Iterable[str]) -> tuple[str, ...]:
+    """The joints of --joint, which are among these; all of them by default."""
+    for name in chosen:
         if name not in joints:
-            raise click.UsageError(f"{option}: got {name}, expected one of {', '.join(joints)}.")
+            raise click.UsageError(f"--joint: got {name}, expected one of {', '.join(joints)}.")
+    return chosen or tuple(joints)
 
 
 def _asked(ask: Callable[..., Any], question: str, **more: Any) -> Any:
@@ -285,8 +272,7 @@ def check(
     from planner.robot import calibration
 
     servos = read_servos(model)
-    joints = chosen or tuple(servos)
-    _check_joints("--joint", joints, servos)
+    joints = _chosen(chosen, servos)
     models = dict(zip(joints, read_model_file(model).for_joints(joints), strict=True))
     for name, joint_model in models.items():
         if joint_model.evidence is None or math.isnan(joint_model.evidence.error):

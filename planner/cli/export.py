@@ -10,7 +10,7 @@ import click
 from planner.cli import options
 from planner.cli.console import Answer, BadSetting, marked
 from planner.cli.settings import Export, Run
-from planner.exceptions import InvalidFile, InvalidInput
+from planner.exceptions import InvalidFile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -189,20 +189,10 @@ def servos_of(export: Export, rows: Schedule) -> dict[str, Servo] | None:
     if export.unit not in COUNTED:
         return None
     from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
-    from planner.robot.arm import Servo
+    from planner.robot import arm
 
-    zeros, reverse = export.zero_ticks or {}, export.reverse or ()
-    for key, names in (("zero tick", zeros), ("reverse", reverse)):
-        if unknown := [name for name in names if name not in rows.names]:
-            joints = ", ".join(rows.names)
-            raise InvalidInput(f"{key}: no joint '{unknown[0]}'; joints: {joints}")
     zero, per_turn = (PULSE_ZERO, PULSES_PER_TURN) if export.unit == "us" else (2048, 4096)
     zero = zero if export.zero_tick is None else export.zero_tick
-    return {
-        name: Servo(
-            zero_tick=zeros.get(name, zero),
-            direction=-1 if name in reverse else 1,
-            ticks_per_turn=export.ticks_per_turn or per_turn,
-        )
-        for name in rows.names
-    }
+    like = arm.Servo(zero_tick=zero, ticks_per_turn=export.ticks_per_turn or per_turn)
+    ids = dict.fromkeys(rows.names, 0)
+    return arm.servos_of(ids, like, export.zero_ticks or {}, export.reverse or ())

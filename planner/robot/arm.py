@@ -6,9 +6,9 @@ A tick is one sync write and one sync read, whatever the number of joints.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple, TypeVar
 
@@ -67,6 +67,19 @@ class Servo:
         """The angle of a count [rad]."""
         turns = (count - self.zero_tick) / self.ticks_per_turn
         return self.direction * 2.0 * math.pi * turns
+
+
+def servos_of(
+    ids: Mapping[str, int], like: Servo, zeros: Mapping[str, int], reversed_: Collection[str]
+) -> dict[str, Servo]:
+    """Servos of joints by their identifiers, like one but for single zeros and directions."""
+    for key, names in (("zero tick", zeros), ("reverse", reversed_)):
+        if unknown := [name for name in names if name not in ids]:
+            raise InvalidInput(f"{key}: no joint '{unknown[0]}'; joints: {', '.join(ids)}")
+    servos = {name: replace(like, id=number) for name, number in ids.items()}
+    for name in reversed_:
+        servos[name] = replace(servos[name], direction=-1)
+    return servos | {name: replace(servos[name], zero_tick=zero) for name, zero in zeros.items()}
 
 
 class Measured(NamedTuple):
