@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
@@ -10,7 +9,7 @@ import click
 from planner.cli import options
 from planner.cli.console import Answer, BadSetting, marked
 from planner.cli.settings import Export, Run
-from planner.exceptions import InvalidFile
+from planner.exceptions import InvalidFile, InvalidInput
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -123,8 +122,13 @@ def rows_of(export: Export, schedule: Schedule) -> tuple[Schedule, int]:
     """The rows to write, and the number of requests that are not among them."""
     from planner.robot.schedule import repeated, resampled
 
-    if export.joint_names is not None:
-        schedule = replace(schedule, names=export.joint_names)
+    if (names := export.joint_names) is not None:
+        if len(names) != len(schedule.names) or len({*names}) < len(names):
+            raise InvalidInput(
+                f"joint names: got {', '.join(names) or 'none'}, expected {len(schedule.names)} "
+                "different names, one per column of the requests"
+            )
+        schedule = schedule._replace(names=names)
     schedule = repeated(schedule, export.cycles)
     if export.rate_hz is None:
         return schedule, 0

@@ -52,8 +52,6 @@ def check_format(
 
     ``lead`` is the time to the first point of a trajectory [s], ``topic`` that of a bag.
     """
-    if form != "csv" and form not in NEEDS:
-        raise InvalidInput(f"format: got '{form}', expected csv, {', '.join(NEEDS)}")
     check_installed(form)
     if form == "lerobot":
         frame_rate(schedule.period)

@@ -72,22 +72,12 @@ class ServoProtocol:
     # by an answer's error without these bits, why the instruction was not carried out
     refusals: Mapping[int, str]
     feedback: Sequence[str]  # registers of one sync read, beside one another
-    speed_rpm: float  # speed of a profile speed of 1 [turns/min]
-    acceleration_rpm2: float  # acceleration of a profile acceleration of 1 [turns/min²]
+    speed_unit: float  # speed of a profile speed of 1 [rad/s]
+    acceleration_unit: float  # acceleration of a profile acceleration of 1 [rad/s²]
     ticks_per_turn: float = 4096  # counts of the angle in a turn
     # count in the middle of the range, which is angle 0 unless one says otherwise
     middle: int = 2048
     fastest_acceleration: int = 0  # profile acceleration that limits nothing, beside 0
-
-    @property
-    def speed_unit(self) -> float:
-        """Speed of a profile speed of 1 [rad/s]."""
-        return self.speed_rpm * 2.0 * math.pi / 60.0
-
-    @property
-    def acceleration_unit(self) -> float:
-        """Acceleration of a profile acceleration of 1 [rad/s²]."""
-        return self.acceleration_rpm2 * 2.0 * math.pi / 3600.0
 
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         """The frame of an instruction."""
@@ -216,6 +206,8 @@ def _read_protocols() -> dict[str, ServoProtocol]:
         for key in ("errors", "refusals"):
             table[key] = {int(number, 0): words for number, words in table.get(key, {}).items()}
         table["registers"] = {key: Register(*each) for key, each in table["registers"].items()}
+        table["speed_unit"] = table.pop("speed_rpm") * 2.0 * math.pi / 60.0
+        table["acceleration_unit"] = table.pop("acceleration_rpm2") * 2.0 * math.pi / 3600.0
         frames = _Feetech if name == "feetech" else _Dynamixel
         protocols[name] = frames(name=name, **table)
     return protocols

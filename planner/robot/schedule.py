@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.trajectory import Array, as_rows
+from planner.trajectory import Array
 from planner.validation import as_positive, as_whole, shown
 
 NANOSECONDS = 10**9
@@ -23,28 +22,12 @@ ON_TIME = 1e-6
 """A row this part of a period before a request already sends it; clocks are written rounded."""
 
 
-@dataclass(frozen=True, eq=False)
-class Schedule:
-    """Requests, one row every period, each held until the next.
-
-    Raises:
-        InvalidInput: A period that is no positive time, or names that do not fit.
-        InvalidTrajectory: Requests that are not a finite array of shape (n, k).
-    """
+class Schedule(NamedTuple):
+    """Requests, one row every period, each held until the next."""
 
     names: tuple[str, ...]  # the joints
-    requests: Array  # requests for them [rad], shape (n, k), read-only
+    requests: Array  # requests for them [rad], shape (n, k)
     period: float  # time between rows [s]
-
-    def __post_init__(self) -> None:
-        check_period(self.period)
-        rows = as_rows(self.requests, name="requests")
-        object.__setattr__(self, "requests", rows)
-        if len(self.names) != rows.shape[1] or len(set(self.names)) != len(self.names):
-            raise InvalidInput(
-                f"joint names: got {', '.join(self.names) or 'none'}, expected {rows.shape[1]} "
-                "different names, one per column of the requests"
-            )
 
     @property
     def times(self) -> Array:
@@ -81,10 +64,9 @@ Between = Literal["hold", "linear"]
 
 def repeated(schedule: Schedule, cycles: int) -> Schedule:
     """The schedule, ``cycles`` times in a row; InvalidInput beyond :data:`MOST_ROWS` rows."""
-    check_cycles(cycles)
     many = f"{cycles}" if cycles < 10**18 else "so many"
     _check_length(len(schedule.requests) * cycles, f"{many} cycles", "fewer cycles")
-    return replace(schedule, requests=np.tile(schedule.requests, (cycles, 1)))
+    return schedule._replace(requests=np.tile(schedule.requests, (cycles, 1)))
 
 
 def resampled(

@@ -124,7 +124,6 @@ SHORT = Schedule(("knee",), np.zeros((3, 1)), 0.02)
 @pytest.mark.parametrize(
     ("form", "schedule", "given", "message"),
     [
-        ("xml", SHORT, {}, "format: got 'xml', expected csv, yaml, bag, mcap, lerobot"),
         ("lerobot", Schedule(("knee",), np.zeros((3, 1)), 2.5), {}, "is 0.4 per second, expected"),
         *((form, SHORT, {"lead": 1e12}, "whole nanoseconds") for form in ("yaml", "bag", "mcap")),
         *((form, SHORT, {"topic": "/"}, "topic: got '/'") for form in ("bag", "mcap")),

@@ -40,8 +40,6 @@ def test_control_tables_and_what_errors_are_called(snapshot):
         lines += [f"{key} {content.pop(key)}" for key in ("name", "feedback")]
         for name in ("registers", "errors", "refusals"):
             lines += [f"{name} {key}: {value}" for key, value in content.pop(name).items()]
-        for name in ("speed_unit", "acceleration_unit"):
-            content[name] = getattr(protocol, name)
         lines += [f"{key} {value}" for key, value in content.items()]
     snapshot.check("protocols", "\n".join(lines) + "\n")
 
