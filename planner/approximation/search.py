@@ -78,7 +78,6 @@ RESOLUTION = 2.0**-36
 BEND = 1e-10
 """Second difference, relative to the size of the samples, that counts as zero."""
 
-
 EQUAL = 1e-9
 """Relative difference up to which two numbers count as equal where the larger one decides, so that
 rounding, which differs between processors, does not."""

@@ -30,12 +30,14 @@ from planner.model.evidence import refusal
 from planner.model.joint import JointModel
 from planner.parallel import carry_out
 from planner.recording.episode import decoded, encoded, lerobot_episode, write_replay
-from planner.recording.models import JointModels, first_logs, models_from
 from planner.recording.recorded_path import (
     WHY,
+    JointModels,
     RecordedPath,
     check_length,
+    first_logs,
     is_gripper,
+    models_from,
     recorded_path,
 )
 from planner.recording.replaying import Replay, replay_at

@@ -31,7 +31,6 @@ class Tolerance(NamedTuple):
 LOCAL = 2e-4
 """Share of the error by which a local optimum may exceed the form that another search found."""
 SHARE = SMOOTHNESS + LOCAL
-
 AGREEMENT = Tolerance(1e-9, "rad", "rounding, summed over a cycle; cycles close to 1e-12")
 CLOSURE = Tolerance(
     1e-9, "rad", "rounding of the first tick, or of one more cycle, run independently"
@@ -43,7 +42,6 @@ ABOVE_BOUND = Tolerance(1e-9, "rad", "a bound is proved up to rounding, whatever
 SHARES = f"of the error {SMOOTHNESS:g} for smoother requests and {LOCAL:g} between local optima"
 NO_WORSE = Tolerance(1e-6, "rad", f"a step of the Aibo's requests; and {SHARES}")
 FOOT_NO_WORSE = Tolerance(1e-6, "m", f"a thousandth of a millimetre; and {SHARES}")
-
 AGREES = "predicted angles agree with the independent simulation"
 CLOSES = "the cycle closes"
 RESTS = "the joint starts from rest"

@@ -79,7 +79,6 @@ SECOND = "optimal_ipopt"
 FOOT = "foot"
 """Subject of checks of all joints together."""
 
-
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]
 
 

@@ -34,7 +34,6 @@ STEP_AMPLITUDES = (40.0, 110.0)
 SEGMENTS = 6
 """Lines of an approximation; the paper draws its own by hand, with about as many (Figure 6)."""
 
-
 SAME_METHOD: Mapping[str, str] = {
     "Des,Plain": "Des,MB",
     "Pwl,Plain": "Pwl,MB",
@@ -340,7 +339,7 @@ class Clock:
 
     def __init__(self, progress: Callable[[str], None]) -> None:
         """A stopped clock; ``progress`` is called with the name of each part."""
-        self.seconds: dict[str, float] = {}
+        self.seconds = dict[str, float]()
         self._progress, self._part, self._since = progress, "", 0.0
 
     def start(self, part: str, doing: str) -> None:

@@ -47,7 +47,6 @@ from planner.validation import as_flag, as_number, freeze, shown
 LONGEST_DELAY = 1e3
 """Longest delay of a sensor that is taken [s]: beyond any, and short of rounding in times."""
 
-
 GROWTH, SHRINK, LEAST_GAIN = 1.5, 1.0 / 3.0, 0.05
 """Factors of the gain after a cycle that was no worse than the best, up to 1, and after one that
 was worse; and the gain below which smaller steps from the best cycle are not tried any more."""

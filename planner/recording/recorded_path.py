@@ -1,22 +1,30 @@
-"""A recording as a path: the signal to follow, the models of its joints, times of the requests."""
+"""A recording as a path: the signal to follow, the models of its joints, times of the requests.
+
+The models are given, or identified from the recordings themselves.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from planner.exceptions import InvalidInput, InvalidModel, nearest
+from planner.exceptions import InvalidInput, InvalidModel, PlannerError, nearest
 from planner.identification.grid import sound_rows, timing_of
 from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
+from planner.model.evidence import with_reasons
 from planner.model.joint import JointModel
 from planner.planning.task import JointLimits, LoadOfPose, limits_of_each
 from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_positive, check_choice, freeze, shown
+
+if TYPE_CHECKING:
+    from planner.files.logs import Recording
 
 Track = Literal["state", "action"]
 """The recorded signal to follow: the measured angles, or the requests."""
@@ -29,10 +37,6 @@ WHY: Mapping[Track, str] = {
     "action": "the action, what the robot was asked to do, as chosen: its errors are not repeated",
 }
 """Which signal is followed, and the reason."""
-
-GRIPPERS = ("gripper", "jaw", "claw", "finger", "thumb", "hand")
-"""A joint whose name holds one of these words is a gripper."""
-
 
 SAME_PERIOD = 0.01
 """Share by which a model's period may differ from the recording's and keep its number of ticks:
@@ -219,15 +223,9 @@ def _models_of(
         )
     with_model = [name for name in names if name in by_joint or "" in by_joint]
     for name in joints:
-        if name not in names:
-            raise InvalidInput(
-                f"joints: no joint '{name}'{nearest(name, names)}; joints: {', '.join(names)}"
-            )
+        _check_named("joints", "joint", name, names)
         if name not in with_model:
-            raise InvalidInput(
-                f"joints: no model of '{name}'{nearest(name, list(by_joint))}; models: "
-                + ", ".join(by_joint)
-            )
+            _check_named("models", "model of", name, by_joint)
     arms = [name for name in with_model if not is_gripper(name)]
     planned = joints or arms or with_model
     if not planned:
@@ -239,16 +237,24 @@ def _models_of(
     chosen: dict[str, tuple[JointModel | None, str]] = {}
     for name in names:
         reason = "a gripper" if is_gripper(name) else "not chosen"
-        if name in planned:
-            chosen[name] = by_joint.get(name, by_joint.get("")), ""
-        else:
-            chosen[name] = None, reason if joints or name in with_model else "no model"
+        reason = reason if joints or name in with_model else "no model"
+        own = by_joint.get(name, by_joint.get("")), ""
+        chosen[name] = own if name in planned else (None, reason)
     return chosen
+
+
+def _check_named(kind: str, what: str, name: str, names: Iterable[str]) -> None:
+    """Raise InvalidInput for a chosen joint that is not among these."""
+    if name not in (known := list(names)):
+        raise InvalidInput(
+            f"joints: no {what} '{name}'{nearest(name, known)}; {kind}: {', '.join(known)}"
+        )
 
 
 def is_gripper(name: str) -> bool:
     """Whether a joint is a gripper by its name."""
-    return any(word in name.lower() for word in GRIPPERS)
+    words = ("gripper", "jaw", "claw", "finger", "thumb", "hand")
+    return any(word in name.lower() for word in words)
 
 
 def _origin(logs: Sequence[Log]) -> float:
@@ -332,3 +338,82 @@ def _limits(
             values = np.concatenate([each.angles, each.requests, [0.0, 1.0]])
             spans.setdefault(each.name, (float(np.min(values)), float(np.max(values))))
     return spans
+
+
+# Models of recordings.
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointModels:
+    """The models of a replay, the default under the key ""; their origin in words, and remarks."""
+
+    by_joint: Mapping[str, JointModel]
+    words: str = ""
+    remarks: tuple[str, ...] = ()
+
+
+def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
+    """The logs of the first recording that can be read."""
+    for recording in recordings:
+        with suppress(PlannerError):  # reported when it is planned
+            return recording.read()
+    return []
+
+
+def models_from(
+    recordings: Sequence[Recording], joints: Sequence[str], progress: Callable[[str], None]
+) -> JointModels:
+    """Models of these joints, or of all but grippers, identified from the recordings themselves.
+
+    Raises:
+        InvalidInput: No recording of a joint, or no model fits it.
+    """
+    from planner.identification.identify import identify  # slow to import
+
+    used = recordings[:10]  # more of the same robot add little, and time grows with each
+    by_joint: dict[str, list[Log]] = {}
+    failure: PlannerError = InvalidInput("no recording could be read")
+    for recording in used:
+        try:
+            for log in recording.read():
+                by_joint.setdefault(log.joint or "joint", []).append(log)
+        except PlannerError as error:  # where others are read it is reported in its plan
+            failure = error
+    if not by_joint:
+        raise failure
+    for name in joints:
+        _check_named("joints", "joint", name, by_joint)
+    chosen = joints or [name for name in by_joint if not is_gripper(name)] or list(by_joint)
+    models: dict[str, JointModel] = {}
+    remarks: list[str] = []
+    refused: dict[str, str] = {}
+    for name in chosen:
+        progress(f"identifying {name}")
+        try:
+            identification = identify(by_joint[name])
+        except PlannerError as error:
+            remarks.append(f"{name}: no model: {error}")
+            failure = error
+            continue
+        if identification.accepted:
+            models[name] = identification.model
+        else:
+            refused[name] = identification.reason
+            words = "no model of any joint fits the recording; identify the joints from better logs"
+            failure = InvalidInput(words)
+    if not models:
+        raise failure
+    if refused:
+        of = "its model describes" if len(refused) == 1 else "their models describe"
+        remarks.append(
+            f"{with_reasons(refused)}: left at the recorded requests, {of} the recording too badly"
+        )
+    words = "the recording"
+    if len(recordings) > 1:
+        first = f"first {len(used)} of " if len(used) < len(recordings) else ""
+        words = f"the {first}{len(recordings)} recordings"
+    return JointModels(
+        by_joint=models,
+        words=f"models: identified from {words}",
+        remarks=tuple(remarks),
+    )

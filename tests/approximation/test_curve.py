@@ -14,7 +14,6 @@ CYCLE = PiecewiseLinear(
     knots=[2.0, 5.5, 8.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=True
 )
 
-
 PATH = PiecewiseLinear(
     knots=[0.0, 4.0, 9.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=False
 )

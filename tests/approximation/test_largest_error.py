@@ -151,6 +151,7 @@ def test_least_squares_keep_the_number_of_segments_and_lower_the_error(kind, cyc
     course = minimum_link(Problem(desired=desired, step=step, cyclic=cyclic), bound)
     fit = fit_pwl(desired, v_max=step, tick=1.0, cyclic=cyclic, max_error=bound)
     assert fit.segments == fit.fewest_segments == count(course, cyclic=cyclic)
+    assert fit.max_error <= bound
     period = 150 if cyclic else None
     angles = np.interp(np.arange(150.0), course.knots, course.values, period=period)
     assert fit.rms <= float(np.sqrt(np.mean((angles - desired) ** 2))) + ROUNDING

@@ -166,12 +166,7 @@ def test_the_conditions_are_those_on_slopes_and_lengths(cyclic):
 
 
 STEP = 0.3
-
-
 NODES = np.array([0, 2, 3, 6, 9])
-
-
-SAMPLES = 10
 
 
 def squared_error(desired, start, end, at_start, slope):
@@ -180,27 +175,19 @@ def squared_error(desired, start, end, at_start, slope):
     return float(np.sum((at_start + slope * k - desired[start + 1 : end + 1]) ** 2))
 
 
-def pairs(fixed):
-    """Numbers of two nodes, and whether a segment between them passes no node that must be one."""
-    for i in range(len(NODES)):
-        for j in range(len(NODES)):
-            yield i, j, j > i and not fixed[i + 1 : j].any()
-
-
-@pytest.fixture(params=range(6))
-def instance(request):
-    """Samples, and nodes that must be knots."""
-    rng = np.random.default_rng(request.param)
-    return rng.normal(scale=0.5, size=SAMPLES), rng.random(len(NODES)) < 0.3
-
-
-def test_a_chord_costs_its_squared_error_where_it_is_not_too_steep(instance):
-    desired, fixed = instance
+@pytest.mark.parametrize("seed", range(6))
+def test_a_chord_costs_its_squared_error_where_it_is_not_too_steep_nor_passes_a_knot(seed):
+    rng = np.random.default_rng(seed)
+    desired, fixed = rng.normal(scale=0.5, size=10), rng.random(len(NODES)) < 0.3
     values = desired[NODES] + 0.1 * np.arange(len(NODES))
     costs = segment_costs(desired, STEP, NODES, values, fixed)
-    for i, j, possible in pairs(fixed):
+    for i, j in np.ndindex(costs.shape):
         start, end, expected = NODES[i], NODES[j], np.inf
-        if possible and abs(slope := (values[j] - values[i]) / (end - start)) <= STEP:
+        if (
+            j > i
+            and not fixed[i + 1 : j].any()
+            and abs(slope := (values[j] - values[i]) / (end - start)) <= STEP
+        ):
             expected = squared_error(desired, start, end, values[i], slope)
         assert costs[j, i] == pytest.approx(expected, abs=1e-12)
 

@@ -6,9 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 import planner
 from planner.evaluation import reproduction as paper
@@ -140,23 +137,6 @@ def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
     assert least == pytest.approx(distances[best].rms, abs=1e-10)
 
 
-ROUNDING = 1e-12
-"""What rounding leaves of sums of a few dozen terms [relative]."""
-
-PAIRS = st.integers(2, 40).flatmap(
-    lambda n: st.tuples(
-        *[arrays(np.float64, n, elements=st.floats(-10.0, 10.0, allow_subnormal=False))] * 2
-    )
-)
-
-
 def test_known_distances():
     assert size(np.array([3.0, -4.0])) == Distance(np.sqrt(12.5), 4.0)
     assert size(np.array([3.0, -4.0]), 2.0) == Distance(np.sqrt(50.0), 8.0)
-
-
-@given(PAIRS, st.integers(0, 39))
-def test_a_distance_does_not_depend_on_where_a_cycle_begins(pair, shift):
-    one, other = pair
-    shifted = size(np.roll(one, shift) - np.roll(other, shift))
-    assert shifted == pytest.approx(size(one - other), rel=ROUNDING, abs=1e-150)

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from kinematics import Leg, urdf_path
 
 LEGS = ("front_left", "front_right", "hind_left", "hind_right")
-
 Vector = tuple[float, float, float]
 
 

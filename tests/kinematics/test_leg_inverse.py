@@ -133,18 +133,6 @@ ENDLESS = {
 }
 
 
-@pytest.mark.parametrize("end", [np.inf, 4.0])
-@pytest.mark.parametrize("name", ENDLESS)
-def test_every_single_pose_is_within_half_a_turn(name, end, tmp_path):
-    leg = endless_leg(tmp_path, name, end=end)
-    rng = np.random.default_rng(3)
-    foot = leg.foot_positions(rng.uniform(-3.0, 3.0, (15, len(leg.joint_names))))
-    for mode, points in (("raise", foot), ("nearest", 1.5 * foot)):
-        single = [leg.inverse([point], unreachable=mode) for point in points]
-        assert np.abs([one.angles[0] for one in single]).max() <= np.pi
-        assert mode == "nearest" or all(one.reachable[0] for one in single)
-
-
 @pytest.mark.parametrize("foot", [(-0.137, 0.0, -0.138), (0.0, 0.0, -0.2), (0.0, 0.0, -0.4)])
 def test_a_leg_of_two_endless_joints_stretches_without_turning_over(foot, tmp_path):
     leg = endless_leg(tmp_path, "two links")

@@ -51,29 +51,16 @@ LEGS = {
 }
 
 
-@pytest.fixture(params=LEGS, scope="module")
-def chosen(request):
-    return LEGS[request.param]
-
-
-@pytest.fixture(scope="module")
-def path(chosen, robots):
-    return robots / chosen.urdf
-
-
-@pytest.fixture(scope="module")
-def leg(chosen, path):
-    return Leg.from_urdf(path, base=chosen.base, foot=chosen.foot, locked=chosen.locked)
-
-
-def test_the_leg_has_the_joints_that_are_left(chosen, leg):
+@pytest.mark.parametrize("chosen", LEGS.values(), ids=LEGS)
+def test_the_leg_has_the_joints_that_are_left(chosen, robots):
+    urdf, base, foot, locked, _ = chosen
+    leg = Leg.from_urdf(robots / urdf, base=base, foot=foot, locked=locked)
     assert len(leg.joint_names) == chosen.joints
     assert not set(leg.joint_names) & set(chosen.locked)
 
 
-@pytest.mark.parametrize("name", ["Solo12"])
-def test_the_robot_can_be_seen(robots, name):
-    urdf, base, foot, locked, _ = LEGS[name]
+def test_the_robot_can_be_seen(robots):
+    urdf, base, foot, locked, _ = LEGS["Solo12"]
     scene = Scene.from_urdf(robots / urdf, base=base, foot=foot, locked=locked)
     assert scene.moving.ngeoms
     shapes = [*scene.still.geometryObjects, *scene.moving.geometryObjects]
@@ -83,10 +70,7 @@ def test_the_robot_can_be_seen(robots, name):
     assert scene.robot.joint_names == leg.joint_names
 
 
-WALKERS = ("Solo12", "ANYmal B")
-
-
-@pytest.mark.parametrize("name", WALKERS)
+@pytest.mark.parametrize("name", ["Solo12", "ANYmal B"])
 def test_a_leg_without_hints_stands_bent_with_its_foot_below_its_hip(robots, name):
     """To a degree, to which the pose is rounded: 0.02 of the leg's length."""
     chosen = LEGS[name]

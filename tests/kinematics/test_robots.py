@@ -15,7 +15,6 @@ from tests.kinematics.made_up_robots import LEGS, ers210a_leg, reference_leg
 DRAWING = 5e-5
 """Sony's vectors are rounded and their ball fitted: they hold to this [m]."""
 
-
 VECTORS = {  # rotator, abductor, knee [deg]: ball of the left leg in the body [mm]
     "front_left": [
         ((0, 0, 0), (60.594, 59.700, -119.772)),

@@ -13,14 +13,11 @@ from tests.kinematics.made_up_robots import Joint, made_up_leg, urdf_text
 ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m, m/rad]."""
 
-
 coordinates = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
-
 
 axes = st.sampled_from([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)]) | st.tuples(
     *[st.floats(-1.0, 1.0)] * 3
 ).filter(lambda axis: np.linalg.norm(axis) > 0.1)
-
 
 joints = st.builds(
     Joint,
@@ -29,7 +26,6 @@ joints = st.builds(
     rpy=st.tuples(*[st.floats(-3.0, 3.0)] * 3),
     kind=st.sampled_from(["revolute", "continuous"]),
 )
-
 
 chains = st.lists(joints, min_size=1, max_size=6)
 

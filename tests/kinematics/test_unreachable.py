@@ -11,20 +11,13 @@ from hypothesis import strategies as st
 
 from kinematics import Leg, UnreachableFoot, UnsupportedLeg
 from kinematics.chain import Chain, Limits
-from tests.kinematics.made_up_robots import LEGS, SHAPES, ers210a_leg, made_up_leg, reference_leg
+from tests.kinematics.made_up_robots import SHAPES, ers210a_leg, made_up_leg, reference_leg
 
 EXACT = 1e-9
 """Distances are right to this [m]."""
 
 STRAIGHT = 0.133
 """Length of the stretched reference leg [m]."""
-
-
-@pytest.fixture(params=[*LEGS, "reference", *SHAPES])
-def leg(request, tmp_path):
-    if request.param in SHAPES:
-        return made_up_leg(tmp_path, *SHAPES[request.param])
-    return reference_leg() if request.param == "reference" else ers210a_leg(request.param)
 
 
 def around(leg, count, *, seed):

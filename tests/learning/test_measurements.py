@@ -25,19 +25,10 @@ from planner.learning.measurements import (
 COUNT = 2.0 * math.pi / 4096.0
 """A count of a sensor of 12 bit [rad]."""
 
-
 PHASE = 2.0 * np.pi * np.arange(60) / 60
-
-
 DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE)])
-
-
 MODELLED = DESIRED + 0.01 * np.column_stack([np.cos(PHASE), np.sin(PHASE)])
-
-
 REQUESTS = DESIRED + 0.05 * np.column_stack([np.cos(PHASE), -np.sin(PHASE)])
-
-
 AWAY = 0.02 * np.sin(3.0 * PHASE)
 
 
@@ -127,10 +118,8 @@ def test_another_motion_and_the_angles_of_an_earlier_trial_are_refused_by_number
 
 MODEL = JointModel(v_max=5.0, theta_0=0.3, lag=0.03, acceleration_time=0.04, tick=0.01)
 
-
 LATE = 0.03 + 0.04 / 2.0 + 0.3 / 5.0
 """Lag, half the acceleration time and the time constant of the model's gain [s]."""
-
 
 SAMPLES = 200
 
