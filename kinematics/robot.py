@@ -59,15 +59,7 @@ class Robot:
 def read_robot(
     path: Path, *, base: str, foot: str, locked: Mapping[str, float] | None = None
 ) -> Robot:
-    """The robot of a URDF with the leg between two frames.
-
-    Positions of locked joints are in rad, of prismatic ones in m.
-
-    Raises:
-        InvalidInput: The file cannot be read, does not describe a robot or has no such frame, or a
-            joint cannot be locked at its position.
-        UnsupportedLeg: The base is not above the foot, or no joint between them is free.
-    """
+    """The robot of a URDF with the leg between two frames: see ``Leg.from_urdf``."""
     import pinocchio
 
     if not isinstance(locked, Mapping | None):

@@ -111,13 +111,8 @@ class VirtualOutcome:
 
         It is identified from step tests alone, so this walk is new to it.
         """
-        run = self.runs["direct"]
-        return {
-            name: rms(
-                run.angles[:, :, j].mean(axis=0) - self.planned.plans["direct"].predicted[:, j]
-            )
-            for j, name in enumerate(self.planned.walk.joint_names)
-        }
+        off = self.runs["direct"].angles.mean(axis=0) - self.planned.plans["direct"].predicted
+        return dict(zip(self.planned.walk.joint_names, map(rms, off.T), strict=True))
 
 
 def play_experiment(
@@ -133,10 +128,6 @@ def play_experiment(
     Step tests of each joint are recorded by its sensor, a model is identified from them, the walk
     is planned on the models by every method, and the robot executes every plan for ``cycles``, once
     it is steady. ``progress`` is called with the name of each part before it begins.
-
-    Raises:
-        MissingExtra: MuJoCo is not installed.
-        NoSteadyCycle: The robot does not settle into a cycle.
     """
     clock = Clock(progress)
     robot = VirtualRobot(constants=constants, seed=seed)
@@ -202,7 +193,7 @@ def learn(
 ) -> tuple[tuple[Run, ...], Learning]:
     """Execute a plan and refine it by the sensors' readings, in turn: the runs, and the learning.
 
-    The models are those of the step tests throughout: they are identified already.
+    The models are those of the step tests throughout.
     """
     runs = []
     for _ in range(trials):
@@ -212,26 +203,21 @@ def learn(
 
 
 def execute(robot: VirtualRobot, requests: Array, *, cycles: int) -> Run:
-    """Repeat a cycle of requests until it is steady, and then ``cycles`` times.
+    """Repeat a cycle of requests until the sensors repeat themselves, and then ``cycles`` times.
 
-    A walk is steady when the sensors repeat themselves from cycle to cycle.
-
-    Raises:
-        NoSteadyCycle: It still is not after many cycles.
+    Raises NoSteadyCycle where they do not after many cycles.
     """
     robot.rest(SETTLING, requests[0])
     last, change = None, np.inf
     for dropped in range(1, MOST_DROPPED + 1):
         sensed = robot.play(requests).sensed
         if last is not None:
-            change = max(rms(now - before) for now, before in zip(sensed.T, last.T, strict=True))
+            change = max(map(rms, (sensed - last).T))
         if change <= STEADY * math.sqrt(2.0) * robot.constants.sensor_error:
             played = [robot.play(requests) for _ in range(cycles)]
-            return Run(
-                requests=requests,
-                sensed=np.stack([each.sensed for each in played]),
-                angles=np.stack([each.angles for each in played]),
-                dropped=dropped,
+            sensed, angles = (
+                np.stack([getattr(each, name) for each in played]) for name in ("sensed", "angles")
             )
+            return Run(requests=requests, sensed=sensed, angles=angles, dropped=dropped)
         last = sensed
     raise NoSteadyCycle(change, MOST_DROPPED)

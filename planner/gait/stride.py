@@ -167,8 +167,7 @@ def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Le
 
     All legs have the same stroke and swing: those of :func:`planner.gait.stride.stride` that every
     leg can trace with these arguments, at the hip height of the lowest leg if all have the same
-    base. Raises InvalidInput for an unknown pattern, or other legs; Infeasible where a leg cannot
-    trace the walk.
+    base.
     """
     check_choice("pattern", pattern, get_args(Pattern))
     check_legs(legs)

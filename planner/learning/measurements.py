@@ -47,11 +47,7 @@ one over it like radians that were read as degrees."""
 
 
 def checked_cycles(measured: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Measured cycles [rad], of the shape (cycles, *shape).
-
-    Raises:
-        InvalidTrajectory: They have another shape, or are not finite.
-    """
+    """Measured cycles [rad], (cycles, *shape); InvalidTrajectory for others."""
     try:
         rows = as_reals(measured)
     except (TypeError, ValueError) as error:
@@ -337,9 +333,9 @@ def deviation_of(noise: Array) -> Array:
 
 def averaged(powers: Array, neighbours: int) -> Array:
     """Powers averaged over so many neighbouring frequencies on either side, (f, k)."""
-    kernel = np.ones(2 * neighbours + 1)
     sums, counts = (
-        convolve1d(each, kernel, axis=0, mode="constant") for each in (powers, np.ones_like(powers))
+        convolve1d(each, np.ones(2 * neighbours + 1), axis=0, mode="constant")
+        for each in (powers, np.ones_like(powers))
     )
     return np.asarray(sums / counts)
 

@@ -28,20 +28,16 @@ HEAD = "head"
 
 
 def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
-    """Layout of a planned dataset, as in the dataset that was read; rows and task of an episode.
+    """Layout of a planned dataset, as in that which was read; an episode's rows and task.
 
     Actions are planned, observations re-timed.
     """
     rate = frame_rate(replay.period)
     if not recording.dataset:
-        layout = Layout(features={ACTION: replay.names, STATE: replay.names}, rate=rate)
         action = [as_written(joint, joint.requests) for joint in replay.joints]
         state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
-        return (
-            layout,
-            {ACTION: np.column_stack(action), STATE: np.column_stack(state)},
-            LEROBOT_TASK,
-        )
+        values = {ACTION: np.column_stack(action), STATE: np.column_stack(state)}
+        return Layout(features=dict.fromkeys(values, replay.names), rate=rate), values, LEROBOT_TASK
     dataset, rows = find_dataset(recording.file), read_episode(recording.file, recording.episode)
     arrays = {ACTION: rows.action, STATE: rows.state}
     numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in arrays.items()}

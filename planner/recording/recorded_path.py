@@ -365,8 +365,7 @@ def models_from(
 ) -> JointModels:
     """Models of these joints, or of all but grippers, identified from the recordings themselves.
 
-    Raises:
-        InvalidInput: No recording of a joint, or no model fits it.
+    Raises InvalidInput without a recording of a joint, and where no model fits any of them.
     """
     from planner.identification.identify import identify  # slow to import
 

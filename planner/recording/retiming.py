@@ -207,11 +207,7 @@ class Measure:
         foot_tolerance: float | None,
         leg: Leg | None,
     ) -> Measure:
-        """The measure of a tolerance for joints, or for a foot.
-
-        Raises:
-            InvalidInput: There is none, or both, or the leg has joints that are not planned.
-        """
+        """The measure of a tolerance for joints, or for a foot, or InvalidInput."""
         if (tolerance is None) == (foot_tolerance is None):
             raise InvalidInput("tolerance: got none, or two; expected that of joints, or of a foot")
         value = tolerance if foot_tolerance is None else foot_tolerance
@@ -248,11 +244,7 @@ class Measure:
         return np.asarray(np.linalg.norm(feet, axis=1) / self.tolerance)
 
     def largest(self, replay: Replay) -> float:
-        """Largest error of a plan over the tolerance, at samples and on the lines between them.
-
-        Straight lines between few samples cut the recorded path short. Of a foot only the
-        samples count.
-        """
+        """Largest error of a plan over the tolerance; of joints also on lines between samples."""
         at_samples = float(np.max(self.errors(replay, "planned")))
         if self.leg is not None:
             return at_samples
@@ -316,11 +308,7 @@ class _Search:
         self.bounded = measure.leg is None and not self.of_pose
 
     def bracket(self) -> tuple[float, float]:
-        """A constant factor that keeps the tolerance, and the largest that may: up to twice it.
-
-        Raises:
-            Infeasible: None does.
-        """
+        """A constant factor that keeps the tolerance, and the largest that may: up to twice it."""
         low = 1.0
         if not self.misses(low):
             return self.doubled(low, self.misses)
@@ -345,8 +333,7 @@ class _Search:
     def contradicted(self) -> tuple[str, ...]:
         """Joints whose motion at the recorded speed no requests reach by their models.
 
-        Raises:
-            Infeasible: They do it where the replay begins at a later row.
+        Raises Infeasible where requests reach it if the replay begins at a later row.
         """
         path = self.path
         if not self.bounded or path.track != "state" or not self.misses(1.0):
@@ -496,11 +483,8 @@ def narrowed(low: float, high: float, too_fast: Callable[[float], Any]) -> tuple
 
 
 def _accelerating(factors: Array, step: float, most: float) -> Array:
-    """The largest factors below these that change by at most ``most`` in a second [1/s].
-
-    Along the recording d(r^2)/ds = 2 dr/dt, so r^2 changes by at most 2 most per second of it.
-    """
-    squares = factors**2
+    """The largest factors below these that change by at most ``most`` in a second [1/s]."""
+    squares = factors**2  # d(r^2)/ds = 2 dr/dt along the recording
     for order in (slice(None), slice(None, None, -1)):
         along = squares[order]
         for k in range(1, len(along)):
@@ -509,10 +493,7 @@ def _accelerating(factors: Array, step: float, most: float) -> Array:
 
 
 def _moments(path: RecordedPath, at: Array, factors: Array) -> Array:
-    """The moment of the recording of each request [s], with ds/dt = factors at ``at``.
-
-    Between two of these moments the acceleration is constant.
-    """
+    """The moment of each request [s], with ds/dt = factors at ``at``, and linear in t between."""
     first, last, steps = factors[:-1], factors[1:], np.diff(at)
     spent = 2.0 * steps / (first + last)
     bends = (last**2 - first**2) / (2.0 * steps)
