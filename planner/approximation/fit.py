@@ -289,35 +289,33 @@ def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candid
         negligible = max(2.0 * FLOOR, ABOVE_NOISE * noise)  # the samples span 2 units
         enough = max(CLOSE_TO_IDEAL**2 * search.ideal_error, n * negligible**2)
         return _fewest(search, enough, last, exact_curve=True) or search.curve(last)
-    bound, least = max_rms / unit, math.inf
+    bound, got = max_rms / unit, f"got {angle_text(max_rms)}, but"
     if exact:
+        error = math.inf
         for count in range(search.fewest, last + 1):
             best = proved_best(search.problem, search.curve(count))
-            least = math.sqrt(best.error / n)
-            if least <= bound * (1.0 + BARELY):
+            error = best.error
+            if math.sqrt(error / n) <= bound * (1.0 + BARELY):
                 return best
-        raise Infeasible(
-            f"max_rms and the number of segments: got {angle_text(max_rms)}, but {last} segments "
-            f"with knots on samples reach {angle_text(least * unit)} at best; allow more error or "
-            "more segments"
-        )
-    ideal = math.sqrt(search.ideal_error / n)
-    if bound < ideal * (1.0 - BARELY):
-        raise Infeasible(
-            f"max_rms and v_max: got {angle_text(max_rms)}, but with slopes within ±v_max no "
-            f"curve comes closer than {angle_text(ideal * unit)} rms; allow that much or a larger "
-            "v_max"
-        )
-    enough = n * (bound * (1.0 + BARELY)) ** 2 + 1e-24 * n
-    fewest = _fewest(search, enough, last, exact_curve=segments is None)
-    if fewest is None:
-        least = math.sqrt(search.curve(last).error / n)
-        raise Infeasible(
-            f"max_rms and the number of segments: got {angle_text(max_rms)}, but with at most "
-            f"{last} segments the smallest found is {angle_text(least * unit)}; allow more error "
-            "or more segments"
-        )
-    return fewest
+        found = f"{last} segments with knots on samples reach {{}} at best"
+    else:
+        ideal = math.sqrt(search.ideal_error / n)
+        if bound < ideal * (1.0 - BARELY):
+            raise Infeasible(
+                f"max_rms and v_max: {got} with slopes within ±v_max no curve comes closer than "
+                f"{angle_text(ideal * unit)} rms; allow that much or a larger v_max"
+            )
+        enough = n * (bound * (1.0 + BARELY)) ** 2 + 1e-24 * n
+        fewest = _fewest(search, enough, last, exact_curve=segments is None)
+        if fewest is not None:
+            return fewest
+        error = search.curve(last).error
+        found = f"with at most {last} segments the smallest found is {{}}"
+    raise Infeasible(
+        f"max_rms and the number of segments: {got} "
+        f"{found.format(angle_text(math.sqrt(error / n) * unit))}; allow more error or more "
+        "segments"
+    )
 
 
 def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) -> Candidate | None:
@@ -382,11 +380,11 @@ def choices(fit: PiecewiseLinearFit, *, most: int = 12) -> Choices:
     include those of ``fit`` and of the automatic choice up to twice ``most``. Time: that of as many
     fits.
     """
-    n = fit.desired.size
+    room = fit.desired.size if fit.cyclic else fit.desired.size - 1
     plain = partial(fit_pwl, fit.desired, v_max=fit.v_max, tick=fit.tick, cyclic=fit.cyclic)
     chosen = plain()
-    last = min(n if fit.cyclic else n - 1, max(most, chosen.segments, fit.segments))
-    counts = tuple(range(2 if fit.cyclic else 1, min(last, 2 * most) + 1))
+    last = min(room, 2 * most, max(most, chosen.segments, fit.segments))
+    counts = tuple(range(2 if fit.cyclic else 1, last + 1))
     # A curve with a segment less is one of so many, if it was found to be better.
     rms = read_only(np.minimum.accumulate([plain(segments=count).rms for count in counts]))
     ideal = slope_bounded(fit.desired, fit.v_max * fit.tick, cyclic=fit.cyclic)

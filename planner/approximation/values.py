@@ -82,21 +82,15 @@ def solve_qp(
     return (x if excess(y) > max(excess(x), 1e-12) else y), status
 
 
-def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> Array:
-    """The best values at knots, (K,); slopes within the bound up to a part in 1e8. O(n).
-
-    Values that are not determined are those ``near``.
-
-    Raises:
-        SolverFailed: The QP was not solved.
-    """
+def solve_values(problem: Problem, knots: Array) -> Array:
+    """The best values at knots, (K,); slopes within the bound up to a part in 1e8. O(n)."""
     if knots.size == 1:
         return feasible_values(problem, knots)
     if knots.size <= WINDOW:
         return best_values(problem, knots).values
     from scipy import sparse
 
-    near = feasible_values(problem, knots) if near is None else near
+    near = feasible_values(problem, knots)  # where values are not determined
     # In a unit of its own, as all rises are tiny where v is.
     centre, unit = float(np.mean(near)), min(1.0, problem.step * problem.samples)
     near = (near - centre) / unit

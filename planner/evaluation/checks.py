@@ -97,12 +97,17 @@ class Check:
             "subject": self.subject,
             "plan": self.plan,
             "name": self.name,
-            "value": self.value if math.isfinite(self.value) else None,
+            "value": finite(self.value),
             "tolerance": self.tolerance.value,
             "unit": self.tolerance.unit,
             "reason": self.tolerance.reason,
             "passed": self.passed,
         }
+
+
+def finite(value: float) -> float | None:
+    """The value for JSON: None where it is not finite."""
+    return value if math.isfinite(value) else None
 
 
 class Answer(NamedTuple):
@@ -202,11 +207,9 @@ def bound_checks(
     subject: str, bounds: Mapping[Level, float], errors: Mapping[str, float]
 ) -> list[Check]:
     """That each bound is at least the one before it, and no plan is below any [rad]."""
-    values = list(bounds.values())
-    checks = []
-    if len(values) > 1:
-        worst = max(low - high for low, high in pairwise(values))
-        checks.append(Check(subject, "", f"bounds ordered, {' ≤ '.join(bounds)}", worst, ORDERED))
+    values, ordered = list(bounds.values()), f"bounds ordered, {' ≤ '.join(bounds)}"
+    worst = max((low - high for low, high in pairwise(values)), default=None)
+    checks = [] if worst is None else [Check(subject, "", ordered, worst, ORDERED)]
     return checks + [
         Check(subject, plan, ABOVE, max(values) - error, ABOVE_BOUND)
         for plan, error in errors.items()

@@ -35,6 +35,7 @@ from planner.evaluation.checks import (
     answer_checks,
     beyond_limits,
     bound_checks,
+    finite,
     kept_within,
     second_answer,
 )
@@ -78,8 +79,6 @@ SECOND = "optimal_ipopt"
 
 FOOT = "foot"
 """Subject of checks of all joints together."""
-
-Limits = tuple[npt.ArrayLike, npt.ArrayLike]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -167,7 +166,7 @@ def cross_check(
     desired: npt.ArrayLike,
     *,
     cyclic: bool = True,
-    limits: Limits | None = None,
+    limits: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     segments: int | None = None,
     leg: Leg | None = None,
     norm: Norm = "rms",
@@ -330,7 +329,7 @@ class JointComparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, angles in degrees."""
-        limits = self.limits and [_finite(math.degrees(limit)) for limit in self.limits]
+        limits = self.limits and [finite(math.degrees(limit)) for limit in self.limits]
         return {
             "model": self.model.parameters(),
             "limits_deg": limits,
@@ -338,7 +337,7 @@ class JointComparison:
             "lower_bound_deg": math.degrees(self.bound),
             "bounds_deg": {level: math.degrees(each) for level, each in self.bounds.items()},
             "solver_gaps": {
-                level: _finite(proof.solver_gap) for level, proof in self.certificates.items()
+                level: finite(proof.solver_gap) for level, proof in self.certificates.items()
             },
             "methods": {
                 method: {
@@ -356,9 +355,9 @@ class JointComparison:
         return {
             "rms_deg": math.degrees(plan.rms),
             "max_deg": math.degrees(plan.max_error),
-            "expected_rms_deg": _finite(math.degrees(plan.expected.error)),
+            "expected_rms_deg": finite(math.degrees(plan.expected.error)),
             "untested": list(plan.expected.untested),
-            "gap": _finite(self.gap(method)),
+            "gap": finite(self.gap(method)),
             "request_difference_rms_deg": math.degrees(rms(apart)),
             "largest_request_difference_deg": math.degrees(float(np.max(np.abs(apart)))),
             "largest_step_deg": math.degrees(plan.largest_step),
@@ -366,10 +365,6 @@ class JointComparison:
             "agreement_rad": self.answers[method].agreement,
             "other_cycle_deg": math.degrees(self.answers[method].elsewhere),
         }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def compare_joint(
@@ -395,7 +390,7 @@ def compare_joint(
     bounds = {level: proof.bound for level, proof in certificates.items()}
     answers = {method: second_answer(plan.plan, plan.column) for method, plan in plans.items()}
     errors = {METHODS[method]: plan.error for method, plan in plans.items()}
-    checks: list[Check] = []
+    checks = list[Check]()
     for method, answer in answers.items():
         checks += answer_checks(name, METHODS[method], answer, cyclic=optimal.cyclic)
     rivals = {
@@ -419,11 +414,10 @@ def compare_joint(
             Check(name, METHODS[SECOND], SOLVED, 0.0, SOLVES),
             Check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
         ]
-    if limits is not None:
-        for method, plan in plans.items():
-            if method not in CLOSED_FORMS:
-                excess = beyond_limits(plan.requests, limits)
-                checks.append(Check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
+    for method, plan in plans.items():
+        if limits is not None and method not in CLOSED_FORMS:
+            excess = beyond_limits(plan.requests, limits)
+            checks.append(Check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
     return JointComparison(name, plans, certificates, answers, tuple(checks))
 
 
@@ -528,26 +522,23 @@ class FootComparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, lengths in centimetres and angles in degrees."""
+        pairs = zip(self.plans.items(), self.differences.values(), strict=True)
         return {
             "desired_cm": (100.0 * self.desired).tolist(),
             "requests_deg": np.degrees(self.best.requests).tolist(),
             "norm": self.norm,
             "lower_bound_cm": None if self.bound is None else 100.0 * self.bound,
             "methods": {
-                method: {**self.numbers(method), "positions_cm": (100.0 * plan.foot).tolist()}
-                for method, plan in self.plans.items()
+                method: {
+                    "gap": self.gap(method),
+                    "rms_cm": 100.0 * float(plan.rms[0]),
+                    "max_cm": 100.0 * float(plan.max_error[0]),
+                    "request_difference_rms_deg": math.degrees(apart.rms),
+                    "largest_request_difference_deg": math.degrees(apart.max),
+                    "positions_cm": (100.0 * plan.foot).tolist(),
+                }
+                for (method, plan), apart in pairs
             },
-        }
-
-    def numbers(self, method: str) -> dict[str, float | None]:
-        """The figures of a plan, lengths in centimetres and angles in degrees."""
-        plan, apart = self.plans[method], self.differences[method]
-        return {
-            "gap": self.gap(method),
-            "rms_cm": 100.0 * float(plan.rms[0]),
-            "max_cm": 100.0 * float(plan.max_error[0]),
-            "request_difference_rms_deg": math.degrees(apart.rms),
-            "largest_request_difference_deg": math.degrees(apart.max),
         }
 
 
@@ -568,10 +559,8 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
     for method in planned_methods(joints):
         single = [joint.plans[method] for joint in joints]
         plans[method] = _foot_plan(best, single)
-        clipped = [
-            kept_within(*each) for each in zip(single, zip(*limits, strict=True), strict=True)
-        ]
-        usable = [plan for plan in clipped if plan is not None]
+        each_within = zip(single, zip(*limits, strict=True), strict=True)
+        usable = [plan for each in each_within if (plan := kept_within(*each)) is not None]
         if len(usable) == len(joints):
             rivals[METHODS[method]] = error_norm(_foot_plan(best, usable).distances, norm)
     checks += no_worse_checks(FOOT, best, error, rivals, FOOT_NO_WORSE)
@@ -580,11 +569,8 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
 
 def _foot_plan(together: Plan, plans: Sequence[Inversion]) -> Plan:
     """Plans of the joints, one by one, judged by where they bring the foot, all axes alike."""
-    start = (
-        None
-        if together.cyclic
-        else np.array([plan.plan.task.starts[plan.column] for plan in plans])
-    )
+    starts = [plan.plan.task.starts[plan.column] for plan in plans]
+    start = None if together.cyclic else np.array(starts)
     task = replace(together.task, start=start, weights=np.ones(3))
     requests = np.column_stack([plan.requests for plan in plans])
     return replace(together, task=task, requests=requests)
