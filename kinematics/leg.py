@@ -248,13 +248,7 @@ class Leg(Summarised):
         return read_only(torques + 0.0)  # no negative zero
 
     def load_of_pose(
-        self,
-        names: Sequence[str],
-        poses: Array,
-        *,
-        dynamics: bool,
-        period: float,
-        cyclic: bool,
+        self, names: Sequence[str], poses: Array, *, dynamics: bool, period: float, cyclic: bool
     ) -> Callable[[Array], Array]:
         """A load of the pose, as :func:`planner.plan` takes it: torques on joints by their angles.
 

@@ -45,15 +45,13 @@ class _Curves(ReadOnly):
             raise InvalidInput(
                 f"samples: got {shown(self.samples)}, expected a whole number, 1 to {MOST_SAMPLES}"
             )
-        checked = {
-            "knots": np.broadcast_to(read_only(knots), values.shape),
-            "values": read_only(values),
-            "samples": samples,
-            "tick": as_positive("tick", self.tick, "a finite number above 0 [s]"),
-            "cyclic": bool(self.cyclic),
-        }
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(
+            knots=np.broadcast_to(read_only(knots), values.shape),
+            values=read_only(values),
+            samples=samples,
+            tick=as_positive("tick", self.tick, "a finite number above 0 [s]"),
+            cyclic=bool(self.cyclic),
+        )
         with np.errstate(invalid="ignore"):
             increasing = self.lengths > 0.0
         for name, allowed, expected in (

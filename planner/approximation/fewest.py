@@ -65,6 +65,11 @@ class Line(NamedTuple):
         """Its value at a place."""
         return self.value + self.slope * (place - self.place)
 
+    @property
+    def mirrored(self) -> Line:
+        """The line of the opposite values."""
+        return Line(self.place, -self.value, -self.slope)
+
 
 class Link(NamedTuple):
     """An extreme line, kept until the next one crosses it, between gates ``touched``, ``end`` + 1.
@@ -77,10 +82,6 @@ class Link(NamedTuple):
     touched: int  # the last gate that it touches: at its upper end if rising, else at its lower
     before: int  # the gate that it touches before; -1 if its slope is at the bound
     end: int  # the last gate that it passes
-
-
-LastLines = tuple[Line, Line]
-"""The highest and the lowest line at the last gate, where no gate is missed."""
 
 
 def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
@@ -165,7 +166,7 @@ def joints(gates: Gates, links: Sequence[Link], final: Line) -> tuple[list[float
 
 def links_from(
     gates: Gates, last: int, *, start: int = 0, after: Link | None = None
-) -> tuple[list[Link], LastLines]:
+) -> tuple[list[Link], tuple[Line, Line]]:
     """The lines kept one after the other, and those that remain for the last segment."""
     links, outcome = list[Link](), next_link(gates, last, start=start, after=after)
     while isinstance(outcome, Link):
@@ -176,8 +177,8 @@ def links_from(
 
 def next_link(
     gates: Gates, last: int, *, start: int = 0, after: Link | None = None
-) -> Link | LastLines:
-    """The line kept next, or the last ones if a line passes all gates from ``start`` to ``last``.
+) -> Link | tuple[Line, Line]:
+    """The line kept next, or the highest and the lowest one if some pass all gates to ``last``.
 
     After a link the first gate is the one that it touched last; up to the last gate that it passes,
     only the ends away from it count: on the near side the line is beyond it before they cross.
@@ -199,7 +200,7 @@ def next_link(
         if top < lower:
             return Link(highest.line, True, highest.touched, highest.before, k - 1)
         if bottom > upper:
-            return Link(_mirrored(lowest.line), False, lowest.touched, lowest.before, k - 1)
+            return Link(lowest.line.mirrored, False, lowest.touched, lowest.before, k - 1)
         if upper < top:
             highest.tighten(k, place, upper)
         if lower > bottom:
@@ -208,11 +209,7 @@ def next_link(
             highest.add(k, place, lower)
         if upper < math.inf:
             lowest.add(k, place, -upper)
-    return highest.line, _mirrored(lowest.line)
-
-
-def _mirrored(line: Line) -> Line:
-    return Line(line.place, -line.value, -line.slope)
+    return highest.line, lowest.line.mirrored
 
 
 class Extreme:

@@ -31,7 +31,6 @@ from planner.approximation.problem import (
     Candidate,
     Problem,
     Required,
-    candidate,
     check_apart,
     check_error_at_pins,
     check_required,
@@ -43,7 +42,7 @@ from planner.approximation.problem import (
     with_pins,
 )
 from planner.approximation.search import KnotSearch
-from planner.approximation.values import slope_bounded, solve_values, within_slopes
+from planner.approximation.values import best_values, slope_bounded, within_slopes
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 from planner.trajectory import Array, as_trajectory
 from planner.validation import Summarised, Summary, as_flag, read_only
@@ -258,7 +257,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     )
     fewest = None
     if question.knots is not None:
-        curve = candidate(scaled, question.knots, solve_values(scaled, question.knots))
+        curve = best_values(scaled, question.knots)
     elif question.max_error is not None:
         search = KnotSearch(scaled)
         bound = question.max_error / unit
@@ -333,7 +332,7 @@ def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) 
 
     count = max(search.fewest, min(most, ONE_BY_ONE))
     for few in range(search.fewest, count + 1):
-        hopeful = few == most or search.rough_error(few) <= HOPELESS * enough
+        hopeful = few == most or search.starts(few)[0].error <= HOPELESS * enough
         if hopeful and (fewest := close_enough(few)) is not None:
             return fewest
     failed, fewest = count, None

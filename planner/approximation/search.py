@@ -34,8 +34,6 @@ from planner.approximation.values import (
     descend,
     descend_by_windows,
     ideal_of,
-    solve_values,
-    within_slopes,
 )
 from planner.trajectory import Array
 
@@ -109,7 +107,7 @@ class KnotSearch:
         self.most = int(np.sum(most))
         self.ideal_error = float(np.sum((self.ideal - self.problem.desired) ** 2))
         self.curve = cache(self._curve)
-        self._starts = cache(self._begin)
+        self.starts = cache(self._begin)
 
     def _canonical(self, problem: Problem) -> Problem:
         """A problem in the canonical form."""
@@ -121,15 +119,6 @@ class KnotSearch:
         """The curve through the samples as they were given, knots in order and within the cycle."""
         knots = self._first + self._way * curve.knots
         return Candidate(*in_order(self.problem, knots, curve.values), curve.error)
-
-    def rough_error(self, segments: int) -> float:
-        """Squared error of the best start of the search."""
-        return self._starts(segments)[0].error
-
-    def valued(self, knots: Array) -> Candidate:
-        """The curve of best values at these knots."""
-        values = solve_values(self.problem, knots)
-        return candidate(self.problem, knots, within_slopes(self.problem, knots, values))
 
     @cached_property
     def exact(self) -> Candidate | None:
@@ -145,7 +134,7 @@ class KnotSearch:
         problem = self.problem
         if self.exact is not None and segments == problem.segments(self.exact.knots):
             return self.exact
-        starts = self._starts(segments)
+        starts = self.starts(segments)
         best = starts[0]
         if best.knots.size > WINDOW or best.error <= 1e-22 * problem.samples:
             return best
@@ -161,17 +150,17 @@ class KnotSearch:
         merged = with_required(problem, np.sort(self._ranked[:count]))
         chains = [] if segments > PROPOSED else proposed_knots(problem, self.ideal, segments)
         proposals = [*chains, *([] if merged is None else [merged]), even_knots(problem, segments)]
+        starts = [best_values(problem, knots) for knots in proposals]
         if proposals[0].size <= WINDOW:
-            starts = [best_values(problem, knots) for knots in proposals]
             rough = [descend(problem, start, rounds=FEW, progress=1e-2) for start in starts]
             return sorted(rough, key=by_error)
-        starts = sorted(map(self.valued, proposals), key=by_error)
+        starts.sort(key=by_error)
         if segments > PROPOSED:
             best = descend_by_windows(problem, starts[0], rounds=4)
         else:
             rough = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts[:2]]
             best = descend_by_windows(problem, min(rough, key=by_error), rounds=MANY)
-        return [self.valued(best.knots)]
+        return [best_values(problem, best.knots)]
 
 
 def canonical_order(problem: Problem, ideal: Array) -> tuple[int, int]:

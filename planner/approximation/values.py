@@ -82,15 +82,16 @@ def solve_qp(
     return (x if excess(y) > max(excess(x), 1e-12) else y), status
 
 
-def solve_values(problem: Problem, knots: Array) -> Array:
-    """The best values at knots, (K,); slopes within the bound up to a part in 1e8. O(n)."""
+def best_values(problem: Problem, knots: Array) -> Candidate:
+    """The curve of best values within the slopes at given knots. O(n)."""
+    near = feasible_values(problem, knots)  # where values are not determined
     if knots.size == 1:
-        return feasible_values(problem, knots)
+        return candidate(problem, knots, near)
     if knots.size <= WINDOW:
-        return best_values(problem, knots).values
+        start = Candidate(knots, near, math.inf)
+        return descend(problem, start, rounds=8, progress=1e-13, values_only=True)
     from scipy import sparse
 
-    near = feasible_values(problem, knots)  # where values are not determined
     # In a unit of its own, as all rises are tiny where v is.
     centre, unit = float(np.mean(near)), min(1.0, problem.step * problem.samples)
     near = (near - centre) / unit
@@ -121,7 +122,8 @@ def solve_values(problem: Problem, knots: Array) -> Array:
     )
     if np.isnan(change[0]):
         raise SolverFailed("values at the knots, OSQP", status)
-    return centre + unit * (near + change)
+    values = within_slopes(problem, knots, centre + unit * (near + change))
+    return candidate(problem, knots, values)
 
 
 def within_slopes(problem: Problem, knots: Array, values: Array) -> Array:
@@ -140,12 +142,6 @@ def within_slopes(problem: Problem, knots: Array, values: Array) -> Array:
         shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
         shrunk = towards + shrink * offset
     return towards
-
-
-def best_values(problem: Problem, knots: Array) -> Candidate:
-    """The curve of best values within the slopes at given knots, at most :data:`WINDOW`."""
-    start = Candidate(knots, feasible_values(problem, knots), math.inf)
-    return descend(problem, start, rounds=8, progress=1e-13, values_only=True)
 
 
 def descend(

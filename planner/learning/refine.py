@@ -44,9 +44,6 @@ from planner.planning.result import UNFORESEEN, FootInversion, Inversion, Learni
 from planner.trajectory import Array, rms
 from planner.validation import as_flag, as_number, freeze, shown
 
-LONGEST_DELAY = 1e3
-"""Longest delay of a sensor that is taken [s]: beyond any, and short of rounding in times."""
-
 GROWTH, SHRINK, LEAST_GAIN = 1.5, 1.0 / 3.0, 0.05
 """Factors of the gain after a cycle that was no worse than the best, up to 1, and after one that
 was worse; and the gain below which smaller steps from the best cycle are not tried any more."""
@@ -75,12 +72,6 @@ measured cycle's noise [-], and as a share of the joint's motion [-]."""
 SAVING = 0.3
 """Share of that error that another model has to save on a trial that it has not seen [-]: a model
 that is as good brings nothing, and forgets the logs it came from."""
-
-FITTED_TRIALS = 4
-"""Trials, the last ones, that are fitted."""
-
-RESTING_ROWS = 20
-"""Rows of rest before a motion from rest: longer than any lag."""
 
 SAME_REQUESTS = 1e-6
 """Requests that differ by less are the same [rad]: files carry them rounded, servos in counts."""
@@ -149,10 +140,9 @@ def refine(
         0.01 deg rms
     """
     reidentify = as_flag("reidentify", reidentify)
-    if sensor_delay is not None and not abs(as_number(sensor_delay)) <= LONGEST_DELAY:
+    if sensor_delay is not None and not abs(as_number(sensor_delay)) <= 1e3:
         raise InvalidInput(
-            f"sensor_delay: got {shown(sensor_delay)}, expected a time of at most "
-            f"{LONGEST_DELAY:g} s either way"
+            f"sensor_delay: got {shown(sensor_delay)}, expected a time of at most 1000 s either way"
         )
     if not isinstance(plan, Inversion | FootInversion | Plan):
         raise InvalidInput(
@@ -218,7 +208,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
             "the best cycle's requests do not keep the limits or the largest step of the next "
             "ones: it is not repeated"
         )
-    floor = _floor(joints, new, noise, before, ended=bool(stopped))
+    floor = _floor(new, before, ended=bool(stopped)), _size(joints, spread)
     if base.error + floor[1] < 0.5 * floor[0]:
         remarks.append(
             "the measured error is less than half of the least that any requests reach by the "
@@ -226,7 +216,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         )
     if stopped:
         new, next_error = replace(new, requests=base.requests.copy()), base.error
-        stopped += f"; {_remaining(joints, base, floor)}"
+        stopped += f"; {_remaining(joints, base.error, *floor)}"
     else:
         unforeseen = _unforeseen(joints, trials, spread)
         missed = unforeseen * _size(joints, _by_joint(expected - base.mean))
@@ -397,21 +387,18 @@ def _with_trial(
     return tuple(trials), now
 
 
-def _floor(
-    joints: Plan, new: Plan, noise: Array, before: Learning | None, *, ended: bool
-) -> tuple[float, float]:
-    """The error that remains: the lower bound of the model, and the noise of a cycle."""
-    size = _size(joints, deviation_of(noise))
+def _floor(new: Plan, before: Learning | None, *, ended: bool) -> float:
+    """The error that remains by the lower bound of the model; NaN where it is not known."""
     if new.task.goal == "angles":
-        return float(new.lower_bounds[0]), size
+        return float(new.lower_bounds[0])
     floor = math.nan if before is None else before.floor[0]
     if not math.isnan(floor) or not ended:
-        return floor, size  # a foot's bound takes seconds
+        return floor  # a foot's bound takes seconds
     bound = replace(new, task=replace(new.task, disturbance=None)).foot_bound
-    return math.nan if bound is None else bound, size
+    return math.nan if bound is None else bound
 
 
-def _remaining(joints: Plan, base: Trial, floor: tuple[float, float]) -> str:
+def _remaining(joints: Plan, error: float, bound: float, noise: float) -> str:
     """Where the remaining error comes from, in words."""
 
     def text(error: float) -> str:
@@ -420,12 +407,11 @@ def _remaining(joints: Plan, base: Trial, floor: tuple[float, float]) -> str:
         unit = ANGLE_UNIT.get()
         return f"{error:.5f} rad" if unit == "rad" else f"{math.degrees(error):.3f} {unit}"
 
-    bound, noise = floor
-    remaining = f"remaining error {text(base.error)}"
-    if noise > base.error:
+    remaining = f"remaining error {text(error)}"
+    if noise > error:
         return f"{remaining}: no more than the noise of a cycle, {text(noise)}"
     words = []
-    if bound > base.error:
+    if bound > error:
         words.append("all of it from speed limits by the model")
     elif text(bound) != text(0.0) and not math.isnan(bound):
         words.append(f"{text(bound)} from speed limits")
@@ -483,8 +469,8 @@ def better_model(
         return rms(last - first + angles - target)
 
     def identified(data: Sequence[tuple[Array, Array]]) -> JointModel | None:
-        logs = [_log(model, *each, cyclic=cyclic, load=load) for each in data[-FITTED_TRIALS:]]
-        return _identified(model, logs)
+        last = data[-4:]  # of many trials
+        return _identified(model, [_log(model, *each, cyclic=cyclic, load=load) for each in last])
 
     try:
         now, random = missed(model), noise / math.sqrt(trials[-1].cycles)
@@ -505,7 +491,7 @@ def _log(
     if cyclic:
         rows = np.arange(2 * len(requests)) % len(requests)
     else:
-        rows = np.maximum(np.arange(-RESTING_ROWS, len(requests)), 0)
+        rows = np.maximum(np.arange(-20, len(requests)), 0)  # more than any lag
     return Log(
         times=model.period * np.arange(len(rows), dtype=np.float64),
         requests=requests[rows],

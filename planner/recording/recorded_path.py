@@ -412,7 +412,5 @@ def models_from(
         first = f"first {len(used)} of " if len(used) < len(recordings) else ""
         words = f"the {first}{len(recordings)} recordings"
     return JointModels(
-        by_joint=models,
-        words=f"models: identified from {words}",
-        remarks=tuple(remarks),
+        by_joint=models, words=f"models: identified from {words}", remarks=tuple(remarks)
     )

@@ -16,13 +16,7 @@ from planner.planning.plan import Plan
 from planner.planning.result import Inversion
 from planner.planning.task import JointLimits, LoadOfPose
 from planner.planning.time_shift import shifted
-from planner.recording.recorded_path import (
-    Models,
-    Path,
-    RecordedPath,
-    Track,
-    recorded_path,
-)
+from planner.recording.recorded_path import Models, Path, RecordedPath, Track, recorded_path
 from planner.trajectory import Array, Mask, error_norm, most_lost, stretches
 from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze, read_only
 

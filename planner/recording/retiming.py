@@ -13,13 +13,7 @@ import numpy as np
 from planner.exceptions import Infeasible, InvalidInput, PlannerError
 from planner.planning.bounds.certify import lower_bound
 from planner.planning.task import JointLimits
-from planner.recording.recorded_path import (
-    Models,
-    Path,
-    RecordedPath,
-    Track,
-    recorded_path,
-)
+from planner.recording.recorded_path import Models, Path, RecordedPath, Track, recorded_path
 from planner.recording.replaying import JointReplay, Kind, Replay, replay_at
 from planner.trajectory import Array
 from planner.validation import Summarised, Summary, as_number, check_choice, shown

@@ -16,7 +16,6 @@ from planner.approximation.values import (
     best_values,
     descend,
     slope_bounded,
-    solve_values,
     within_slopes,
 )
 from planner.trajectory import steps
@@ -44,17 +43,16 @@ def on_the_reference_of(problem, knots):
 
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("step", [0.01, 0.05, 10.0])
-@pytest.mark.parametrize("seed", range(4))
-def test_values_at_given_knots_are_those_of_an_independent_solver(cyclic, step, seed):
+@pytest.mark.parametrize(("seed", "count"), [(0, 5), (1, 5), (2, 5), (3, 5), (4, 20), (5, 20)])
+def test_values_at_given_knots_are_those_of_an_independent_solver(cyclic, step, seed, count):
     rng = np.random.default_rng(seed)
     desired = np.clip(np.cumsum(rng.normal(size=60)) / 8.0, -1.0, 1.0)
     problem = Problem(desired=desired, step=step, cyclic=cyclic)
-    knots = np.sort(rng.choice(58, 5, replace=False)) + rng.uniform(0.0, 1.0, 5)
+    knots = np.sort(rng.choice(58, count, replace=False)) + rng.uniform(0.0, 1.0, count)
     if not cyclic:
         knots[[0, -1]] = 0.0, 59.0
     expected = on_the_reference_of(problem, knots)
-    for values in (solve_values(problem, knots), best_values(problem, knots).values):
-        assert candidate(problem, knots, values).error == pytest.approx(expected, rel=1e-6)
+    assert best_values(problem, knots).error == pytest.approx(expected, rel=1e-6)
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=8), st.floats(1e-9, 1e3), st.booleans())
