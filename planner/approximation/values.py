@@ -88,8 +88,8 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
     if knots.size == 1:
         return candidate(problem, knots, near)
     if knots.size <= WINDOW:
-        start = Candidate(knots, near, math.inf)
-        return descend(problem, start, rounds=8, progress=1e-13, values_only=True)
+        course = Candidate(knots, near, math.inf)
+        return descend(problem, course, rounds=8, progress=1e-13, values_only=True)
     from scipy import sparse
 
     # In a unit of its own, as all rises are tiny where v is.

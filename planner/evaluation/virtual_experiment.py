@@ -42,6 +42,10 @@ SETTLING = 1.0
 CYCLES = 20
 """Cycles of each walk, as in the paper."""
 
+STEADY = 3.0
+"""Change from cycle to cycle, rms, up to which a walk is steady, over what the errors of a sensor
+make of two equal cycles. The noise of the supply is the rest."""
+
 TRIALS = 10
 """Trials of learning, each executed until it is steady and then measured for two cycles."""
 
@@ -209,8 +213,7 @@ def execute(robot: VirtualRobot, requests: Array, *, cycles: int) -> Run:
         sensed = robot.play(requests).sensed
         if last is not None:
             change = max(map(rms, (sensed - last).T))
-        # Three times what a sensor makes of two equal cycles: the supply is noisy, too.
-        if change <= 3.0 * math.sqrt(2.0) * robot.constants.sensor_error:
+        if change <= STEADY * math.sqrt(2.0) * robot.constants.sensor_error:
             played = [robot.play(requests) for _ in range(cycles)]
             sensed, angles = (
                 np.stack([getattr(each, name) for each in played]) for name in ("sensed", "angles")
