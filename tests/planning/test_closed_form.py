@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.approximation.curve import CurveStack, PiecewiseLinear
+from planner.approximation.curve import CurveStack
 from planner.planning import pattern_search
 from planner.planning.closed_form import (
     approximations,
@@ -19,7 +19,7 @@ from planner.planning.closed_form import (
 from planner.planning.line_inverse import RULES, line_offset
 from planner.planning.problem import problem_of
 from planner.planning.task import Task
-from tests.independent import from_rest, next_cycle
+from tests.independent import from_rest
 from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 
 NEAR_THE_BOUND = 1.01  # rms error over the bound on that of any requests
@@ -54,16 +54,11 @@ def switched(model, fit, *, rule):
 
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
-def test_six_segments_track_the_reference_walk_as_closely_as_known(joint):
-    plan = invert_closed_form(ERS210A, joint.desired, segments=6)
-    assert math.degrees(plan.rms) <= joint.closed_form_rms_deg
-    assert plan.approximation.segments == 6
-
-
-@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
-def test_lines_chosen_for_the_joint_come_near_the_exact_bound(joint):
-    plan = invert_closed_form(ERS210A, joint.desired)
-    assert math.degrees(plan.rms) <= NEAR_THE_BOUND * joint.exact_bound_deg
+def test_six_lines_track_the_reference_walk_as_known_and_chosen_ones_come_near_the_bound(joint):
+    six, chosen = (invert_closed_form(ERS210A, joint.desired, segments=n) for n in (6, None))
+    assert math.degrees(six.rms) <= joint.closed_form_rms_deg
+    assert six.approximation.segments == 6
+    assert math.degrees(chosen.rms) <= NEAR_THE_BOUND * joint.exact_bound_deg
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -161,61 +156,19 @@ def test_lines_are_as_steep_each_way_as_the_joint_is_fast():
     np.testing.assert_allclose(lines.angles, desired, rtol=0.0, atol=1e-9)
 
 
-SETTLED = 1e-6
-"""Distance from a line of at least a hundred ticks, of which each leaves 5/6 of it [rad]."""
-
-
-def curves_of(stack):
-    return [
-        PiecewiseLinear(
-            knots=k, values=v, samples=stack.samples, tick=stack.tick, cyclic=stack.cyclic
-        )
-        for k, v in zip(stack.knots, stack.values, strict=True)
-    ]
-
-
-def long_lines(rng, model, *, curves, cyclic):
-    """Curves of four lines, each so long that the joint comes to follow it, with their samples."""
-    samples = 600 // model.hold
-    knots = np.linspace(0, samples - (not cyclic), 4 + 1)[: 4 + (not cyclic)]
-    knots = knots + rng.uniform(0.0, 0.1 * samples, size=(curves, 4 + (not cyclic)))
-    if not cyclic:
-        knots[:, 0], knots[:, -1] = 0.0, samples - 1
-    stack = CurveStack(
-        knots=knots,
-        values=rng.uniform(-1.0, 1.0, size=knots.shape),
-        samples=samples,
-        tick=model.period,
-        cyclic=cyclic,
-    )
-    steepest = np.max(np.abs(stack.slopes), axis=1, keepdims=True)
-    return replace(stack, values=stack.values * (0.4 * model.v_max / steepest))
-
-
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("seed", range(3))
-def test_each_of_many_curves_is_where_equation_3_brings_the_joint(seed, cyclic, rule):
-    """At the end of a line the joint is on it; by the paper's rule, half a tick ahead of it.
-
-    That half tick is the difference between the sum and its integral, as long as a request is sent
-    at every tick and none of the window saturates F: here, up to two fifths of the top speed.
-    """
-    rng = np.random.default_rng(seed)
-    hold = 1 if rule == "paper" else 1 + seed
-    model = random_model(rng, whole=False, hold=hold, offset=True)
-    model = replace(model, acceleration_time=0.04, theta_0=6.0 * model.v_max * model.tick)
-    stack = long_lines(rng, model, curves=5, cyclic=cyclic)
-    together = closed_form_requests(model, stack, rule=rule)
-    assert together.shape == (5, stack.samples)
-    for curve, requests in zip(curves_of(stack), together, strict=True):
-        if cyclic:
-            before = next_cycle(model, requests, requests[-1])
-            angles = next_cycle(model, requests, before[-1])
-        else:
-            angles = from_rest(model, requests)
-        turning = curve.knots[0 if cyclic else 1 :] - model.acceleration_time / 2 / model.period
-        ends = np.floor(turning).astype(int) - 1
-        ahead = model.tick / 2 if rule == "paper" else 0.0
-        there = curve(ends) + ahead * curve.slope_at(ends)
-        np.testing.assert_allclose(angles[ends], there, rtol=0.0, atol=SETTLED)
+def test_many_curves_are_requested_as_each_by_itself(cyclic, rule):
+    rng = np.random.default_rng(0)
+    model = random_model(rng, whole=False, hold=2, offset=True)
+    options = {"cyclic": cyclic, "segments": 5, "rule": rule, "refine": False}
+    plan = invert_closed_form(model, saturating(rng, model), **options)
+    fit = plan.approximation
+    curves = [replace(fit, values=share * fit.values) for share in (1.0, -0.7, 0.3)]
+    together = closed_form_requests(model, curves, rule=rule)
+    alone = [closed_form_requests(model, curve, rule=rule) for curve in curves]
+    np.testing.assert_array_equal(together, np.stack(alone))
+    stack = CurveStack.of(curves)
+    np.testing.assert_array_equal(closed_form_requests(model, stack, rule=rule), together)
+    first = 0 if cyclic else 1  # which holds the joint at the first angle
+    np.testing.assert_allclose(together[0, first:], plan.requests[first:], rtol=0.0, atol=SAME)

@@ -46,13 +46,18 @@ def steady_error(model, slope, offset, *, ticks=40, load=0.0):
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.5, 0.69, 0.71, 0.9, 0.999])
-@pytest.mark.parametrize("seed", range(5))
-def test_the_papers_rule_is_equations_10_to_12(seed, share):
-    model = ERS210A if seed == 0 else _inside_equation_13(np.random.default_rng(seed))
-    slope = share * model.v_max
-    expected = equations_10_to_12(model, slope * model.tick)
-    assert line_offset(model, slope, rule="paper") == pytest.approx(expected, rel=1e-12)
-    assert line_offset(model, -slope, rule="paper") == pytest.approx(-expected, rel=1e-12)
+@pytest.mark.parametrize("kind", ["Aibo", 1, 2, 3, "friction"])
+def test_the_papers_rule_is_equations_10_to_12(kind, share):
+    """With the top speed of the direction, beside the dead band and less the sag."""
+    known = {"Aibo": ERS210A, "friction": FRICTIONAL}
+    model = known[kind] if kind in known else _inside_equation_13(np.random.default_rng(kind))
+    for load in (0.0, 0.4, -0.4) if kind == "friction" else (0.0,):
+        low, high = model.speed_limits(load)
+        for sign, top in ((1.0, float(high)), (-1.0, -float(low))):
+            one_way = replace(model, v_max=top, theta_0=model.theta_0 * top / model.v_max)
+            expected = equations_10_to_12(one_way, share * top * model.tick) + model.dead_band
+            answer = line_offset(model, sign * share * top, rule="paper", load=load)
+            assert answer == pytest.approx(sign * expected - float(model.sag(load)), rel=1e-12)
 
 
 def test_at_v_max_the_papers_rule_takes_the_papers_threshold():
@@ -133,18 +138,6 @@ def test_a_slow_line_gains_the_dead_band_less_the_sag(rule, load):
     assert up == pytest.approx(band - sag + without, abs=1e-12)
     assert down == pytest.approx(-band - sag - without, abs=1e-12)
     assert line_offset(FRICTIONAL, 0.0, rule=rule, load=load) == -sag
-
-
-@pytest.mark.parametrize("share", [0.01, 0.5, 0.69, 0.71, 0.9, 0.999])
-@pytest.mark.parametrize("load", [0.0, 0.4, -0.4])
-def test_the_papers_rule_takes_the_top_speed_of_the_direction(load, share):
-    low, high = FRICTIONAL.speed_limits(load)
-    for sign, top in ((1.0, float(high)), (-1.0, -float(low))):
-        theta_0 = ERS210A.theta_0 * top / ERS210A.v_max
-        one_way = replace(ERS210A, v_max=top, theta_0=theta_0)
-        expected = equations_10_to_12(one_way, share * top * ERS210A.tick) + FRICTIONAL.dead_band
-        answer = line_offset(FRICTIONAL, sign * share * top, rule="paper", load=load)
-        assert answer == pytest.approx(sign * expected - float(FRICTIONAL.sag(load)), rel=1e-12)
 
 
 def test_the_slopes_end_at_the_top_speed_of_either_direction():

@@ -30,6 +30,14 @@ def fed(path, last, *, missed=(), unknown=()):
     return stretch[:, KNOWN:], weights
 
 
+def assert_continued(path, last, *, weight=1.0, **bad):
+    """It goes on as the path does."""
+    follow, weights = fed(path, last, **bad)
+    expected = path[:, last + KNOWN : last + KNOWN + AHEAD]
+    np.testing.assert_allclose(follow, expected, rtol=0.0, atol=1e-12)
+    assert np.all(weights >= weight - 1e-12)
+
+
 def test_a_path_that_repeats_is_continued_exactly_once_a_cycle_is_known():
     path = wave(np.arange(200) / CYCLE)
     for last in (0, 20, CYCLE - 1):
@@ -37,24 +45,18 @@ def test_a_path_that_repeats_is_continued_exactly_once_a_cycle_is_known():
         assert np.all(weights == 0.0)
         assert np.array_equal(follow, np.repeat(path[:, [last + KNOWN - 1]], AHEAD, axis=1))
     for last in (CYCLE, 90):
-        follow, weights = fed(path, last)
-        assert np.allclose(follow, path[:, last + KNOWN : last + KNOWN + AHEAD], atol=1e-12)
-        assert np.allclose(weights, 1.0, atol=1e-12)
+        assert_continued(path, last)
 
 
 def test_a_cycle_that_was_shorter_or_longer_is_found():
     for length in (33, 47):  # rows, where 40 are expected
         path = wave(np.arange(200) / length)
-        follow, weights = fed(path, 100)
-        assert np.allclose(follow, path[:, 100 + KNOWN : 100 + KNOWN + AHEAD], atol=1e-12)
-        assert np.all(weights > 0.999)  # its first continuations were of another cycle
+        assert_continued(path, 100, weight=0.999)  # its first ones were of another cycle
 
 
 def test_a_path_that_drifts_goes_on_from_where_it_is():
     path = wave(np.arange(200) / CYCLE) + 0.002 * np.arange(200)
-    follow, weights = fed(path, 100)
-    assert np.allclose(follow, path[:, 100 + KNOWN : 100 + KNOWN + AHEAD], atol=1e-12)
-    assert np.all(weights > 1.0 - 1e-12)
+    assert_continued(path, 100)
 
 
 def test_the_weight_is_the_share_of_the_motion_that_the_cycle_before_explains():
@@ -79,16 +81,14 @@ def test_continuations_that_were_wrong_for_a_while_are_relied_on_again_later():
 
 def test_missed_ticks_leave_what_was_known_before_them():
     path = wave(np.arange(200) / CYCLE)
-    follow, weights = fed(path, 90, missed=range(60, 60 + KNOWN - 1))
-    assert np.allclose(follow, path[:, 90 + KNOWN : 90 + KNOWN + AHEAD], atol=1e-12)
-    assert np.allclose(weights, 1.0, atol=1e-12)
+    assert_continued(path, 90, missed=range(60, 60 + KNOWN - 1))
 
 
 def test_rows_that_nobody_knew_are_not_continued_until_a_cycle_is_known_again():
     path = wave(np.arange(300) / CYCLE)
     outage = range(60, 90)
     assert np.all(fed(path, 110, missed=outage)[1] == 0.0)
-    assert np.allclose(fed(path, 180, missed=outage)[1], 1.0, atol=1e-12)
+    assert_continued(path, 180, missed=outage)
 
 
 def test_a_joint_of_which_nothing_is_known_leaves_the_others_alone():
@@ -96,8 +96,7 @@ def test_a_joint_of_which_nothing_is_known_leaves_the_others_alone():
     follow, weights = fed(path, 90, unknown=range(91))
     assert np.allclose(follow[0], path[0, 90 + KNOWN : 90 + KNOWN + AHEAD], atol=1e-12)
     assert weights == pytest.approx([1.0, 0.0])
-    follow, weights = fed(path, 90, unknown=(50, 70))
-    assert np.allclose(follow, path[:, 90 + KNOWN : 90 + KNOWN + AHEAD], atol=1e-12)
+    assert_continued(path, 90, weight=0.0, unknown=(50, 70))
 
 
 def test_a_path_that_never_repeats_is_not_expected_to_go_on_as_what_is_nearest_did():

@@ -185,18 +185,17 @@ RAMP = np.interp(np.arange(200), [20, 35, 110, 125], [0.0, 0.3, 0.3, 0.0])
 
 @CYCLIC
 @pytest.mark.parametrize(
-    ("model", "limits"),
+    ("terms", "limits"),
     [
-        (replace(ERS210A, theta_0=0.1, offset=0.03), {}),
-        (replace(ERS210A, lag=0.045, acceleration_time=0.05, tick=0.01), {}),
-        (
-            replace(ERS210A, lag=0.02, acceleration_time=0.05, tick=0.01),
-            {"max_step": 0.05, "limits": (-0.01, 0.31)},
-        ),
+        ({"theta_0": 0.1, "offset": 0.03}, {}),
+        ({"lag": 0.045, "acceleration_time": 0.05, "tick": 0.01}, {}),
+        ({"lag": 0.02, "acceleration_time": 0.05, "tick": 0.01}, {"max_step": 0.05}),
     ],
 )
-def test_where_the_path_rests_requests_rest(model, limits, cyclic):
+def test_where_the_path_rests_requests_rest(terms, limits, cyclic):
     """To cancel the window of the acceleration exactly they would go to and fro for ever."""
+    model = replace(ERS210A, **terms)
+    limits = limits and {"limits": (-0.01, 0.31), **limits}
     plan = invert_optimal(model, RAMP, cyclic=cyclic, **limits)
     least = invert_optimal(model, RAMP, cyclic=cyclic, smoothness=0.0, **limits)
     assert plan.error <= allowed_where_requests_shake(least.error, 0.005) + ROUNDING
@@ -222,8 +221,7 @@ def test_where_the_largest_error_does_not_bind_requests_are_as_smooth_as_for_the
         rng = np.random.default_rng(seed)
         model = random_model(rng)
         desired = saturating(rng, model)
-        plans = (invert_optimal(model, desired, norm=norm) for norm in ("max", "rms"))
-        largest, mean = map(rough, plans)
+        largest, mean = (rough(invert_optimal(model, desired, norm=n)) for n in ("max", "rms"))
         ratios.append(largest / mean)
     assert max(ratios) <= 2.0
 
@@ -277,12 +275,8 @@ def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenar
 def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion():
     """A model whose error grows with the acceleration, and motions that are seen as they repeat."""
     by_acceleration = Evidence(0.01, by_acceleration=((0.0, 0.004), (60.0, 0.05)))
-    models = [
-        ERS210A,
-        ERS210A.with_evidence(Evidence(1e-9)),
-        ERS210A.with_evidence(Evidence(math.nan)),
-        ERS210A.with_evidence(by_acceleration),
-    ]
+    known = Evidence(1e-9), Evidence(math.nan), by_acceleration
+    models = [ERS210A, *map(ERS210A.with_evidence, known)]
     ramp = np.tile(np.linspace(0.0, 1.0, 30)[:, np.newaxis], 4)  # jumps back where it repeats
     cyclic, once = (known_errors(models, ramp, cyclic=each) for each in (True, False))
     np.testing.assert_array_equal(cyclic[:3], ENCODER_STEP)

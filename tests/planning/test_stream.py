@@ -62,17 +62,6 @@ def test_a_preview_no_longer_than_lag_and_acceleration_time_is_warned_of(rows):
     planner.Stream(models, preview=11)
 
 
-@pytest.mark.parametrize("cycle", [None, 20])
-def test_requests_depend_on_the_preview_and_the_past_only(cycle):
-    path = smooth_path(120)
-    other = path.copy()
-    other[70:] += 0.5
-    one, two = (streamed(ERS210A, each, cycle=cycle) for each in (path, other))
-    first = 70 - PREVIEW + 1  # the first tick that knows of row 70
-    assert np.array_equal(one[:first], two[:first])
-    assert not np.array_equal(one[first:], two[first:])
-
-
 def test_rows_beyond_the_preview_have_no_effect_and_the_last_of_too_few_is_held():
     one, two = (planner.Stream(ERS210A, preview=20) for _ in range(2))
     path = smooth_path(80)
