@@ -152,12 +152,14 @@ def _without_saturation(best: Fit) -> Fit:
 
 def moving(grid: Grid) -> Grid:
     """The grid, or why nothing can be learned from it."""
+    from planner.model.kernel import requests_in_force
+
     least = 1e-12  # of motion [rad]: what is less is rounding
     if len(grid.angles) < 10:
         raise InvalidInput(
             f"the log has {len(grid.angles)} rows to learn from, expected 10 or more with torque on"
         )
-    if np.ptp(_in_force(grid, grid.ticks)) <= least:
+    if np.ptp(requests_in_force(grid.edges, grid.requests, grid.ticks)) <= least:
         raise InvalidInput(
             "the requests never change in this log: record one in which they move the joint"
         )
@@ -324,9 +326,7 @@ def delayed_errors(grid: Grid, delay: float) -> Array:
 
     A request that comes into force at the very time of a row counts for that row.
     """
-    return _in_force(grid, grid.times - (delay - 1e-6 * grid.tick)) - grid.angles
+    from planner.model.kernel import requests_in_force
 
-
-def _in_force(grid: Grid, times: Array) -> Array:
-    """The request in force at each of some times [rad]; before the first edge the first."""
-    return grid.requests[np.maximum(np.searchsorted(grid.edges, times, side="right") - 1, 0)]
+    times = grid.times - (delay - 1e-6 * grid.tick)
+    return requests_in_force(grid.edges, grid.requests, times) - grid.angles

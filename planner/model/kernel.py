@@ -420,6 +420,16 @@ def number_in_force(edges: Array, time: float, number: int) -> int:
     return number
 
 
+@compiled
+def requests_in_force(edges: Array, requests: Array, times: Array) -> Array:
+    """The request in force at each of increasing times [rad]; before the first edge the first."""
+    found, number = np.empty(len(times)), 0
+    for k in range(len(times)):
+        number = number_in_force(edges, times[k], number)
+        found[k] = requests[number]
+    return found
+
+
 @inner
 def oldest_acting(servo: Servo, track: Track) -> Indices:
     """Number of the oldest request that acts at each tick, (t,)."""
