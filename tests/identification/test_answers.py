@@ -16,11 +16,11 @@ from tests.identification.made import (
     calm_and_shaken,
     caught,
     measured,
-    random_servo,
     rich_log,
     rings,
     stopped,
     swung,
+    with_play,
 )
 
 
@@ -98,8 +98,14 @@ def drifts():
 
 def backlash():
     """Play in two logs, of which one shows it more clearly."""
-    logs = (random_servo(3, kinds=("steps",), seconds=part, play=0.05) for part in (6.0, 8.0))
-    return [replace(log, name=name) for log, name in zip(logs, ("one", "two"), strict=True)]
+    random, logs = np.random.default_rng(3), []
+    for name, rows in (("one", 300), ("two", 400)):
+        lengths = random.integers(10, 40, size=rows)
+        requests = np.repeat(random.uniform(-0.6, 0.6, size=rows), lengths)[:rows]
+        angles = measured(with_play(requests, 0.02), random, noise=NOISE / 10.0, quantum=0.0)
+        times = 0.02 * np.arange(rows)
+        logs.append(planner.Log(times=times, requests=requests, angles=angles, name=name))
+    return logs
 
 
 def inverted():
