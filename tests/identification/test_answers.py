@@ -45,6 +45,7 @@ def worn():
     rows = np.arange(700)
     angles = np.where((rows >= 100) & (rows < 103), 5.0, log.angles)
     angles[[40, 41, 600]] += 2.0
+    angles[200:230] = -np.pi
     return planner.Log(
         times=log.times + 2.0 * (rows >= 300) + 0.7 * (rows >= 302),
         requests=log.requests,

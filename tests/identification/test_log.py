@@ -11,7 +11,7 @@ import planner
 from planner.identification.fit import evenly_timed
 from planner.identification.grid import timing_of
 from planner.identification.log import TURN, unwrapped
-from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
+from tests.identification.made import AIBO, NOISE, changed, measured, rich_log
 
 SAME = 1e-12
 """Turns are added and taken to rounding [rad]."""
@@ -82,32 +82,6 @@ def test_a_turn_lost_between_rows_far_apart_is_found_whether_requests_wrap_or_no
     assert jumps == np.count_nonzero(np.abs(np.diff(angles % TURN)) > 4.0) > 0
     assert np.allclose(found.angles - found.requests, angles - requests, rtol=0.0, atol=SAME)
     assert np.allclose(np.diff(found.angles), np.diff(angles), rtol=0.0, atol=SAME)
-
-
-JITTER = 1e-3
-"""Standard deviation of the noted times [s], an eighth of a period."""
-
-
-WIDER = 1.1
-"""Times to a tenth of a millisecond widen no interval by more than this factor."""
-
-
-def jittered(log, seed=0):
-    rng = np.random.default_rng(seed)
-    times = np.sort(log.times + rng.normal(scale=JITTER, size=len(log.times)))
-    return changed(log, times=times + 1e-9 * np.arange(len(times)))
-
-
-def test_intervals_of_times_that_jitter_are_as_narrow_as_those_of_even_ones_and_as_true():
-    logs = step_logs()
-    even = planner.identify(logs, hold_out=False)
-    found = planner.identify(
-        [jittered(log, seed) for seed, log in enumerate(logs)], tick=AIBO.tick, hold_out=False
-    )
-    for name, (lower, upper) in found.intervals.items():
-        low, high = even.intervals[name]
-        assert upper - lower <= WIDER * (high - low), name
-        assert lower <= getattr(AIBO, name) <= upper, name
 
 
 def test_the_period_of_times_that_jitter_is_as_plain_as_they_allow():

@@ -105,18 +105,6 @@ def test_what_is_scaled_or_shifted_in_a_log_is_so_in_its_model(changes, factors,
     assert math.isclose(found.rms, factors.get("offset", 1.0) * one.rms, rel_tol=SAME_FIT)
 
 
-@pytest.mark.parametrize(("reading", "count"), [(-np.pi, 30), (math.radians(1000.0), 3)])
-def test_failed_readings_in_a_row_are_left_out_however_many(reading, count):
-    log = rich_log()
-    failed = (np.arange(400) >= 200) & (np.arange(400) < 200 + count)
-    angles = np.where(failed, reading, log.angles)
-    found = planner.identify(changed(log, angles=angles), hold_out=False)
-    assert not found.fits[0].used[failed].any()
-    assert any(f"left out are {count} measured angles" in text for text in found.warnings)
-    assert not any("whole turn" in text for text in found.warnings)
-    assert_close(found.model, AIBO, EXACT)
-
-
 def test_a_request_acts_at_its_own_time_where_the_reading_failed():
     log = rich_log()
     failed = np.diff(log.requests, prepend=log.requests[:1]) != 0.0

@@ -12,19 +12,12 @@ from planner.trajectory import Array
 
 
 class Periods(NamedTuple):
-    """The states after n periods of a joint, and their derivatives.
+    """The states after n periods of a joint, and their derivatives."""
 
-    Attributes:
-        states: Angles [rad], speeds and, where the joint has one, integrals [rad/tick], (n, s).
-        by_state: Derivatives by the state before each period, (n, s, s).
-        by_request: Derivatives by the requests that act, youngest first, (n, s, width).
-        bending: Second derivatives by a request's distance from the angle, (n, s, width).
-    """
-
-    states: Array
-    by_state: Array
-    by_request: Array
-    bending: Array
+    states: Array  # angles [rad], speeds and, where the joint has one, integrals [rad/tick], (n, s)
+    by_state: Array  # derivatives by the state before each period, (n, s, s)
+    by_request: Array  # derivatives by the requests that act, youngest first, (n, s, width)
+    bending: Array  # second derivatives by a request's distance from the angle, (n, s, width)
 
 
 def rounded_periods(model: JointModel, angles, windows, radius, *, moving=None, load=None):
