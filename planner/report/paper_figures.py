@@ -19,7 +19,6 @@ from planner.report.figure import (
     Panel,
     Span,
     Timeline,
-    Traces,
     Words,
     around,
     joined,
@@ -46,6 +45,8 @@ HIDDEN = ("shift", "optimal")
 """Methods that are hidden at first: in space they are the direct method's path, and nearly the
 closed form's."""
 
+REQUESTED_TOO = "requested = desired"
+
 ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
 
 PREDICTED = Role("predicted", style.INK.light, style.INK.dark, width=1.1, dashes=(0, (1, 1.6)))
@@ -53,94 +54,64 @@ PREDICTED = Role("predicted", style.INK.light, style.INK.dark, width=1.1, dashes
 
 def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
     """Every figure, in the order of the paper's."""
-    timeline, plans = timeline_of(planned), planned.plans
-    direct, plain, foot = (plans[m] for m in ("direct", "closed_form_plain", "foot_optimal"))
+    step, plans, plain = timeline_of(planned).step, planned.plans, "closed_form_plain"
     angles = {method: plan.predicted for method, plan in plans.items()}
     feet = {method: plan.foot for method, plan in plans.items()}
+    requests = {method: (plan.requests, style.REQUESTED) for method, plan in plans.items()}
+    actual = {
+        method: (angles[method], role._replace(label="actual")) for method, role in ROLES.items()
+    }
+    lines = (planned.approximations[plain], style.APPROXIMATION)
+    for_foot = style.REQUESTED._replace(label="requests, foot-optimised")
+    hidden = (plans["foot_optimal"].requests, for_foot)
 
-    def lines(j: int) -> list[Curve]:
-        fit = plain.approximations[j]
+    def knots(j: int) -> list[Curve]:
+        fit, role = plans[plain].approximations[j], style.APPROXIMATION
         fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
-        knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
-        role = style.APPROXIMATION
-        return [
-            Curve(role, timeline.step * fine, np.degrees(fit(fine))),
-            Curve(role, timeline.step * knots, values, "knots", marks="rings"),
-        ]
-
-    def optimised(name: str, method: str) -> Figure:
-        actual = (angles[method], ROLES[method]._replace(label="actual"))
-        return joints_figure(planned, name, [(plans[method].requests, style.REQUESTED), actual])
+        at, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
+        curve = Curve(role, step * fine, np.degrees(fit(fine)))
+        return [curve, Curve(role, step * at, values, "knots", marks="rings")]
 
     return (
         direct_foot_figure(planned),
-        joints_figure(
-            planned,
-            "figure2_joints_direct",
-            [(direct.predicted, style.DIRECT._replace(label="actual"))],
-            desired="requested = desired",
-        ),
+        joints_figure(planned, "figure2_joints_direct", actual["direct"], desired=REQUESTED_TOO),
         *(_step_test(planned, k, each) for k, each in enumerate(STEP_AMPLITUDES, 3)),
         _speed(planned),
-        joints_figure(planned, "figure6_approximation", more=lines),
-        joints_figure(
-            planned,
-            "figure7_trajectories",
-            [
-                (plain.requests, style.REQUESTED),
-                (planned.approximations["closed_form_plain"], style.APPROXIMATION),
-                (plain.predicted, style.CLOSED_FORM._replace(label="actual")),
-            ],
-        ),
+        joints_figure(planned, "figure6_approximation", more=knots),
+        joints_figure(planned, "figure7_trajectories", requests[plain], lines, actual[plain]),
         foot_paths_figure("figure8_foot_paths", planned, feet, planned.legs),
-        by_method_figure(
-            planned,
-            angles,
-            feet,
-            (foot.requests, style.REQUESTED._replace(label="requests, foot-optimised")),
+        by_method_figure(planned, angles, feet, hidden),
+        *(
+            joints_figure(planned, name, requests[method], actual[method])
+            for name, method in (
+                ("optimised_trajectories", "optimal"),
+                ("foot_optimised_trajectories", "foot_optimal"),
+            )
         ),
-        optimised("optimised_trajectories", "optimal"),
-        optimised("foot_optimised_trajectories", "foot_optimal"),
     )
 
 
 def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
     """Every figure of the virtual robot with every cycle, in the order of the paper's."""
     planned, walks, plain = outcome.planned, outcome.walks, "closed_form_plain"
+    plans, lines = planned.plans, (planned.approximations[plain], style.APPROXIMATION)
+    requests = (plans[plain].requests, style.REQUESTED)
+    for_foot = (outcome.runs["foot_optimal"].requests, style.REQUESTED)
+    predicted = {method: (plan.predicted, PREDICTED) for method, plan in plans.items()}
+    actual = {
+        method: (walks[method], role._replace(label="actual")) for method, role in ROLES.items()
+    }
+    cycles = style.DIRECT._replace(label=f"actual, {len(walks['direct'])} cycles")
+    direct = (walks["direct"], cycles), predicted["direct"]
+    foot = for_foot, actual["foot_optimal"], predicted["foot_optimal"]
     first = {method: outcome.legs[method][0] for method in ROLES}
-    cycles = f"actual, {len(walks['direct'])} cycles"
     return (
         foot_paths_figure("foot_paths", planned, outcome.foot_paths, first),
         _step_tests(outcome),
-        joints_figure(
-            planned,
-            "joints_direct",
-            [
-                (walks["direct"], style.DIRECT._replace(label=cycles)),
-                (planned.plans["direct"].predicted, PREDICTED),
-            ],
-            desired="requested = desired",
-        ),
-        joints_figure(
-            planned,
-            "trajectories",
-            [
-                (planned.plans[plain].requests, style.REQUESTED),
-                (planned.approximations[plain], style.APPROXIMATION),
-                (walks[plain], style.PLAIN._replace(label="actual")),
-            ],
-        ),
-        joints_figure(
-            planned,
-            "foot_optimised_trajectories",
-            [
-                (outcome.runs["foot_optimal"].requests, style.REQUESTED),
-                (walks["foot_optimal"], style.FOOT_OPTIMAL._replace(label="actual")),
-                (planned.plans["foot_optimal"].predicted, PREDICTED),
-            ],
-            words="virtual_foot_optimised_trajectories",
-        ),
-        by_method_figure(planned, walks, outcome.foot_paths, words="virtual_joints_by_method"),
+        joints_figure(planned, "joints_direct", *direct, desired=REQUESTED_TOO),
+        joints_figure(planned, "trajectories", requests, lines, actual[plain]),
+        joints_figure(planned, "foot_optimised_trajectories", *foot, words="virtual_"),
+        by_method_figure(planned, walks, outcome.foot_paths, words="virtual_"),
         _learning(outcome),
     )
 
@@ -239,23 +210,18 @@ def by_method_figure(
         draw = partial(timeline.curve, role=role, hidden=method in HIDDEN)
         curves += with_cycles(draw, distances)
     axis = Axis("distance", "cm", from_zero=True)
+    below = Panel(axis, curves, "foot, from its desired path")
     drawn = [(angles[method], role) for method, role in ROLES.items() if method != "shift"]
-    return joints_figure(
-        planned,
-        "joints_by_method",
-        [*drawn, *more],
-        words=words,
-        below=[Panel(axis, curves, "foot, from its desired path")],
-        hidden=[role.label for role in (style.OPTIMAL, *(role for _, role in more))],
-    )
+    hidden = [role.label for role in (style.OPTIMAL, *(role for _, role in more))]
+    name = "joints_by_method"
+    return joints_figure(planned, name, *drawn, *more, words=words, below=[below], hidden=hidden)
 
 
 def joints_figure(
     planned: PlannedWalk,
     name: str,
-    drawn: Traces = (),
-    *,
-    desired: str = "",
+    *drawn: tuple[Array, Role],
+    desired: str = "desired",
     words: str = "",
     below: Sequence[Panel] = (),
     more: Callable[[int], Sequence[Curve]] = lambda _: (),
@@ -265,10 +231,10 @@ def joints_figure(
 
     Values [rad] are of shape (n, k), or of several cycles (cycles, n, k); some are ``hidden`` at
     first, by label. There are ``more`` curves of a joint by its index. With panels ``below`` the
-    figure follows the moving leg. ``words``: the block of its caption, its name by default.
+    figure follows the moving leg. ``words`` stand before its name in that of its caption.
     """
     timeline, panels = timeline_of(planned), list[Panel]()
-    wanted = (planned.walk.desired, style.DESIRED._replace(label=desired or "desired"))
+    wanted = (planned.walk.desired, style.DESIRED._replace(label=desired))
     for j, joint in enumerate(planned.walk.joint_names):
         curves: list[Curve] = []
         for values, role in (wanted, *drawn):
@@ -276,7 +242,7 @@ def joints_figure(
             draw = partial(timeline.curve, role=role, held=held, hidden=role.label in hidden)
             curves += with_cycles(draw, np.degrees(values[..., j]))
         panels.append(Panel(Axis("angle", "deg"), (*curves, *more(j)), joint))
-    return timeline.figure(name, [*panels, *below], words_of(words or name), clock=bool(below))
+    return timeline.figure(name, [*panels, *below], words_of(words + name), clock=bool(below))
 
 
 # The model.
@@ -337,12 +303,8 @@ def _speed(planned: PlannedWalk) -> Figure:
         ),
         height=1.7,
     )
-    return Figure(
-        "figure5_speed",
-        *words_of("figure5_speed"),
-        Axis("request minus angle, x", "deg", (-far, far)),
-        (panel,),
-    )
+    across = Axis("request minus angle, x", "deg", (-far, far))
+    return Figure("figure5_speed", *words_of("figure5_speed"), across, [panel])
 
 
 # The virtual robot.
@@ -390,10 +352,7 @@ def _learning(outcome: VirtualOutcome) -> Figure:
         Curve(style.FOOT_OPTIMAL._replace(label="mean of the cycles"), trials, errors),
         Curve(style.INK, trials, errors, "trials", legend=False, marks="dots"),
     )
+    trial = Axis("trial", names={each: f"{each:.0f}" for each in trials}, range=ends)
     axis = Axis("rms distance", "cm", (low - room, high + room), decimals=3)
-    return Figure(
-        "learning",
-        *words_of("virtual_learning"),
-        Axis("trial", names={trial: f"{trial:.0f}" for trial in trials}, range=ends),
-        (Panel(axis, curves, "foot, from its desired path"),),
-    )
+    panel = Panel(axis, curves, "foot, from its desired path")
+    return Figure("learning", *words_of("virtual_learning"), trial, [panel])
