@@ -40,7 +40,7 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
     from planner.cli.planning import plan_of, prepare
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate_joints
-    from planner.report.scene import LOOKS, Motion, import_meshcat, scene_page
+    from planner.report.scene import import_meshcat, scene_page
 
     place = find_leg(run)
     if place is None:
@@ -72,13 +72,10 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
     feet = [desired.leg.foot_positions(each) for each in angles]
     if desired.foot is not None:
         feet[0] = desired.foot
-    motions = [
-        Motion(role, each, foot, opacity)
-        for (role, opacity), each, foot in zip(LOOKS, angles, feet, strict=True)
-    ]
     page = scene_page(
         Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked),
-        motions,
+        angles,
+        feet,
         period=desired.period,
         cyclic=desired.cyclic,
         title=f"request-planner: {leg_title(run.leg)}",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel
+from planner.report.figure import MARGIN, Axis, Figure, Panel
 from planner.report.style import INK
 
 if TYPE_CHECKING:
@@ -79,7 +79,17 @@ def _draw_panel(axes: Axes, panel: Panel, figure: Figure) -> None:
         look = (span.role.light, span.opacity)
         shade(span.start, span.end, zorder=0.5, facecolor=look, linewidth=0.0)
     for order, curve in enumerate(curve for curve in panel.curves if not curve.hidden):
-        axes.plot(curve.x, curve.y, zorder=3.0 + 0.01 * order, **_looks(curve))
+        role, looks = curve.role, dict[str, Any](linestyle="", marker="o")
+        if not curve.marks:
+            drawstyle = "steps-post" if curve.held else "default"
+            looks = {"linewidth": role.width, "linestyle": role.dashes, "drawstyle": drawstyle}
+            looks |= {"solid_capstyle": "butt"} if role.width > 5.0 else {}
+        elif curve.marks == "rings":
+            looks |= {"ms": 5.0, "mfc": "none", "mew": 1.3, "clip_on": False}
+        else:
+            looks |= {"ms": 2.3 if curve.opacity < 1.0 else 5.0, "mew": 0.0, "alpha": curve.opacity}
+        looks |= {"color": role.light, "label": curve.name, "zorder": 3.0 + 0.01 * order}
+        axes.plot(curve.x, curve.y, **looks)
     away = {"left": 4, "right": -4, "bottom": 4, "top": -4}  # from their place [pt]
     for words in panel.words:
         axes.annotate(
@@ -103,19 +113,6 @@ def _draw_panel(axes: Axes, panel: Panel, figure: Figure) -> None:
     axes.set_xlim(*figure.x_range)
     if panel.y.range is not None or panel.y.from_zero:
         axes.set_ylim(*(panel.y.range or (0.0, None)))
-
-
-def _looks(curve: Curve) -> dict[str, Any]:
-    role = curve.role
-    looks: dict[str, Any] = {"color": role.light, "label": curve.name}
-    if not curve.marks:
-        drawstyle = "steps-post" if curve.held else "default"
-        looks |= {"linewidth": role.width, "linestyle": role.dashes, "drawstyle": drawstyle}
-        return looks | ({"solid_capstyle": "butt"} if role.width > 5.0 else {})
-    looks |= {"linestyle": "", "marker": "o"}
-    if curve.marks == "rings":
-        return looks | {"ms": 5.0, "mfc": "none", "mew": 1.3, "clip_on": False}
-    return looks | {"ms": 2.3 if curve.opacity < 1.0 else 5.0, "mew": 0.0, "alpha": curve.opacity}
 
 
 def _set_axis(axis: Any, description: Axis) -> None:

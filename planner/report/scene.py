@@ -8,13 +8,13 @@ import uuid
 import warnings
 from collections.abc import Sequence
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import importing
-from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL, GRID, Role
+from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL, GRID
 from planner.report.wording import environment
 from planner.trajectory import Array
 
@@ -22,22 +22,13 @@ if TYPE_CHECKING:
     from kinematics.scene import Scene
 
 LOOKS = ((DESIRED, 0.55), (DIRECT, 0.45), (FOOT_OPTIMAL._replace(label="planned"), 1.0))
-"""Colours and opacities of the desired motion, the direct one and the planned one."""
+"""Looks and opacities of the desired motion, the direct one and the planned one.
+
+An opacity of 1 hides what is behind the leg.
+"""
 
 SIDES = 8
 """Sides of a foot's trace, which is a tube: browsers draw lines one pixel wide."""
-
-
-class Motion(NamedTuple):
-    """The motion of a leg: angles [rad], (n, k), and its foot in the base frame [m], (n, 3).
-
-    An opacity of 1 hides what is behind the leg.
-    """
-
-    role: Role
-    angles: Array
-    foot: Array
-    opacity: float
 
 
 def import_meshcat() -> Any:
@@ -74,48 +65,51 @@ class Recording:
 
 
 def scene_page(
-    scene: Scene, leg_motions: Sequence[Motion], *, period: float, cyclic: bool, title: str
+    scene: Scene,
+    angles: Sequence[Array],
+    feet: Sequence[Array],
+    *,
+    period: float,
+    cyclic: bool,
+    title: str,
 ) -> str:
-    """The page with the robot and its leg's motions, of one length, played for ever in real time.
+    """The page with the robot and its leg's motions, played for ever in real time.
 
+    For each of :data:`LOOKS` the angles [rad], (n, k), and the foot in the base frame [m], (n, 3).
     The same scene makes the same page. Meshcat's own ``static_html`` needs a server process and two
     ports, and gives the viewer its commands in no certain order; here it takes them one by one.
     """
     meshcat, recording = import_meshcat(), Recording()
     viewer = meshcat.Visualizer(window=recording)
-    stride = -(
-        -len(leg_motions[0].angles) // 1000
-    )  # of longer motions every second sample is shown
-    places = scene.places(leg_motions[0].angles[0])
+    stride = -(-len(angles[0]) // 1000)  # of longer motions every second sample is shown
+    places = scene.places(angles[0][0])
     thickness = 0.008 * (float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0)  # of the traces
-    rest = scene.configurations(leg_motions[0].angles[:1])[0]
+    rest = scene.configurations(angles[0][:1])[0]
     _show(viewer, "robot", scene, scene.still, None).display(rest)
     animation = meshcat.animation.Animation(default_framerate=1.0 / (stride * period))
-    for motion in leg_motions:
-        name = motion.role.label
-        colour = int(motion.role.light.removeprefix("#"), 16)
+    for (role, opacity), own, foot in zip(LOOKS, angles, feet, strict=True):
+        colour = int(role.light.removeprefix("#"), 16)
         parts = [part / 255.0 for part in colour.to_bytes(3)]  # red, green, blue
-        leg = _show(viewer, name, scene, scene.moving, [*parts, motion.opacity])
-        poses = scene.configurations(motion.angles[::stride])
+        leg = _show(viewer, role.label, scene, scene.moving, [*parts, opacity])
+        poses = scene.configurations(own[::stride])
         if cyclic:
             poses.append(poses[0])
         leg.display(poses[0])
         for number, pose in enumerate(poses):
             leg.viewer = animation.at_frame(viewer, number)
             leg.display(pose)
-        vertices, faces = tube(motion.foot, thickness, closed=cyclic)
+        vertices, faces = tube(foot, thickness, closed=cyclic)
         if len(faces):
             mesh = meshcat.geometry.TriangularMeshGeometry(vertices, faces)
             material = meshcat.geometry.MeshLambertMaterial(color=colour)
-            viewer[f"{name} trace"].set_object(meshcat.geometry.Mesh(mesh, material))
-    feet = np.concatenate([motion.foot for motion in leg_motions])
-    _draw_ground(viewer["ground"], feet, thickness)
-    _look(viewer, np.concatenate([places, feet]))
+            viewer[f"{role.label} trace"].set_object(meshcat.geometry.Mesh(mesh, material))
+    _draw_ground(viewer["ground"], np.concatenate(feet), thickness)
+    _look(viewer, np.concatenate([places, *feet]))
     viewer.set_animation(animation, play=True, repetitions=float("inf"))
     script = files("meshcat").joinpath("viewer", "dist", "main.min.js").read_text("utf-8")
     commands = [base64.b64encode(command).decode() for command in recording.commands]
     page = environment().get_template("scene.html")
-    return page.render(title=title, motions=leg_motions, viewer=script, commands=commands)
+    return page.render(title=title, looks=LOOKS, viewer=script, commands=commands)
 
 
 def _show(viewer: Any, name: str, scene: Scene, shapes: Any, colour: list[float] | None) -> Any:
@@ -138,9 +132,8 @@ def _draw_ground(node: Any, feet: Array, thickness: float) -> None:
     """A plate below the lowest position of the feet [m], shape (n, 3)."""
     geometry = import_meshcat().geometry
     size = 1.3 * max(float(np.ptp(feet[:, :2], axis=0).max()), 10.0 * thickness)
-    material = geometry.MeshLambertMaterial(
-        color=int(GRID.light.removeprefix("#"), 16), opacity=0.7
-    )
+    colour = int(GRID.light.removeprefix("#"), 16)
+    material = geometry.MeshLambertMaterial(color=colour, opacity=0.7)
     node.set_object(geometry.Mesh(geometry.Box([size, size, thickness]), material))
     place = np.eye(4)
     place[:2, 3] = 0.5 * (feet[:, :2].min(axis=0) + feet[:, :2].max(axis=0))
@@ -171,26 +164,16 @@ def tube(points: Array, radius: float, *, closed: bool) -> tuple[Array, npt.NDAr
     """
     ends = np.roll(points, -1, axis=0) if closed else points[1:]
     starts = points if closed else points[:-1]
-    steps = ends - starts
-    lengths = np.linalg.norm(steps, axis=1)
-    moving = lengths > 0.0
+    moving = np.any(ends != starts, axis=1)
     starts, ends = starts[moving], ends[moving]
-    along = steps[moving] / lengths[moving, None]
-    across = np.cross(np.eye(3)[np.argmin(np.abs(along), axis=1)], along)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    third = np.cross(along, across)
-    turns = 2.0 * np.pi * np.arange(SIDES) / SIDES
-    ring = radius * (
-        np.cos(turns)[:, None] * across[:, None, :] + np.sin(turns)[:, None] * third[:, None, :]
-    )  # (steps, SIDES, 3)
-    vertices = np.concatenate([starts[:, None, :] + ring, ends[:, None, :] + ring], axis=1)
+    _, _, axes = np.linalg.svd((ends - starts)[:, np.newaxis])  # along each step, and across it
+    across, third = axes[:, 1, np.newaxis], axes[:, 2, np.newaxis]
+    turns = 2.0 * np.pi * np.arange(SIDES)[:, np.newaxis] / SIDES
+    ring = radius * (np.cos(turns) * across + np.sin(turns) * third)  # (steps, SIDES, 3)
+    vertices = np.concatenate([starts[:, np.newaxis] + ring, ends[:, np.newaxis] + ring], axis=1)
     side = np.arange(SIDES)
     beside = (side + 1) % SIDES
-    prism = np.concatenate(
-        [
-            np.column_stack([side, beside, side + SIDES]),
-            np.column_stack([beside, beside + SIDES, side + SIDES]),
-        ]
-    )
-    faces = prism[None] + 2 * SIDES * np.arange(len(starts))[:, None, None]
+    halves = [(side, beside, side + SIDES), (beside, beside + SIDES, side + SIDES)]
+    prism = np.concatenate([np.column_stack(half) for half in halves])
+    faces = prism + 2 * SIDES * np.arange(len(starts))[:, np.newaxis, np.newaxis]
     return vertices.reshape(-1, 3), faces.reshape(-1, 3).astype(np.uint32)

@@ -11,7 +11,7 @@ import pytest
 
 from kinematics import Leg, urdf_path
 from kinematics.scene import Scene
-from planner.report.scene import LOOKS, Motion, scene_page
+from planner.report.scene import scene_page
 from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL
 
 PERIOD = 0.008
@@ -34,17 +34,14 @@ def _shown(leg, samples=40):
     phase = 2.0 * np.pi * np.arange(samples)[:, None] / samples
     desired = np.array([0.1, 0.3, 1.0]) + 0.3 * np.sin(phase + np.array([0.0, 1.0, 2.0]))
     each = [desired, 0.8 * desired, 0.95 * desired]
-    shown = [
-        Motion(role, angles, leg.foot_positions(angles), opacity)
-        for (role, opacity), angles in zip(LOOKS, each, strict=True)
-    ]
-    lower = shown[1]._replace(foot=shown[1].foot - np.array([0.0, 0.0, 0.02]))
-    return shown[0], lower, shown[2]
+    feet = [leg.foot_positions(angles) for angles in each]
+    feet[1] = feet[1] - np.array([0.0, 0.0, 0.02])
+    return each, feet
 
 
 def _page(scene, shown, **settings):
     pytest.importorskip("meshcat", reason="needs the extra meshcat")
-    return scene_page(scene, shown, **{"period": PERIOD, "cyclic": True, "title": "t", **settings})
+    return scene_page(scene, *shown, **{"period": PERIOD, "cyclic": True, "title": "t", **settings})
 
 
 def _commands(page):
@@ -82,7 +79,7 @@ def test_the_foot_is_animated_along_its_path_in_real_time_and_for_ever(commands,
     clip = clips["/meshcat/planned/visuals/front_left_ball_0"]
     assert clip["fps"] == 1.0 / PERIOD
     keys = {track["name"]: track["keys"] for track in clip["tracks"]}
-    foot = _shown(leg)[2].foot
+    foot = _shown(leg)[1][2]
     (root,) = [
         each["matrix"]
         for each in commands
