@@ -1,14 +1,16 @@
 """Settings declared once: a class is a table of a file, a field a key, and often an option.
 
-A declaration holds type, range, default, help, example and option of a setting. From it follow the
-check of a file with its messages, the template and the reference of files, and the options of the
-commands (:mod:`planner.cli.options`).
+A declaration holds type, range, default, example and option of a setting; its purpose stands among
+the attributes in the docstring of the class. From them follow the check of a file with its
+messages, the template and the reference of files, and the options of the commands
+(:mod:`planner.cli.options`).
 """
 
 from __future__ import annotations
 
 import math
 import operator
+import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
@@ -136,7 +138,8 @@ class Declared:
     """A key as declared.
 
     Attributes:
-        help: Its purpose, in a sentence.
+        purpose: Its purpose, in a sentence.
+        help: The same after the methods, or formats, of ``only``.
         default: Its default; ``...`` where it has to be set. A key that may be None is None by
             default, with the effect of a value that is ``implied``, and a dict is empty.
         otherwise: The effect of leaving it unset, in words, if the default does not show it.
@@ -150,11 +153,12 @@ class Declared:
     """
 
     kind: Kind
+    purpose: str
+    help: str
     default_in_words: str  # as TOML, or the effect of leaving it unset
 
     def __init__(
         self,
-        help: str = "",  # noqa: A002
         *,
         default: Any = ...,
         implied: Any = None,
@@ -166,18 +170,22 @@ class Declared:
         only: tuple[str, ...] = (),
         **click: Any,
     ) -> None:
-        self.help, self.default, self.set_to = help, default, set_to
+        self.default, self.set_to = default, set_to
         self.otherwise = otherwise if implied is None else toml_value(implied)
         self.example = example if implied is None else implied
         self.option, self.by_joint, self.only, self.click = option, by_joint, only, click
 
-    def bind(self, name: str, annotation: Any) -> Declared:
-        """Take the name and the type of the field."""
-        self.kind = kind = Kind(annotation)
+    def bind(self, name: str, annotation: Any, purpose: str) -> Declared:
+        """Take the name, the type and the purpose of the field."""
+        self.kind, self.purpose, self.help = Kind(annotation), purpose, purpose
+        if self.only:
+            choices = " or ".join(", ".join(self.only).rsplit(", ", 1))
+            self.help = f"With {choices}: {purpose[:1].lower()}{purpose[1:]}"
         if self.option == "--":
             self.option += name.replace("_", "-")
         if self.default is ...:
-            self.default = None if kind.optional else {} if kind.origin is dict else ...
+            empty: Any = {} if self.kind.origin is dict else ...
+            self.default = None if self.kind.optional else empty
         unset = self.default is None or self.default is ...
         self.default_in_words = self.otherwise or ("" if unset else toml_value(self.default))
         return self
@@ -205,12 +213,18 @@ class Settings:
     folder = ""
     """The folder from which files are named; "" for that of the process."""
 
+    about = ""
+    """The purpose of the table."""
+
     def __init_subclass__(cls) -> None:
-        own = dict[str, Declared]()
+        about, _, attributes = (cls.__doc__ or "").partition("Attributes:\n")
+        cls.about, own = " ".join(about.split()), dict[str, Declared]()
+        found = re.findall(r"^ {8}(\w+): (.*(?:\n {12}.*)*)", attributes, re.MULTILINE)
+        purposes = {name: " ".join(words.split()) for name, words in found}
         for name, annotation in get_annotations(cls).items():
             value = vars(cls)[name]
             declared = value if isinstance(value, Declared) else Declared(default=value)
-            own[name] = declared.bind(name, annotation)
+            own[name] = declared.bind(name, annotation, purposes.get(name, ""))
         cls.keys = {**cls.keys, **own}
 
     def __init__(self, **values: Any) -> None:
@@ -393,7 +407,7 @@ def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
             inner.append(Table(at, key.help, {}, free=key))
         else:
             keys[name] = key
-    yield Table(place, " ".join((cls.__doc__ or "").split()), keys)
+    yield Table(place, cls.about, keys)
     yield from inner
 
 

@@ -329,11 +329,8 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
         for key in keys:
             declared = SETTINGS[key]
             own = helps.get(_parameter(key)) or helps.get(key.rpartition(".")[2], "")
-            if declared.only and "plan.method" not in keys and key.startswith("plan.") and not own:
-                own = declared.help.partition(": ")[
-                    2
-                ]  # without methods, of which there is no choice
-                own = own[:1].upper() + own[1:]
+            if key.startswith("plan.") and "plan.method" not in keys:  # no choice of methods
+                own = own or declared.purpose
             decorators.append(_option(key, declared, own))
         return several(*decorators)(with_settings)
 
