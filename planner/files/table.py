@@ -125,9 +125,8 @@ def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
         raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
     title = title if title[1:2] in DELIMITERS else title[1:].strip()
     delimiter = declared or max(DELIMITERS, key=title.count)
-    cells = [_number(_with_point(cell)) for cell in text.split(delimiter)]
-    above = []
-    if len(cells) == len(title.split(delimiter)) and not all(map(math.isnan, cells)):
+    cells, above = [_with_point(cell) for cell in text.split(delimiter)], list[str]()
+    if len(cells) == len(title.split(delimiter)) and any(map(_is_number, cells)):
         above = [title]  # as long as the row of numbers
     else:
         delimiter = declared or max(DELIMITERS, key=text.count)
@@ -215,7 +214,7 @@ def _names_in(path: Path | str, titles: Sequence[str], line: int) -> tuple[str, 
         )
     elif "" in names:
         problem = f"column {names.index('') + 1} has no name; name or remove it"
-    elif not any(map(math.isnan, map(_number, names))):
+    elif all(map(_is_number, names)):
         problem = (
             f"the first line holds numbers ({_shortened(','.join(names))}), expected names; "
             "put a line of column names above them"
@@ -237,6 +236,10 @@ def _number(cell: str) -> float:
         return float(cell) if cell.isascii() and "_" not in cell else math.nan
     except ValueError:
         return math.nan
+
+
+def _is_number(cell: str) -> bool:
+    return cell.strip().lower() == "nan" or not math.isnan(_number(cell))
 
 
 def _shortened(text: str) -> str:
