@@ -135,12 +135,11 @@ def read_episode(file: Path, number: int | None) -> EpisodeRows:
     rows = next((each for each in _read_episodes(file) if each.number == number), None)
     if rows is None:
         raise InvalidFile(file, f"no episode {number}; did the dataset change meanwhile?")
-    try:
+    with suppress(ValueError):  # InvalidFile, or a row without a task
         numbers, tasks = _read(file, EPISODE, TASK)
         task = int(tasks[numbers == number][0])
-        return rows._replace(task=find_dataset(file).tasks().get(task, ""))
-    except (InvalidFile, IndexError):
-        return rows
+        rows = rows._replace(task=find_dataset(file).tasks().get(task, ""))
+    return rows
 
 
 def _read_episodes(file: Path) -> list[EpisodeRows]:

@@ -123,6 +123,10 @@ READ = {
         ),
         {"joint": "gripper"},
     ),
+    "29.97 frames": (lambda root: _described(root, fps=29.97), {"joint": "gripper"}),
+    "too many frames": (lambda root: _described(root, fps=10**400), {"joint": "gripper"}),
+    "frames that are true": (lambda root: _described(root, fps=True), {"joint": "gripper"}),
+    "frames below 0": (lambda root: _described(root, fps=-1), {"joint": "gripper"}),
     "units by joints": (lambda _: None, {"joint": "all", "unit": "ticks,gripper=percent"}),
     "two episodes": (lambda _: None, {"joint": "gripper", "episodes": "2,0"}),
 }
@@ -232,17 +236,6 @@ def test_a_file_that_is_cut_short_is_refused(tmp_path):
             InvalidFile, match=r"0\.parquet: not Parquet that .*; is the file cut short\?$"
         ):
             _read(root, **GRIPPER, episodes="0")
-
-
-@pytest.mark.parametrize(
-    ("fps", "rate"),
-    [(30, 30.0), (29.97, 29.97), (10**400, None), (True, None), (-1, None)],
-    ids=["whole", "fraction", "huge", "true", "negative"],
-)
-def test_a_rate_is_a_finite_number_above_zero(tmp_path, fps, rate):
-    root = v21(tmp_path / "set")
-    _described(root, fps=fps)
-    assert find_dataset(root).rate == rate
 
 
 INFOS = {
