@@ -100,8 +100,11 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The same text, where it passes the check, and has no other use."""
-        self.check(value)
         text = name = str(value)
+        if self.use == "written" and text != "-" and text.startswith("-") and param is not None:
+            message = f"{param.opts[0]}: got '{text}', expected a file, ./{text} for one so called."
+            raise click.UsageError(message, ctx)
+        self.check(value)
         place = Path(os.path.realpath(text))  # of a link to itself, too
         if text == "-" and self.use == "written":
             place, name = Path(text), "standard output"
