@@ -181,18 +181,15 @@ def calibrate(
                 )
                 write_text(output, text)
 
-    def page(place: str) -> str:
-        settings = {
-            "bus": choices["bus"],
-            "port": choices["port"],
-            "logs": folder,
-            "rate": f"{choices['rate_hz']:g} Hz",
-        }
-        origins = [(name, str(value)) for name, value in settings.items() if value]
-        return calibration_page(results, output).html(place, origins, [("models", output)])
-
-    document = calibration_results(results, arm.servos, checked.tick_time)
-    return Answer(document, calibration_text(results, output), page=page)
+    origins = [("bus", choices["bus"]), ("port", choices["port"]), ("logs", str(folder))]
+    origins = [*filter(all, origins), ("rate", f"{choices['rate_hz']:g} Hz")]
+    return Answer(
+        calibration_results(results, arm.servos, checked.tick_time),
+        calibration_text(results, output),
+        page=lambda place: calibration_page(results, output).html(
+            place, origins, [("models", output)]
+        ),
+    )
 
 
 def _chosen(chosen: tuple[str, ...], joints: Iterable[str]) -> tuple[str, ...]:

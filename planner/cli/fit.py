@@ -113,17 +113,14 @@ def fit(
     if knots_file is not None:
         write_curve(knots_file, next(iter(fits.values())))
 
-    def page(place: str) -> str:
-        origins = [("path", desired), ("model", run.model.file)]
-        files = [*files_of(origins), ("lines", output)]
-        about_fits = fit_page(fits, {name: choices(curve) for name, curve in fits.items()})
-        return about_fits.html(place, origins, files)
-
+    origins = [("path", desired), ("model", run.model.file)]
     return Answer(
         document,
         f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits).text()}",
         lambda file: path.write(file, angles),
-        page,
+        lambda place: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}).html(
+            place, origins, [*files_of(origins), ("lines", output)]
+        ),
     )
 
 

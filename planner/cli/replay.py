@@ -171,13 +171,8 @@ def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None 
     """The errors of the plans of many recordings, and a warning for each that failed."""
     from planner.report.episodes_page import episodes_page, episodes_text
 
-    failure = ""
-
-    def page(place: str) -> str:
-        title = ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
-        origins = [*(("recordings", name) for name in logs), ("track", document["track"])]
-        return episodes_page(document, title=title).html(place, origins)
-
+    failure, title = "", ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
+    origins = [*(("recordings", name) for name in logs), ("track", document["track"])]
     if failed := document["left_out"]:
         count = len(document["recordings"]) + len(failed)
         failure = (
@@ -187,7 +182,7 @@ def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None 
     return Answer(
         document,
         episodes_text(document),
-        page=page,
+        page=lambda place: episodes_page(document, title=title).html(place, origins),
         failure=failure,
         warnings=[f"{name} is left out: {reason}" for name, reason in failed.items()],
     )

@@ -28,7 +28,7 @@ from planner.learning.refine import refine
 from planner.planning.plan import Plan
 from planner.planning.result import Learning
 from planner.trajectory import Array, rms
-from planner.virtual.robot import Constants, VirtualRobot
+from planner.virtual.robot import CONSTANTS, Constants, VirtualRobot
 
 AMPLITUDES = (20.0, 40.0, 70.0)
 """Heights of the step tests [degrees]: small to large within the range that the walk needs."""
@@ -120,7 +120,7 @@ def play_experiment(
     segments: int = SEGMENTS,
     cycles: int = CYCLES,
     seed: int = 0,
-    constants: Constants | None = None,
+    constants: Constants = CONSTANTS,
     progress: Callable[[str], None] = lambda _: None,
 ) -> VirtualOutcome:
     """Play the paper's experiment on a robot whose joints are not the planner's model.
@@ -181,7 +181,7 @@ def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, ampli
     recording = robot.play(requests)
     return Log(
         times=robot.constants.request_period * np.arange(len(requests), dtype=np.float64),
-        requests=recording.requests[:, joint],
+        requests=requests[:, joint],
         angles=recording.sensed[:, joint],
         name=f"step test of {amplitude:g} degrees",
         joint=walk.joint_names[joint],

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,144 +31,6 @@ OTHER_BODIES = (
     "hind_right_shoulder",
 )
 """Parts of the robot that hang on the body and do not move here."""
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """Requests to the joints and their motion; one row per request."""
-
-    times: Array  # times of the requests [s], shape (n,)
-    requests: Array  # the requests before clipping [rad], shape (n, k)
-    sensed: Array  # readings of the sensors right after each request [rad], shape (n, k)
-    angles: Array  # the true angles at these times [rad], shape (n, k), unknown on a real robot
-
-
-class VirtualRobot:
-    """The left front leg of an ERS-210A in the air, three servos on one battery.
-
-    A request that is made at the start of a period reaches its servo after the transport delay;
-    until then the servo keeps the one before. Requests beyond a joint's limits are cut to them, as
-    the robot's software does. The same seed and the same requests give the same angles.
-    """
-
-    def __init__(
-        self,
-        start: npt.ArrayLike = (0.0, 0.0, 0.0),
-        *,
-        constants: Constants | None = None,
-        seed: int = 0,
-        model: mujoco.MjModel | None = None,
-    ) -> None:
-        """The robot at rest.
-
-        Args:
-            start: Requests that it has been holding [rad], shape (3,).
-            constants: Its constants.
-            seed: Of the noise of supply and sensors.
-            model: Other joints on such servos, in place of the leg's.
-
-        Raises:
-            MissingExtra: MuJoCo is not installed.
-        """
-        mujoco = load_mujoco()
-        self.constants = CONSTANTS if constants is None else constants
-        self._model = model or front_leg(self.constants)
-        self._data = mujoco.MjData(self._model)
-        self._step = mujoco.mj_step
-        margin = self.constants.stop_margin
-        self.limits = self._model.jnt_range[:, 0] + margin, self._model.jnt_range[:, 1] - margin
-        first = self._requests([np.asarray(start, dtype=np.float64)])[0]
-        self._data.qpos[:] = first
-        self._random = np.random.default_rng(seed)
-        # each servo's sensed angle, its filtered speed, integral, duty and current
-        self._sensed, zeros = first.copy(), np.zeros(len(first))
-        self._speed, self._integral, self._duty, self._current = zeros, zeros, zeros, zeros
-        self._noise = 0.0  # of the supply [V]
-        constants = self.constants
-        late = round(constants.transport_delay / constants.control_period)
-        self._periods = round(constants.request_period / constants.control_period)
-        self._under_way = deque([first] * late)
-        self._count = 0
-
-    def play(self, requests: npt.ArrayLike) -> Recording:
-        """Make one row of requests after the other; the robot goes on from where it is.
-
-        Args:
-            requests: One row per request period [rad], shape (n, k).
-
-        Raises:
-            InvalidTrajectory: Not a finite array of that shape.
-        """
-        rows = np.array(requests, dtype=np.float64)
-        clipped = self._requests(rows)
-        sensed, angles = np.empty_like(clipped), np.empty_like(clipped)
-        index = np.arange(self._count, self._count + len(clipped), dtype=np.float64)
-        times = self.constants.request_period * index
-        for k, request in enumerate(clipped):
-            angles[k], sensed[k] = self._data.qpos, self.sense()
-            for _ in range(self._periods):
-                self._advance(request)
-        self._count += len(clipped)
-        for array in (times, rows, sensed, angles):
-            array.setflags(write=False)
-        return Recording(times, rows, sensed, angles)
-
-    def sense(self) -> Array:
-        """The angles now, in whole counts of the sensor and with its noise [rad], shape (k,)."""
-        count = self.constants.count
-        noise = self.constants.sensor_noise * self._random.standard_normal(self._model.nq)
-        sensed: Array = count * np.round((self._data.qpos + noise) / count)
-        return sensed
-
-    def rest(self, seconds: float, angles: npt.ArrayLike) -> None:
-        """Hold requests [rad], shape (k,), for so long [s]."""
-        rows = round(seconds / self.constants.request_period)
-        self.play(np.tile(np.asarray(angles, dtype=np.float64), (rows, 1)))
-
-    def _requests(self, requests: npt.ArrayLike) -> Array:
-        rows = as_path(requests, name="requests", columns=len(self.limits[0]), unit="rad")
-        kept: Array = np.clip(rows, *self.limits)
-        return kept
-
-    def _advance(self, requests: Array) -> None:
-        """One control period: supply, sense, control, drive, move.
-
-        With the error e between the request that has arrived and the sensed angle, and the filtered
-        speed of the latter w::
-
-            duty    = clip(kp e + ki ∫e - kd w, -1, 1), in steps of the PWM
-            current = (duty U - k speed) / R
-            torque  = k current
-
-        k is the motor's constant times the gear ratio. The integral is constant while the duty is
-        at its limit, and is clipped to its largest share of the duty. The voltage U of the battery
-        falls with the current that is drawn, and has slow noise.
-        """
-        constants, period = self.constants, self.constants.control_period
-        keep = math.exp(-period / constants.supply_correlation_time)
-        fresh = constants.supply_noise * math.sqrt(1.0 - keep**2)
-        self._noise = keep * self._noise + fresh * self._random.standard_normal()
-        drawn = float(np.sum(self._duty * self._current))
-        voltage = constants.battery_voltage + self._noise - constants.battery_resistance * drawn
-        self._under_way.append(requests)
-        sensed, before = self.sense(), self._sensed
-        share = period / (constants.derivative_filter + period)
-        self._speed = self._speed + share * ((sensed - before) / period - self._speed)
-        self._sensed = sensed
-        errors = self._under_way.popleft() - sensed
-        duty = (
-            constants.proportional_gain * errors
-            + self._integral
-            - constants.derivative_gain * self._speed
-        )
-        summed = self._integral + constants.integral_gain * errors * period
-        summed = np.clip(summed, -constants.integral_share, constants.integral_share)
-        self._integral = np.where(np.abs(duty) < 1.0, summed, self._integral)
-        self._duty = np.rint(constants.duty_steps * np.clip(duty, -1.0, 1.0)) / constants.duty_steps
-        induced = constants.joint_torque_constant * self._data.qvel
-        self._current = (self._duty * voltage - induced) / constants.terminal_resistance
-        self._data.qfrc_applied[:] = constants.joint_torque_constant * self._current
-        self._step(self._model, self._data)
 
 
 _TABLES = tomllib.loads(Path(__file__).with_name("constants.toml").read_text("utf-8"))
@@ -245,6 +107,135 @@ class Constants:
 
 CONSTANTS = Constants(**{name: each["value"] for name, each in _TABLES.items()})
 """Those of the ERS-210A."""
+
+
+class Recording(NamedTuple):
+    """The motion of the joints; one row per request."""
+
+    sensed: Array  # readings of the sensors right after each request [rad], shape (n, k)
+    angles: Array  # the true angles at these times [rad], shape (n, k), unknown on a real robot
+
+
+class VirtualRobot:
+    """The left front leg of an ERS-210A in the air, three servos on one battery.
+
+    A request that is made at the start of a period reaches its servo after the transport delay;
+    until then the servo keeps the one before. Requests beyond a joint's limits are cut to them, as
+    the robot's software does. The same seed and the same requests give the same angles.
+    """
+
+    def __init__(
+        self,
+        start: npt.ArrayLike = (0.0, 0.0, 0.0),
+        *,
+        constants: Constants = CONSTANTS,
+        seed: int = 0,
+        model: mujoco.MjModel | None = None,
+    ) -> None:
+        """The robot at rest.
+
+        Args:
+            start: Requests that it has been holding [rad], shape (3,).
+            constants: Its constants.
+            seed: Of the noise of supply and sensors.
+            model: Other joints on such servos, in place of the leg's.
+
+        Raises:
+            MissingExtra: MuJoCo is not installed.
+        """
+        mujoco = load_mujoco()
+        self.constants = constants
+        self._model = model or front_leg(constants)
+        self._data = mujoco.MjData(self._model)
+        self._step = mujoco.mj_step
+        margin = constants.stop_margin
+        self.limits = self._model.jnt_range[:, 0] + margin, self._model.jnt_range[:, 1] - margin
+        first = self._requests([np.asarray(start, dtype=np.float64)])[0]
+        self._data.qpos[:] = first
+        self._random = np.random.default_rng(seed)
+        # each servo's sensed angle, its filtered speed, integral, duty and current
+        self._sensed, zeros = first.copy(), np.zeros(len(first))
+        self._speed, self._integral, self._duty, self._current = zeros, zeros, zeros, zeros
+        self._noise = 0.0  # of the supply [V]
+        late = round(constants.transport_delay / constants.control_period)
+        self._periods = round(constants.request_period / constants.control_period)
+        self._under_way = deque([first] * late)
+
+    def play(self, requests: npt.ArrayLike) -> Recording:
+        """Make one row of requests after the other; the robot goes on from where it is.
+
+        Args:
+            requests: One row per request period [rad], shape (n, k).
+
+        Raises:
+            InvalidTrajectory: Not a finite array of that shape.
+        """
+        clipped = self._requests(requests)
+        sensed, angles = np.empty_like(clipped), np.empty_like(clipped)
+        for k, request in enumerate(clipped):
+            angles[k], sensed[k] = self._data.qpos, self.sense()
+            for _ in range(self._periods):
+                self._advance(request)
+        for array in (sensed, angles):
+            array.setflags(write=False)
+        return Recording(sensed, angles)
+
+    def sense(self) -> Array:
+        """The angles now, in whole counts of the sensor and with its noise [rad], shape (k,)."""
+        count = self.constants.count
+        noise = self.constants.sensor_noise * self._random.standard_normal(self._model.nq)
+        sensed: Array = count * np.round((self._data.qpos + noise) / count)
+        return sensed
+
+    def rest(self, seconds: float, angles: npt.ArrayLike) -> None:
+        """Hold requests [rad], shape (k,), for so long [s]."""
+        rows = round(seconds / self.constants.request_period)
+        self.play(np.tile(np.asarray(angles, dtype=np.float64), (rows, 1)))
+
+    def _requests(self, requests: npt.ArrayLike) -> Array:
+        rows = as_path(requests, name="requests", columns=len(self.limits[0]), unit="rad")
+        kept: Array = np.clip(rows, *self.limits)
+        return kept
+
+    def _advance(self, requests: Array) -> None:
+        """One control period: supply, sense, control, drive, move.
+
+        With the error e between the request that has arrived and the sensed angle, and the filtered
+        speed of the latter w::
+
+            duty    = clip(kp e + ki ∫e - kd w, -1, 1), in steps of the PWM
+            current = (duty U - k speed) / R
+            torque  = k current
+
+        k is the motor's constant times the gear ratio. The integral is constant while the duty is
+        at its limit, and is clipped to its largest share of the duty. The voltage U of the battery
+        falls with the current that is drawn, and has slow noise.
+        """
+        constants, period = self.constants, self.constants.control_period
+        keep = math.exp(-period / constants.supply_correlation_time)
+        fresh = constants.supply_noise * math.sqrt(1.0 - keep**2)
+        self._noise = keep * self._noise + fresh * self._random.standard_normal()
+        drawn = float(np.sum(self._duty * self._current))
+        voltage = constants.battery_voltage + self._noise - constants.battery_resistance * drawn
+        self._under_way.append(requests)
+        sensed, before = self.sense(), self._sensed
+        share = period / (constants.derivative_filter + period)
+        self._speed = self._speed + share * ((sensed - before) / period - self._speed)
+        self._sensed = sensed
+        errors = self._under_way.popleft() - sensed
+        duty = (
+            constants.proportional_gain * errors
+            + self._integral
+            - constants.derivative_gain * self._speed
+        )
+        summed = self._integral + constants.integral_gain * errors * period
+        summed = np.clip(summed, -constants.integral_share, constants.integral_share)
+        self._integral = np.where(np.abs(duty) < 1.0, summed, self._integral)
+        self._duty = np.rint(constants.duty_steps * np.clip(duty, -1.0, 1.0)) / constants.duty_steps
+        induced = constants.joint_torque_constant * self._data.qvel
+        self._current = (self._duty * voltage - induced) / constants.terminal_resistance
+        self._data.qfrc_applied[:] = constants.joint_torque_constant * self._current
+        self._step(self._model, self._data)
 
 
 def front_leg(constants: Constants) -> mujoco.MjModel:
