@@ -352,18 +352,15 @@ class Identification(ReadOnly, Summarised):
 
     def _summarised(self) -> Summary:
         """Verdict, error and parameters with their intervals, in SI units."""
-        held_out = self.held_out_rms is not None
-        share = self.unit != "rad"
-        error = f"{self.held_out_rms if held_out else self.rms:.3g}{'' if share else ' rad'}"
+        share, (error, where) = self.unit != "rad", telling_error(self)
         units = {each.name: str(each.metadata["unit"]) for each in fields(self.model)}
-        where = "on rows held out" if held_out else "on the rows it was fitted to"
         rows = [
             (name, f"{getattr(self.model, name):.5g}", f"{low:.5g} to {high:.5g}",
              units[name].replace("rad", "1") if share else units[name])
             for name, (low, high) in self.intervals.items()
         ]  # fmt: skip
         return Summary(
-            f"Identification, {self.verdict}: {error} rms {where}",
+            f"Identification, {self.verdict}: {error:.3g}{'' if share else ' rad'} rms {where}",
             ("parameter", "value", "95 % interval", "unit"),
             rows,
         )
@@ -483,6 +480,13 @@ class Identification(ReadOnly, Summarised):
                 for fit in self.fits
             ],
         }
+
+
+def telling_error(of: Identification | Alternative) -> tuple[float, str]:
+    """The error on rows held out, where there are any [rad], and on which rows it was measured."""
+    if of.held_out_rms is None:
+        return of.rms, "on the rows it was fitted to"
+    return of.held_out_rms, "on rows held out"
 
 
 def runs_of_fits(fits: Sequence[LogFit], *, held_out: bool) -> list[Run]:

@@ -102,12 +102,6 @@ class Evidence(NamedTuple):
         delay of requests that move is not tested, and its interval counts as well: (19a).
 
         The ``angles`` are those by the model [rad], (n,), with a ``period`` between them [s].
-
-        Example:
-            >>> seen = Evidence(0.02, by_acceleration=((0.0, 0.001), (10.0, 0.006)))
-            >>> phase = 2 * np.pi * np.arange(100) / 100
-            >>> round(seen.error_of(0.2 * np.sin(phase), period=0.01, cyclic=True), 4)
-            0.0038
         """
         return math.hypot(*self._errors_of(_motion(angles, period, cyclic=cyclic)))
 
@@ -132,11 +126,6 @@ class Evidence(NamedTuple):
 
         The ``angles`` [rad], (n,), have a ``period`` between them [s]; the ``load`` is in N m, one
         number or (n,).
-
-        Example:
-            >>> seen = Evidence(0.02, speed=1.0, angles=(-0.5, 0.5))
-            >>> seen.exceeded(np.array([0.0, 0.7]), period=0.1, cyclic=False)
-            ('speed', 'angle')
         """
         speeds, accelerations = motion = _motion(angles, period, cyclic=cyclic)
         tested, by_delay = self._errors_of(motion)

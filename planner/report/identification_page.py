@@ -9,7 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.identification.result import Identification, Interval, LogFit, SpeedPoints
+from planner.identification.result import (
+    Identification,
+    Interval,
+    LogFit,
+    SpeedPoints,
+    telling_error,
+)
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identification_text import (
@@ -21,7 +27,6 @@ from planner.report.identification_text import (
     parameters,
     parameters_table,
     profile,
-    telling_error,
     units_of,
     verdict,
 )

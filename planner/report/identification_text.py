@@ -18,7 +18,13 @@ from planner.files.joint_model import PARAMETER_UNITS
 from planner.identification.excitation import Excitation
 from planner.identification.judgement import is_loose
 from planner.identification.parameters import TERMS
-from planner.identification.result import Alternative, Identification, Interval, Topic
+from planner.identification.result import (
+    Alternative,
+    Identification,
+    Interval,
+    Topic,
+    telling_error,
+)
 from planner.report.page import PARAMETERS
 from planner.report.table import NOTHING, Column, Row, Table, by_columns
 from planner.report.wording import phrase, rendered_text
@@ -171,13 +177,6 @@ def parameters_table(identification: Identification, *, page: bool = False) -> T
         rows.append(Row(about, (*cells, row.judgement), kind=kind))
     titles = ("value", "95 % interval", *(("in SI",) if column else ()))
     return Table("parameter", (*titles, Column("known", words=True)), rows, "Parameters")
-
-
-def telling_error(of: Identification | Alternative) -> tuple[float, str]:
-    """The error on rows held out, where there are any [rad], and on which rows it was measured."""
-    if of.held_out_rms is None:
-        return of.rms, "on the rows it was fitted to"
-    return of.held_out_rms, "on rows held out"
 
 
 def errors_table(identification: Identification) -> Table:
