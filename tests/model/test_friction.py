@@ -199,31 +199,3 @@ def with_inertia(rng, model, integral="integral_rate"):
     slowed = inert.law.share * inert.law.friction / model.tick**2  # in a tick, by dry friction
     most = slowed + rng.uniform(0.2, 1.0) * model.v_max / model.tick
     return replace(inert, max_acceleration=most)
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_a_load_between_samples_acts_as_one_that_changes_continuously(cyclic):
-    """At 50 Hz as in ticks of 2 ms, to a fifth of what the load of either end would miss."""
-    model = JointModel(
-        v_max=5.4,
-        theta_0=0.12,
-        lag=0.03,
-        acceleration_time=0.05,
-        tick=0.002,
-        hold=10,
-        compliance=0.05,
-        speed_per_torque=1.0,
-    )
-    times = model.period * np.arange(100)
-    requests = 0.2 * np.sin(np.pi * times)
-
-    def torque(time):
-        return np.sin(6.0 * np.pi * time + 0.3)
-
-    angles = simulate(model, requests, cyclic=cyclic, load=torque(times))
-    each = np.repeat(requests, model.hold)[: None if cyclic else 1 - model.hold]
-    finely, load = replace(model, hold=1), torque(model.tick * np.arange(len(each)))
-    fine = simulate(finely, each, cyclic=cyclic, load=load)[:: model.hold]
-    away = simulate(model, requests, cyclic=cyclic, load=torque(times - model.period / 2.0))
-    missed, half_late = (np.sqrt(np.mean((each - fine) ** 2)) for each in (angles, away))
-    assert missed <= 0.25 * half_late

@@ -60,9 +60,6 @@ def test_a_joint_is_faster_downhill_than_uphill_by_twice_what_its_sag_would_move
     )
     here = (down[0], up[0])
     speeds = [(each[1] - each[0]) / model.tick for each in (down, up)]
-    gravity = model.gain * model.pose_sag(np.array(here))
-    limits = model.v_offset + gravity + np.array([-model.v_max, model.v_max])
-    np.testing.assert_allclose(speeds, limits, rtol=1e-9)
     for limit, at, speed in zip((0, 1), here, speeds, strict=True):
         assert model.speed_limits(angle=at)[limit] == pytest.approx(speed, rel=1e-9)
         assert model.speed(4.0 * limit - 2.0, angle=at) == pytest.approx(speed, rel=1e-9)

@@ -26,7 +26,7 @@ def test_whole_ticks_are_equation_3_to_the_letter(model, requests, start):
 
 @given(models(), trajectories(), st.integers(0, 19))
 def test_rotating_a_cycle_of_requests_rotates_the_angles(model, requests, by):
-    if _settles_in_one_place(model, requests, True):
+    if _settles_in_one_place(model, requests):
         rotated = simulate(model, np.roll(requests, by))
         expected = np.roll(simulate(model, requests), by)
         np.testing.assert_allclose(rotated, expected, rtol=0.0, atol=1e-9)
@@ -66,10 +66,8 @@ def test_a_joint_that_overshoots_has_a_steady_cycle_too(requests, hold, ratio):
     np.testing.assert_allclose(next_cycle(model, requests, angles[-1]), angles, atol=1e-11)
 
 
-def _settles_in_one_place(model, requests, cyclic):
+def _settles_in_one_place(model, requests):
     """Whether the cycle is determined well: some tick of it must be unsaturated."""
-    if not cyclic:
-        return True
     # A run from a neighbouring angle must end closer, or the joint may rest anywhere in a range.
     last = float(simulate(model, requests)[-1])
     for step in (-1e-3, 1e-3):

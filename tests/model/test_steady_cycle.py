@@ -64,37 +64,13 @@ def test_a_joint_comes_to_rest_up_to_the_integral_that_is_refused(name, dead_ban
         replace(slower, time_constant=0.0)
 
 
-STICKY = JointModel(
-    v_max=5.0,
-    theta_0=0.3,
-    lag=0.01,
-    acceleration_time=0.004,
-    tick=0.002,
-    time_constant=0.03,
-    dead_band=0.02,
-)
-
-
-def rests_where_requested(model):
-    """Whether friction leaves no error after a step within the dead band."""
-    held = simulate(model, np.repeat([0.0, 0.015], 1500), cyclic=False)
-    return held[-1] == pytest.approx(0.015, abs=2e-3)
-
-
-def test_the_integral_of_a_speed_loop_leaves_no_error_at_rest_and_follows_lines_without_friction():
-    model = replace(STICKY, integral_rate=15.0)
-    line = 1.5 * model.tick * np.arange(2000)
-    behind = line - simulate(model, line, cyclic=False)
-    assert behind[-1] == pytest.approx(line_offset(model, 1.5), abs=1e-9)
-    assert line_offset(model, 1.5) == line_offset(replace(model, dead_band=0.0), 1.5)
-    assert rests_where_requested(model)
-
-
-def test_the_integral_of_a_position_controller_leaves_only_the_lag_behind_a_line():
-    model = replace(STICKY, position_integral_rate=5.0)
+@pytest.mark.parametrize("name", INTEGRALS)
+def test_an_integral_follows_lines_without_friction(name):
+    """That of a position controller leaves only the lag."""
+    known = {"v_max": 5.0, "theta_0": 0.3, "lag": 0.01, "acceleration_time": 0.004, "tick": 0.002}
+    model = JointModel(**known, time_constant=0.03, dead_band=0.02, **{name: 5.0})
     line = 1.5 * model.tick * np.arange(3000)
     behind = line - simulate(model, line, cyclic=False)
-    assert behind[-1] == pytest.approx(
-        1.5 * (model.lag + 0.5 * (model.acceleration_time - model.tick)), abs=1e-6
-    )
-    assert rests_where_requested(model)
+    offset = line_offset(model, 1.5)
+    assert offset == line_offset(replace(model, dead_band=0.0), 1.5)
+    assert behind[-1] == pytest.approx(offset if name == "integral_rate" else 0.0165, abs=1e-6)
