@@ -73,10 +73,6 @@ def announced(tmp_path, monkeypatch, caplog):
     return announced
 
 
-def test_compilation_is_announced_once_to_a_terminal_and_to_any_other_stream(announced):
-    assert announced() == compilation.COMPILING + "\n"
-
-
 def test_compilation_without_a_cache_is_announced_with_what_to_do(announced, monkeypatch):
     monkeypatch.setattr(compilation, "_cache_folder", lambda _: None)
     assert announced() == compilation.NO_CACHE + "\n"

@@ -20,11 +20,12 @@ WALK = np.array([[0.0, 1.0], [0.1, 0.9], [0.2, 0.8], [0.1, 0.9]])
 class Robot:
     """A clock that only sleeping and sending advance, and a record of what came when."""
 
-    def __init__(self, *, sending=0.0, oversleep=0.0):
-        self.time, self.sending, self.oversleep = 100.0, sending, oversleep
-        self.rows, self.times, self.stops = [], [], 0
-        self.stall_at, self.stall = None, 0.0
-        self.fail_at, self.failure = None, None
+    sending = oversleep = stall = 0.0
+    stall_at = fail_at = failure = None
+
+    def __init__(self, **settings):
+        self.time, self.rows, self.times, self.stops = 100.0, [], [], 0
+        vars(self).update(settings)
 
     def now(self):
         return self.time
@@ -43,9 +44,12 @@ class Robot:
     def stop(self):
         self.stops += 1
 
-    def play(self, requests=WALK, **settings):
+    def own(self, settings):
         own = {"send": self.send, "on_stop": self.stop, "now": self.now, "sleep": self.sleep}
-        return planner.play(requests, period=TICK, **{**own, **settings})
+        return own | settings
+
+    def play(self, **settings):
+        return planner.play(WALK, period=TICK, **self.own(settings))
 
 
 def test_every_request_is_sent_at_its_time_and_the_last_is_held_for_its_period():
@@ -69,8 +73,7 @@ def test_lateness_does_not_add_up():
 
 
 def test_what_is_overdue_is_skipped_and_the_rest_is_in_step_with_the_clock():
-    robot = Robot()
-    robot.stall_at, robot.stall = 2, 3.5 * TICK
+    robot = Robot(stall_at=2, stall=3.5 * TICK)
     report = robot.play(cycles=3)
     assert report.skipped == 2  # requests 3 and 4: by then request 5 is due
     assert report.overruns == 1
@@ -82,8 +85,7 @@ def test_what_is_overdue_is_skipped_and_the_rest_is_in_step_with_the_clock():
 
 
 def test_the_last_request_is_sent_however_late():
-    robot = Robot()
-    robot.stall_at, robot.stall = 0, 99.0
+    robot = Robot(stall_at=0, stall=99.0)
     report = robot.play(cycles=1)
     assert np.array_equal(robot.rows, WALK[[0, 3]])
     assert report.skipped == 2
@@ -91,8 +93,7 @@ def test_the_last_request_is_sent_however_late():
 
 
 def test_ctrl_c_ends_a_walk_for_ever_and_is_reported():
-    robot = Robot()
-    robot.fail_at, robot.failure = 41, KeyboardInterrupt()
+    robot = Robot(fail_at=41, failure=KeyboardInterrupt())
     report = robot.play()
     assert (report.interrupted, report.failed, report.sent) == (True, False, 41)
     assert str(report).startswith("interrupted after 41 requests: 0.00 ms late on average")
@@ -100,8 +101,7 @@ def test_ctrl_c_ends_a_walk_for_ever_and_is_reported():
 
 
 def test_an_error_leaves_a_report_of_what_was_sent_until_then():
-    robot, told = Robot(), []
-    robot.fail_at, robot.failure = 2, OSError("the cable is out")
+    robot, told = Robot(fail_at=2, failure=OSError("the cable is out")), []
     with pytest.raises(OSError, match="the cable is out"):
         robot.play(cycles=1, report=lambda playback: told.append((playback, robot.stops)))
     assert told == [(planner.Playback(sent=2, failed=True), 1)]
@@ -177,19 +177,10 @@ class Following(Robot):
 
     def __init__(self, **settings):
         super().__init__(**settings)
-        self.stream = planner.Stream(JOINT, preview=12)
-        self.asked = []
+        self.stream, self.asked = planner.Stream(JOINT, preview=12), []
 
     def follow(self, desired=PATH, **settings):
-        return planner.follow(
-            self.stream,
-            desired,
-            send=self.send,
-            on_stop=self.stop,
-            now=self.now,
-            sleep=self.sleep,
-            **settings,
-        )
+        return planner.follow(self.stream, desired, **self.own(settings))
 
     def measure(self):
         self.asked.append(len(self.rows))
@@ -209,8 +200,7 @@ def test_every_tick_is_planned_and_sent_at_its_time():
 
 
 def test_missed_ticks_are_left_out_and_the_stream_is_told():
-    robot = Following()
-    robot.stall_at, robot.stall = 20, 3.5 * TICK
+    robot = Following(stall_at=20, stall=3.5 * TICK)
     report = robot.follow()
     assert (report.sent, report.skipped, report.overruns) == (58, 2, 1)
     assert robot.times[21] == 100.0 + 23.5 * TICK  # late, and in step with the clock
@@ -235,15 +225,13 @@ def test_a_function_gives_stretches_until_it_ends_and_bad_ones_are_counted():
 class TwoJoints:
     """A stream of two joints that knows nothing of one at its second tick, and then holds it."""
 
-    period = TICK
-
     def __init__(self):
+        self.period, self.status = TICK, ()
         self.answers = [
             ([0.1, 0.2], ("planned", "planned")),
             ([0.1, np.nan], ("planned", "held")),
             ([0.1, 0.2], ("held", "planned")),
         ]
-        self.status = ()
 
     def step(self, desired, measured=None, *, missed=0):  # noqa: ARG002
         requests, self.status = self.answers.pop(0)
@@ -259,8 +247,7 @@ def test_a_row_with_one_unknown_request_is_not_sent_and_one_held_joint_counts():
 
 
 def test_ctrl_c_and_errors_end_it_as_they_end_the_player():
-    robot, reports = Following(), []
-    robot.fail_at, robot.failure = 5, KeyboardInterrupt()
+    robot, reports = Following(fail_at=5, failure=KeyboardInterrupt()), []
     assert robot.follow().interrupted
     robot.fail_at, robot.failure = 8, OSError("the bus is gone")
     with pytest.raises(OSError, match="the bus is gone"):

@@ -39,11 +39,7 @@ def test_a_name_that_does_not_exist_is_an_attribute_error():
 
 
 ANGLES = np.sin(np.arange(30.0) / 5.0)
-
-
 CURVE = planner.PiecewiseLinear(knots=[0, 5], values=[0.0, 1.0], samples=9, tick=0.01, cyclic=True)
-
-
 VALUES = {
     "Log": lambda: planner.Log(times=np.arange(30.0), requests=ANGLES, angles=ANGLES),
     "PiecewiseLinear": lambda: CURVE,

@@ -19,12 +19,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
-
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
 
-
 PACKAGES = ("kinematics", "planner", "urdf")
-
 
 BESIDE = (
     *(".ci", "docs", "examples", "lerobot_robot_planned", "scripts", "tests"),
@@ -34,23 +31,8 @@ BESIDE = (
 
 
 KINDS = {
-    *(
-        "",
-        ".cff",
-        ".css",
-        ".csv",
-        ".html",
-        ".ipynb",
-        ".js",
-        ".json",
-        ".md",
-        ".mplstyle",
-        ".py",
-        ".pyi",
-        ".svg",
-        ".toml",
-    ),
-    *(".txt", ".typed", ".urdf"),
+    *("", ".cff", ".css", ".csv", ".html", ".ipynb", ".js", ".json", ".md", ".mplstyle", ".py"),
+    *(".pyi", ".svg", ".toml", ".txt", ".typed", ".urdf"),
 }
 
 
@@ -128,22 +110,16 @@ def test_the_extra_for_developers_has_what_the_others_need_in_the_same_versions(
         assert set(extras[extra]) <= inside, extra
 
 
-README = Path(__file__).parent.parent / "README.md"
-
-
-def _block(language):
-    match = re.search(rf"```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
-    assert match is not None, f"the README has no block of {language}"
-    return match[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_model_file_of_the_readme_is_one(tmp_path):
     file = tmp_path / "model.toml"
-    file.write_text(_block("toml"))
+    file.write_text(re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1])
     hip, knee = read_model_file(file).for_joints(["hip", "knee"])
     assert (hip.lag, knee.lag) == pytest.approx((0.032, 0.040))
 
 
 def test_the_files_that_the_readme_names_are_there():
-    for name in re.findall(r"\]\((\w[\w/.]*)\)|`(\w+/\w+\.md|[A-Z]+\.md)`", README.read_text()):
-        assert (README.parent / (name[0] or name[1])).is_file(), name
+    for name in re.findall(r"\]\((\w[\w/.]*)\)|`(\w+/\w+\.md|[A-Z]+\.md)`", README):
+        assert (ROOT / (name[0] or name[1])).is_file(), name

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from planner.files.paths import write_joint_path
 from tests.robustness.forks import Forks
 
 
@@ -13,3 +15,12 @@ def forks():
     forks = Forks()
     yield forks
     forks.close()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with ``desired.csv``."""
+    phase = 2.0 * np.pi * np.arange(24) / 24
+    angles = np.column_stack([0.2 * np.sin(phase), 0.3 + 0.1 * np.cos(phase)])
+    write_joint_path(tmp_path / "desired.csv", ["hip", "knee"], angles, period=0.008)
+    return tmp_path

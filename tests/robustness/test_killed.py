@@ -8,27 +8,16 @@ from __future__ import annotations
 import re
 from hashlib import sha256
 
-import numpy as np
 import pytest
 
-from planner.files.paths import write_joint_path
 from tests.robustness.forks import Forks
 from tests.robustness.watched import DEATH
 
 MOST = 2  # kills before the last changes; of more changes than that, evenly spaced ones are tried
 LAST = 7  # changes at the end, where files are put in place: each of them is tried
 PLAN = ["plan", "desired.csv", "--method", "closed-form", "--segments", "5"]
-EXCITE = [
-    "excite",
-    "--kind",
-    "steps",
-    "--limits-deg",
-    "-10:10",
-    "--duration-s",
-    "1",
-    "--expected-log",
-    "log2.csv",
-]
+STEPS = ["excite", "--kind", "steps", "--limits-deg", "-10:10", "--duration-s", "1"]
+EXCITE = [*STEPS, "--expected-log", "log2.csv"]
 RUN = ["run", "run.toml", "--out", "out"]
 EXPORT = ["export", "desired.csv", "--cycles"]
 
@@ -36,14 +25,10 @@ COMMANDS = {
     "plan": ([*PLAN, "-o", "a.csv"], [*PLAN, "--rule", "exact", "-o", "a.csv"]),
     "excite": ([*EXCITE, "-o", "a.csv"], [*EXCITE, "--seed", "3", "-o", "a.csv"]),
     "run": (RUN, ["run", "other.toml", "--out", "out"]),
-    "export mcap": (
-        [*EXPORT, "1", "--format", "mcap", "-o", "a.mcap"],
-        [*EXPORT, "2", "--format", "mcap", "-o", "a.mcap"],
-    ),
-    "export lerobot": (
-        [*EXPORT, "1", "--format", "lerobot", "-o", "a"],
-        [*EXPORT, "2", "--format", "lerobot", "-o", "a"],
-    ),
+    **{
+        f"export {form}": [[*EXPORT, count, "--format", form, "-o", out] for count in "12"]
+        for form, out in (("mcap", "a.mcap"), ("lerobot", "a"))
+    },
 }
 """Two commands with the same output and other content, for each way of writing: a file, two files,
 folders. ``fit`` and ``identify`` write as ``plan`` does, ``compare`` and ``reproduce`` as ``run``.
@@ -62,16 +47,13 @@ def forks():
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(folder):
     """All inputs."""
-    phase = 2.0 * np.pi * np.arange(24) / 24
-    angles = np.column_stack([0.2 * np.sin(phase), 0.3 + 0.1 * np.cos(phase)])
-    write_joint_path(tmp_path / "desired.csv", ["hip", "knee"], angles, period=0.008)
     for name, norm in (("run.toml", "rms"), ("other.toml", "max")):
-        (tmp_path / name).write_text(
+        (folder / name).write_text(
             f'[path]\nfile = "desired.csv"\n[plan]\nnorm = "{norm}"\n[output]\nreport = ""\n'
         )
-    return tmp_path
+    return folder
 
 
 def _held(folder):
