@@ -116,7 +116,7 @@ def _warm(order: dict[str, Any]) -> int:
     silent = io.StringIO()
     with contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent):
         try:
-            cli.main(order["warm"], "request-planner")
+            cli.main(order["warm"], prog_name="request-planner")
         except SystemExit as end:
             return end.code or 0
     raise AssertionError("the command line returned")
