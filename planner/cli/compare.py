@@ -10,7 +10,7 @@ import click
 from planner.cli import options
 from planner.cli.console import Answer, Progress, terminal_width
 from planner.cli.settings import Run
-from planner.report.table import fitted_to
+from planner.report.wording import fitted_to
 
 if TYPE_CHECKING:
     from planner.planning.bounds.reachable_set import Level

@@ -11,7 +11,7 @@ from planner.cli import options
 from planner.cli.console import Answer, Progress
 from planner.cli.settings import HalfEllipse, Run
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.report.table import text_table
+from planner.report.wording import text_table
 
 if TYPE_CHECKING:
     from planner.gait.stride import Pattern

@@ -34,7 +34,7 @@ from planner.exceptions import (
     PlannerError,
 )
 from planner.files.text import STANDARD_STREAM, write_text
-from planner.report.table import fitted_to
+from planner.report.wording import fitted_to
 
 COMMANDS = {
     "calibrate": "Move servos, identify their joints, recommend how to plan.",

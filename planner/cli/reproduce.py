@@ -12,7 +12,7 @@ from planner.cli import options
 from planner.cli.console import Answer, Progress, terminal_width
 from planner.files.staging import list_files, output_folder
 from planner.files.text import to_json, write_bytes, write_text
-from planner.report.table import fitted_to
+from planner.report.wording import fitted_to
 
 if TYPE_CHECKING:
     from pathlib import Path

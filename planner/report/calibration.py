@@ -15,8 +15,7 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.identification_page import cloud_figure
 from planner.report.identification_text import explained, joints_table, next_step
 from planner.report.page import Page
-from planner.report.table import Row, Table, number
-from planner.report.wording import words_of
+from planner.report.wording import Row, Table, number, words_of
 from planner.robot.arm import SETTINGS, Servo
 from planner.robot.calibration import WORDS, Check, Compared, Recheck, Way
 

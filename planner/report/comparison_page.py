@@ -21,8 +21,7 @@ from planner.model.evidence import untested_words
 from planner.report import figure, style
 from planner.report.figure import Axis, Figure, Panel, Timeline, line
 from planner.report.page import Page, models_table
-from planner.report.table import NOTHING, Column, Row, Table, number, percent
-from planner.report.wording import words_of
+from planner.report.wording import NOTHING, Column, Row, Table, number, percent, words_of
 from planner.trajectory import error_norm, index_of_largest
 
 SHOWN = "closed_form_paper"
@@ -163,11 +162,11 @@ def foot_table(foot: FootComparison) -> Table:
     """Errors of the foot under the plans."""
     rows = []
     for method, plan in foot.plans.items():
-        gap, difference = foot.gap(method), [NOTHING] * 2
+        difference = [NOTHING] * 2
         if method != "foot_optimal":
             difference = [number(math.degrees(value)) for value in foot.differences[method]]
         errors = (f"{100.0 * each[0]:.3f}" for each in (plan.rms, plan.max_error))
-        cells = [*errors, NOTHING if gap is None else percent(gap), *difference]
+        cells = [*errors, percent(foot.gap(method)), *difference]
         rows.append(Row(METHODS[method], cells, "foot"))
     if foot.bound is not None:
         bound = [""] * 5

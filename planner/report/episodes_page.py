@@ -13,8 +13,7 @@ from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, joined
 from planner.report.page import Page
 from planner.report.replay_page import RESENT, SIGNS, sizes_of
-from planner.report.table import NOTHING, Column, Row, Table, by_columns, number
-from planner.report.wording import words_of
+from planner.report.wording import NOTHING, Column, Row, Table, by_columns, number, words_of
 from planner.trajectory import Array
 
 MOST_ROWS = 500

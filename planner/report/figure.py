@@ -134,11 +134,11 @@ class Figure:
     @property
     def description(self) -> str:
         """A description for screen readers: its axes, panels and curves."""
-        curves = [curve for panel in self.panels for curve in panel.curves if curve.legend]
+        curves = [curve for panel in self.panels for curve in panel.curves]
         parts = {
             "axes": [*(panel.y.words for panel in self.panels), self.x.words],
             "panels": [panel.title for panel in self.panels],
-            "curves": [curve.name for curve in curves if not curve.hidden],
+            "curves": [each.name for each in curves if each.legend and not each.hidden],
         }
         phrases = [
             f"{kind}: {', '.join(dict.fromkeys(filter(None, names)))}"
@@ -163,6 +163,7 @@ class Timeline:
         """Measure in milliseconds, or a long motion in seconds."""
         self.period, self.samples, self.cyclic = period, samples, cyclic
         self.last = samples if cyclic else samples - 1  # the sample at the end of the axis
+        self.stride = -(-samples // MOST_FRAMES)  # from one sample that is shown to the next
         self.unit = "ms" if 1000.0 * period * samples <= 5000.0 else "s"
         self.per_second = 1000.0 if self.unit == "ms" else 1.0  # units of the axis in a second
         self.step = period * self.per_second  # units from a sample to the next
@@ -209,10 +210,9 @@ class Timeline:
         are ``hidden`` at first. Points are the positions of its joints and, last, its foot [m], all
         of shape (n, joints + 1, 3).
         """
-        stride = -(-self.samples // MOST_FRAMES)
         motions = []
         for role, points in ((DESIRED, desired), *others):
-            far = np.linalg.norm(points[::stride, -1] - desired[::stride, -1], axis=1)
+            far = np.linalg.norm(points[:: self.stride, -1] - desired[:: self.stride, -1], axis=1)
             known = role is not DESIRED
             motions.append(
                 {
@@ -221,14 +221,14 @@ class Timeline:
                     "width": role.pixels,
                     "dashes": role.strokes.replace("solid", "none").replace("px", ""),
                     "hidden": role.label in hidden,
-                    "points": rounded(points[::stride], 100.0),
+                    "points": rounded(points[:: self.stride], 100.0),
                     "distances": rounded(far, 100.0) if known else None,
                     "rms": rounded(rms(far), 100.0) if known else None,
                 }
             )
         live = {
             "kind": "leg",
-            "period": stride * self.period,
+            "period": self.stride * self.period,
             "cyclic": self.cyclic,
             "ground": None if ground is None else rounded(ground, 100.0),
             "motions": motions,

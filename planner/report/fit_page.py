@@ -10,8 +10,7 @@ import numpy as np
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, line
 from planner.report.page import Page
 from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, LOWER_BOUND, MUTED
-from planner.report.table import Table, by_columns
-from planner.report.wording import words_of
+from planner.report.wording import Table, by_columns, words_of
 
 if TYPE_CHECKING:
     from planner.approximation.fit import Choices, PiecewiseLinearFit

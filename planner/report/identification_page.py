@@ -32,8 +32,7 @@ from planner.report.identification_text import (
 )
 from planner.report.page import Page, parameters_of
 from planner.report.style import Role
-from planner.report.table import Column, Table, by_columns
-from planner.report.wording import words_of
+from planner.report.wording import Column, Table, by_columns, words_of
 from planner.trajectory import Array, index_of_largest, stretches
 
 CLOSE_UP = 3.0

@@ -26,8 +26,7 @@ from planner.identification.result import (
     telling_error,
 )
 from planner.report.page import PARAMETERS
-from planner.report.table import NOTHING, Column, Row, Table, by_columns
-from planner.report.wording import phrase, rendered_text
+from planner.report.wording import NOTHING, Column, Row, Table, by_columns, phrase, rendered_text
 
 ALTERNATIVES = {
     "raw": "the request itself",

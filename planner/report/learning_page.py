@@ -12,8 +12,7 @@ import numpy as np
 from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Page
-from planner.report.table import NOTHING, Row, Table, number, text_table
-from planner.report.wording import words_of
+from planner.report.wording import NOTHING, Row, Table, number, text_table, words_of
 from planner.trajectory import Array
 
 if TYPE_CHECKING:

@@ -27,8 +27,7 @@ from markupsafe import Markup
 from planner._version import __version__
 from planner.report.figure import Axis, Curve, Figure, Panel, around
 from planner.report.style import INK, MUTED, ROLES
-from planner.report.table import NOTHING, Row, Table, signed
-from planner.report.wording import breakable, environment
+from planner.report.wording import NOTHING, Row, Table, breakable, environment, signed
 
 if TYPE_CHECKING:
     from planner.model.joint import JointModel

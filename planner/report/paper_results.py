@@ -33,8 +33,16 @@ from planner.identification.result import Identification
 from planner.model.joint import JointModel
 from planner.report.figure import Figure
 from planner.report.page import Page, file_link, parameters_of, versions
-from planner.report.table import NOTHING, Column, Row, Table, number, percent, signed
-from planner.report.wording import rendered_text
+from planner.report.wording import (
+    NOTHING,
+    Column,
+    Row,
+    Table,
+    number,
+    percent,
+    rendered_text,
+    signed,
+)
 from planner.trajectory import Array, Distance
 
 Results = Mapping[str, Any]

@@ -13,8 +13,16 @@ from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
 from planner.report.plan_results import PlanAnswer, motions_table, no_bound
-from planner.report.table import Column, Row, Table, by_columns, percent, signed, thousandths
-from planner.report.wording import words_of
+from planner.report.wording import (
+    Column,
+    Row,
+    Table,
+    by_columns,
+    percent,
+    signed,
+    thousandths,
+    words_of,
+)
 from planner.trajectory import Array, size
 
 WITHOUT = style.DIRECT._replace(label="without a plan")

@@ -27,9 +27,7 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.table import (
-    NO_BOUND,
-    NOTHING,
+from planner.report.wording import (
     Column,
     Row,
     Table,
@@ -203,11 +201,8 @@ class PlanAnswer:
     def bounds(self) -> list[tuple[str, list[str]]]:
         """Columns of the lower bounds, of what error where that is not the rms error, and gaps."""
         title = "lower bound (max)" if self.plan.task.norm == "max" else "lower bound"
-        gaps = (each.gap for each in self.joints)
-        return [
-            (title, [number(each.bound, 3) for each in self.joints]),
-            ("gap", [NOTHING if math.isnan(gap) else percent(gap) for gap in gaps]),
-        ]
+        gaps = [percent(each.gap) for each in self.joints]
+        return [(title, [number(each.bound, 3) for each in self.joints]), ("gap", gaps)]
 
     @property
     def on_robot(self) -> list[str]:
@@ -216,9 +211,8 @@ class PlanAnswer:
         for each in self.plan.expected:
             error, *ends = np.degrees([each.error, each.low, each.high])
             low, high = (f"{end:.3g}" for end in ends)
-            known = f"{error:.3f}" if low == high else f"{error:.3f}\n{low} to {high}"
-            cells.append(NOTHING if math.isnan(error) else known)
-        return [] if set(cells) == {NOTHING} else cells
+            cells.append(number(error, 3) + ("" if low == high else f"\n{low} to {high}"))
+        return cells if any(math.isfinite(each.error) for each in self.plan.expected) else []
 
     @property
     def over_models(self) -> Table | None:
@@ -435,7 +429,7 @@ def named(errors: Distance, unit: str) -> dict[str, float]:
 def no_bound(plan: Plan) -> str:
     """For what there is no lower bound, and why; empty where there is one."""
     if plan.task.load_of_pose:
-        return NO_BOUND
+        return "under a load that depends on the pose: other requests would meet another load"
     pairs = zip(plan.names, plan.models, strict=True)
     faster = [name or "the joint" for name, model in pairs if model.exceeds_v_max]
     if not faster:

@@ -13,7 +13,6 @@ from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure, style
 from planner.report.figure import (
-    MOST_FRAMES,
     Axis,
     Curve,
     Figure,
@@ -25,8 +24,17 @@ from planner.report.figure import (
 )
 from planner.report.page import Page, models_table
 from planner.report.plan_results import motions_table, named
-from planner.report.table import NOTHING, Column, Row, Table, number, thousandths
-from planner.report.wording import phrase, rendered_text, words_of
+from planner.report.wording import (
+    NOTHING,
+    Column,
+    Row,
+    Table,
+    number,
+    phrase,
+    rendered_text,
+    thousandths,
+    words_of,
+)
 from planner.trajectory import Array, Distance, size
 
 if TYPE_CHECKING:
@@ -217,8 +225,7 @@ def joints_table(replay: Replay, about: str = "joint [deg]") -> Table:
 def moment_figure(replay: Replay) -> Figure:
     """The slider through the episode, with the numbers of its moment."""
     timeline, joints = Timeline(replay.period, len(replay.moments), cyclic=False), replay.joints
-    stride = -(-timeline.samples // MOST_FRAMES)
-    units = [LOG_UNITS[each.path.unit] for each in joints]
+    stride, units = timeline.stride, [LOG_UNITS[each.path.unit] for each in joints]
     kinds = []
     for name, kind in (("path", "desired"), ("request", "requests"), ("predicted", "predicted")):
         arrays = ((getattr(each, kind), unit) for each, unit in zip(joints, units, strict=True))

@@ -13,8 +13,7 @@ from planner.evaluation.sweep import Outcome, Swept
 from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
-from planner.report.table import Column, Row, Table, by_columns
-from planner.report.wording import words_of
+from planner.report.wording import Column, Row, Table, by_columns, words_of
 
 WORDS = {
     "length": ("half stroke", "m"),

@@ -1,18 +1,205 @@
-"""The words of pages, figures and terminals: templates, and how these write numbers and names."""
+"""The words of pages, figures and terminals: templates, tables, numbers and names.
+
+A table is described once: plain text for a terminal, and a page draws it by its template.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from itertools import groupby, zip_longest
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Literal
 
 from markupsafe import Markup, escape
 
-from planner.report.table import Table, at_most, number, percent, two_digits
-
 if TYPE_CHECKING:
     import jinja2
+
+NOTHING = "–"
+"""Content of a cell without a value."""
+
+_WIDTH: ContextVar[int | None] = ContextVar("_WIDTH", default=None)
+"""Characters of a line; None, as for files, for any number."""
+
+
+@contextmanager
+def fitted_to(width: int | None) -> Iterator[None]:
+    """Let tables that are drawn as text in the block be at most so wide; None for any width."""
+    token = _WIDTH.set(width)
+    try:
+        yield
+    finally:
+        _WIDTH.reset(token)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of cells, or several under one title."""
+
+    title: str
+    parts: tuple[str, ...] = ()  # titles of the columns under it; none for a single column
+    words: bool = False  # whether its cells are words, which stand on the left and may break
+
+    # how a terminal writes the parts of a cell, as for `str.format`; the first part alone where
+    # the second is `NOTHING`
+    joined: str = "{0}"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row."""
+
+    about: str  # its label, in the first column
+
+    # its cells: words, or one for each part of their column. Text after a line break is a note
+    cells: Sequence[str | tuple[str, ...]]
+    subject: str = ""  # its group; rows of one subject stand together
+    kind: str = ""  # how a page marks it, such as "bound"
+
+
+class Table:
+    """A table."""
+
+    def __init__(
+        self,
+        about: str,
+        columns: Iterable[str | Column],
+        rows: Iterable[Row],
+        label: str = "",
+        *,
+        apart: bool = False,
+    ) -> None:
+        """Begin rows with a column titled ``about``.
+
+        The label is for screen readers. ``apart``: whether a terminal shows the subject of rows in
+        a column of its own, once.
+        """
+        self.about, self.rows, self.label, self.apart = about, [*rows], label, apart
+        self.columns = [Column(each) if isinstance(each, str) else each for each in columns]
+
+    def text(self) -> str:
+        """The table for a terminal, the subject before each row's label."""
+        rows = []
+        for subject, same in self.subjects():
+            for number, row in enumerate(same):
+                about = [", ".join(filter(None, (subject, _with_note(row.about))))]
+                if self.apart:
+                    about = ["" if number else subject, row.about]
+                rows.append([*about, *map(_joined, row.cells, self.columns)])
+        header = [self.about, *([""] if self.apart else []), *(each.title for each in self.columns)]
+        return text_table(header, rows, about=2 if self.apart else 1)
+
+    def subjects(self) -> list[tuple[str, list[Row]]]:
+        """The rows of every subject together."""
+        return [(name, list(rows)) for name, rows in groupby(self.rows, attrgetter("subject"))]
+
+
+def by_columns(
+    about: str,
+    rows: Iterable[str],
+    columns: Iterable[tuple[str | Column, Sequence[str | tuple[str, ...]]] | Literal[False]],
+    *,
+    label: str = "",
+    kinds: Iterable[str] | None = None,
+) -> Table:
+    """A table from the labels of its rows and its columns: titles and cells; False is no column."""
+    shown, names = [each for each in columns if each], [*rows]
+    cells = zip(*(own for _, own in shown), strict=True)
+    each = zip(names, cells, [""] * len(names), kinds or [""] * len(names), strict=True)
+    return Table(about, (title for title, _ in shown), (Row(*row) for row in each), label)
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: int = 1) -> str:
+    """Columns as wide as their widest cell, two blanks apart, under a header line.
+
+    Where the terminal is not wide enough (:func:`fitted_to`), columns that do not fit follow right
+    below, under a header of theirs that begins with the ``about`` columns that identify a row.
+    Cells of a column that does not fit even alone are broken between words. The first column is on
+    the left, the rest on the right. A blank line belongs between two tables.
+    """
+    most, first = _WIDTH.get() or math.inf, list(range(about))
+    stub = sum(max(len(row[j]) + 2 for row in (header, *rows)) for j in first)
+
+    def lines_of(cell: str, j: int) -> list[str]:
+        if j < about or not cell or stub + len(cell) <= most:
+            return [cell]
+        room = max(int(most) - stub, 1)
+        return textwrap.wrap(cell, room, break_long_words=False, break_on_hyphens=False)
+
+    cells = [[lines_of(cell, j) for j, cell in enumerate(row)] for row in (header, *rows)]
+    widths = [max(len(line) for row in cells for line in row[j]) for j in range(len(header))]
+    blocks, width = list[list[int]](), math.inf
+    for j in range(about, len(widths)):
+        width += 2 + widths[j]
+        if width > most or not blocks:
+            blocks.append(first.copy())
+            width = stub + widths[j]
+        blocks[-1].append(j)
+    lines = [
+        "  ".join(
+            line.ljust(widths[j]) if j == 0 else line.rjust(widths[j])
+            for j, line in zip(columns, parts, strict=True)
+        ).rstrip()
+        for columns in blocks
+        for row in cells
+        for parts in zip_longest(*(row[j] for j in columns), fillvalue="")
+    ]
+    return "\n".join(lines)
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A number with fixed decimals; a dash for none, and for NaN."""
+    return NOTHING if value is None or math.isnan(value) else f"{value:.{digits}f}"
+
+
+def thousandths(values: Iterable[float]) -> tuple[str, ...]:
+    """Numbers with three decimals."""
+    return tuple(f"{value:.3f}" for value in values)
+
+
+def two_digits(value: float) -> str:
+    """Two digits of a number, without a power of ten."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def at_most(value: float) -> str:
+    """Two digits of a size, rounded up: what stays below the size stays below them."""
+    if not value > 0.0:
+        return "0"
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    # rounding of a division by a decimal step
+    return two_digits(step * math.ceil(value / step * (1.0 - 1e-12)))
+
+
+def signed(text: str) -> str:
+    """A number as a page writes it, with a minus sign."""
+    return text.replace("-", "−")
+
+
+def percent(share: float | None, digits: int = 2) -> str:
+    """A share as a percentage, a dash for none and NaN; of a lower bound of zero there is none."""
+    if share is None or math.isnan(share):
+        return NOTHING
+    return "lower bound is 0" if math.isinf(share) else f"{100.0 * share:.{digits}f} %"
+
+
+def _joined(cell: str | tuple[str, ...], column: Column) -> str:
+    if isinstance(cell, str):
+        return _with_note(cell)
+    missing = len(cell) > 1 and cell[1] == NOTHING
+    return cell[0].replace("\n", " ") if missing else column.joined.format(*cell).replace("\n", " ")
+
+
+def _with_note(words: str) -> str:
+    value, _, note = words.partition("\n")
+    return f"{value} ({note})" if note else value
 
 
 @cache

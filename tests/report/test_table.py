@@ -6,8 +6,7 @@ import re
 
 import pytest
 
-from planner.report.table import NOTHING, Column, Row, Table, fitted_to, text_table
-from planner.report.wording import environment
+from planner.report.wording import NOTHING, Column, Row, Table, environment, fitted_to, text_table
 
 
 def drawn(table):
