@@ -264,10 +264,7 @@ def _step_test(planned: PlannedWalk, number: int, amplitude: float) -> Figure:
             timeline.curve(np.degrees(response.angles), style.CLOSED_FORM, "actual"),
         ),
         f"top speed {speed:.3g} deg per tick",
-        spans=(
-            Span(start, middle, style.MUTED, 0.16),
-            Span(middle, end, style.CLOSED_FORM, 0.16),
-        ),
+        spans=(Span(start, middle, style.MUTED, 0.16), Span(middle, end, style.CLOSED_FORM, 0.16)),
         words=(
             Words(f"lag {response.lag} ticks", start, top, "right", "top"),
             Words(f"acceleration {response.acceleration} ticks", end, top, "left", "top"),

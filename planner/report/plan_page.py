@@ -38,11 +38,7 @@ METHODS = {
 
 
 def plan_page(
-    answer: PlanAnswer,
-    *,
-    title: str,
-    foot_given: Array | None = None,
-    notes: Sequence[str] = (),
+    answer: PlanAnswer, *, title: str, foot_given: Array | None = None, notes: Sequence[str] = ()
 ) -> Page:
     """The whole page.
 

@@ -27,15 +27,7 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.wording import (
-    Column,
-    Row,
-    Table,
-    by_columns,
-    number,
-    percent,
-    thousandths,
-)
+from planner.report.wording import Column, Row, Table, by_columns, number, percent, thousandths
 from planner.trajectory import Array, Distance, error_norm, rms, size
 
 if TYPE_CHECKING:

@@ -12,16 +12,7 @@ import numpy as np
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure, style
-from planner.report.figure import (
-    Axis,
-    Curve,
-    Figure,
-    Panel,
-    Span,
-    Timeline,
-    line,
-    rounded,
-)
+from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, line, rounded
 from planner.report.page import Page, models_table
 from planner.report.plan_results import motions_table, named
 from planner.report.wording import (
@@ -140,8 +131,7 @@ def replay_page(
         joints=joints_table(replay),
         pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
         models=models_table(
-            [each.name for each in replay.planned],
-            [each.plan.models[0] for each in replay.planned],
+            [each.name for each in replay.planned], [each.plan.models[0] for each in replay.planned]
         ),
     )
 
