@@ -27,21 +27,15 @@ if TYPE_CHECKING:
 
 Unreachable = Literal["raise", "nearest", "clamp"]
 
-MOST_JOINTS = 3
-"""Joints that the position of a foot can determine."""
-
-REACHED = 1e-9
-"""A pose reaches a point when its foot is within this of it [m]."""
+MOST_JOINTS = 3  # joints that the position of a foot can determine
+REACHED = 1e-9  # a pose reaches a point when its foot is within this of it [m]
 
 REGIONS, SAMPLES = 3, 4
 """Parts that each joint's range is cut into, of which every combination is searched on its own, and
 poses per joint and part among which each search starts."""
 
-SAME = 6
-"""Decimals [rad] to which margins and moves are compared, so that rounding decides nothing."""
-
-EXACT = 1e-9
-"""Tolerance of intersecting and of parallel axes: radians, and metres per metre of leg."""
+SAME = 6  # decimals [rad] to which margins and moves are compared, so that rounding decides nothing
+EXACT = 1e-9  # tolerance of intersecting and of parallel axes: radians, and metres per metre of leg
 
 APART = 1e-3
 """Least distance of axes and points, likewise: below it the closed form is ill-conditioned."""
@@ -298,8 +292,7 @@ def _unwrapped(angles: Array, start: float, lower: float, upper: float) -> Array
     return np.array(inside)
 
 
-Axis = tuple[Array, Array]
-"""A line to turn about: its unit direction and a point of it, each (3,)."""
+Axis = tuple[Array, Array]  # a line to turn about: its unit direction and a point of it, each (3,)
 
 Circle = tuple[Array, Array, Array]
 """The points ``middle + cosine cos q + sine sin q`` that a point reaches by a turn by q."""

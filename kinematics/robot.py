@@ -20,11 +20,8 @@ from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
 from planner.trajectory import Array
 from planner.validation import read_only, shown
 
-MOST_BYTES = 64 * 2**20
-"""Longest readable file [bytes]; meshes are in files of their own."""
-
-MOST_MOVING = 200
-"""Most joints of a robot: Pinocchio's tables grow with their square."""
+MOST_BYTES = 64 * 2**20  # longest readable file [bytes]; meshes are in files of their own
+MOST_MOVING = 200  # most joints of a robot: Pinocchio's tables grow with their square
 
 TO_LIMIT = (
     'write <limit lower="..." upper="..." effort="..." velocity="..."/> [rad] for each into the '

@@ -19,8 +19,7 @@ from planner.exceptions import InvalidInput
 from planner.trajectory import Array
 from planner.validation import read_only
 
-MOST_BYTES = 32 * 2**20
-"""Largest readable mesh [bytes]."""
+MOST_BYTES = 32 * 2**20  # largest readable mesh [bytes]
 
 
 @dataclass(frozen=True, eq=False)

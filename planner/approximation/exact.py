@@ -21,15 +21,13 @@ from planner.trajectory import Array, Indices
 
 Levels = list[Indices]
 
-PROVED = 1e-6
-"""Relative gap between the squared error and its lower bound that ends the search."""
+PROVED = 1e-6  # relative gap between the squared error and its lower bound that ends the search
 
 MOST_SAMPLES = 400
 """Samples up to which the optimum is proved: memory grows with their square, of a cycle their cube
 at the first bound."""
 
-MOST_BRANCHES = 4_000
-"""Halves that are looked at before the search gives up."""
+MOST_BRANCHES = 4_000  # halves that are looked at before the search gives up
 
 
 def proved_best(problem: Problem, start: Candidate) -> Candidate:

@@ -54,8 +54,7 @@ FLOOR = 0.01
 """Rms, relative to the range of the samples, below which more segments are not worth their
 corners."""
 
-ABOVE_NOISE = 1.1
-"""Rms over the noise of the samples that is not worth corners either."""
+ABOVE_NOISE = 1.1  # rms over the noise of the samples that is not worth corners either
 
 ONE_BY_ONE = 16
 """Segments up to which every number is tried; beyond, a bracket grows and is halved. 8: more

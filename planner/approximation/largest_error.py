@@ -43,11 +43,8 @@ MOST_LINES = 4000
 that the time is in proportion to the samples. All rounds for 2,500 segments: 9 % smaller errors at
 best, 2.7 times the time."""
 
-MOST_ROUNDS = 8
-"""Rounds of least squares at most; 14: 0.03 % smaller rms errors in the mean."""
-
-MARGIN = 1e-9
-"""Share of the bounds that is left to the tolerance of the QP."""
+MOST_ROUNDS = 8  # rounds of least squares at most; 14: 0.03 % smaller rms errors in the mean
+MARGIN = 1e-9  # share of the bounds that is left to the tolerance of the QP
 
 
 def within_largest_error(

@@ -22,17 +22,10 @@ SMALLEST = 1e-30
 """Smallest speed, time or error that is accepted, and half range of samples that are not constant:
 no measurement is as exact."""
 
-SAME_PLACE = 1e-6
-"""Distance [samples] at which a knot counts as one that is required."""
-
-KNOT_DIGITS = 9
-"""Decimals of required knots [samples]."""
-
-SHORTEST = 1.0 - 1e-9
-"""Length of the shortest segment [samples]: a sample, less rounding."""
-
-BARELY = 1e-9
-"""Relative distance from a bound on the error that rounding cannot cross."""
+SAME_PLACE = 1e-6  # distance [samples] at which a knot counts as one that is required
+KNOT_DIGITS = 9  # decimals of required knots [samples]
+SHORTEST = 1.0 - 1e-9  # length of the shortest segment [samples]: a sample, less rounding
+BARELY = 1e-9  # relative distance from a bound on the error that rounding cannot cross
 
 
 class Problem(NamedTuple):

@@ -43,8 +43,7 @@ FEW = 3
 """Evaluations after which starts and moves are compared. 4: 0.02 % less error in the mean; 8: no
 change for a fifth more evaluations."""
 
-MANY = 8
-"""Most evaluations of the descent of a curve that was chosen."""
+MANY = 8  # most evaluations of the descent of a curve that was chosen
 
 CLOSE = 1.00001
 """Squared error over the ideal's up to which a curve is not improved any more. 1.002: curves of a
@@ -73,8 +72,7 @@ error in the mean, 3 % at worst."""
 RESOLUTION = 2.0**-36
 """Samples are searched as multiples of this, and the largest slope as one of this share of it."""
 
-BEND = 1e-10
-"""Second difference, relative to the size of the samples, that counts as zero."""
+BEND = 1e-10  # second difference, relative to the size of the samples, that counts as zero
 
 EQUAL = 1e-9
 """Relative difference up to which two numbers count as equal where the larger one decides, so that

@@ -59,8 +59,7 @@ AS_GOOD = Tolerance(
 ROUNDING = 1e-3
 """Share of a tolerance within which a value is rounding: the last bits that processors round
 differently must not decide which plan is reported as closest to breaking a claim."""
-FOLLOWED = 1e-4
-"""Errors up to this count as zero [rad]: 0.006 degrees."""
+FOLLOWED = 1e-4  # errors up to this count as zero [rad]: 0.006 degrees
 
 
 @dataclass(frozen=True)

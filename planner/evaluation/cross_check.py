@@ -71,14 +71,9 @@ METHODS: Mapping[str, str] = {
 }
 """The compared plans: label by key."""
 
-CLOSED_FORMS = ("closed_form_paper", "closed_form_exact")
-"""The plans that ignore limits."""
-
-SECOND = "optimal_ipopt"
-"""The plan of CasADi's solver, a second opinion on the optimised one."""
-
-FOOT = "foot"
-"""Subject of checks of all joints together."""
+CLOSED_FORMS = ("closed_form_paper", "closed_form_exact")  # the plans that ignore limits
+SECOND = "optimal_ipopt"  # the plan of CasADi's solver, a second opinion on the optimised one
+FOOT = "foot"  # subject of checks of all joints together
 
 
 @dataclass(frozen=True, eq=False, repr=False)

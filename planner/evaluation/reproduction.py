@@ -28,8 +28,7 @@ SOURCE = (
     "Table 2 and Section 5"
 )
 
-STEP_AMPLITUDES = (40.0, 110.0)
-"""Amplitudes of the step tests of Figures 3 and 4 [degrees]."""
+STEP_AMPLITUDES = (40.0, 110.0)  # amplitudes of the step tests of Figures 3 and 4 [degrees]
 
 SEGMENTS = 6
 """Lines of an approximation; the paper draws its own by hand, with about as many (Figure 6)."""
@@ -41,8 +40,7 @@ SAME_METHOD: Mapping[str, str] = {
 }
 """The paper has one closed form; its figures stand beside ours as it is and with knots refined."""
 
-RULE: Rule = "paper"
-"""How the model-based rows of Table 2 invert a line."""
+RULE: Rule = "paper"  # how the model-based rows of Table 2 invert a line
 
 REFINE = {"closed_form_plain": False, "closed_form": True}
 """Whether knots are moved by the error of the simulated joint. The paper's stay where they are."""

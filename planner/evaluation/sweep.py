@@ -15,8 +15,7 @@ import numpy as np
 
 from planner.trajectory import Array
 
-Point = tuple[float, ...]
-"""A value for each parameter, in their order."""
+Point = tuple[float, ...]  # a value for each parameter, in their order
 
 
 @dataclass(frozen=True)

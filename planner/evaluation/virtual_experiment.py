@@ -33,27 +33,20 @@ from planner.virtual.robot import CONSTANTS, Constants, VirtualRobot
 AMPLITUDES = (20.0, 40.0, 70.0)
 """Heights of the step tests [degrees]: small to large within the range that the walk needs."""
 
-STEP_CYCLES = 3
-"""Cycles of each step test, as the paper repeats them."""
-
-SETTLING = 1.0
-"""Time in which the leg takes up the pose that a test begins with [s]."""
-
-CYCLES = 20
-"""Cycles of each walk, as in the paper."""
+STEP_CYCLES = 3  # cycles of each step test, as the paper repeats them
+SETTLING = 1.0  # time in which the leg takes up the pose that a test begins with [s]
+CYCLES = 20  # cycles of each walk, as in the paper
 
 STEADY = 3.0
 """Change from cycle to cycle, rms, up to which a walk is steady, over what the errors of a sensor
 make of two equal cycles. The noise of the supply is the rest."""
 
-TRIALS = 10
-"""Trials of learning, each executed until it is steady and then measured for two cycles."""
+TRIALS = 10  # trials of learning, each executed until it is steady and then measured for two cycles
 
 MEASURED_CYCLES = 2
 """Cycles that are measured in each trial: the fewest that separate noise from repeatable errors."""
 
-MOST_DROPPED = 20
-"""Cycles after which a walk that is not steady will not be."""
+MOST_DROPPED = 20  # cycles after which a walk that is not steady will not be
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,11 +19,8 @@ from planner.planning.result import FootInversion
 from planner.trajectory import Array
 from planner.validation import as_positive, check_choice, read_only, shown
 
-LONGEST = 0.25
-"""Half of the longest stroke chosen by default, over the length of the leg."""
-
-HIGHEST = 0.15
-"""The highest swing chosen by default, over the length of the leg."""
+LONGEST = 0.25  # half of the longest stroke chosen by default, over the length of the leg
+HIGHEST = 0.15  # the highest swing chosen by default, over the length of the leg
 
 DEXTEROUS = 0.4
 """How dexterous the leg must remain, to its standing pose: it keeps away from stretching."""
@@ -342,7 +339,6 @@ def shortest_cycle(
 
 def in_samples(path: Array, count: int) -> Array:
     """A cyclic path in another number of samples, on straight lines between its own, (count, 3)."""
-    closed = np.vstack([path, path[:1]])
-    places = np.arange(count) * (len(path) / count)
-    columns = [np.interp(places, np.arange(len(closed)), column) for column in closed.T]
+    own, places = np.arange(len(path)), np.arange(count) * (len(path) / count)
+    columns = [np.interp(places, own, column, period=len(path)) for column in path.T]
     return np.column_stack(columns)

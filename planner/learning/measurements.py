@@ -25,8 +25,7 @@ from planner.planning.result import SensorDelay, Trial
 from planner.trajectory import LARGEST, Array, rms
 from planner.validation import as_reals
 
-COUNT = 2.0 * math.pi / 4096.0
-"""Count of a sensor of 12 bit [rad]."""
+COUNT = 2.0 * math.pi / 4096.0  # count of a sensor of 12 bit [rad]
 
 STILL, MOVING = 1.5 * COUNT, 15.0 * COUNT
 """Range of a joint that does not move, its reading flipping between two counts, and of the modelled

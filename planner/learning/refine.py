@@ -62,8 +62,7 @@ SHORTER = 1.05
 shorter one is made. (At 1 a model that is right leaves 4 % of its error in each trial; at 1.1 the
 third trial of one servo in six that overshoots is 1.6 times as far off.)"""
 
-MOST_TRIALS = 30
-"""Trials that are kept, the last ones and the best."""
+MOST_TRIALS = 30  # trials that are kept, the last ones and the best
 
 UNEXPLAINED, NEGLIGIBLE = 2.0, 0.002
 """Error of the prediction up to which learning copes with it: in standard deviations of the

@@ -23,8 +23,7 @@ from planner.trajectory import Array
 Episode = tuple[Layout, dict[str, Array], str]
 """Layout of a dataset, rows of an episode by feature, and its task in words."""
 
-HEAD = "head"
-"""The array of an encoded episode that holds all but its rows, as JSON."""
+HEAD = "head"  # the array of an encoded episode that holds all but its rows, as JSON
 
 
 def lerobot_episode(recording: Recording, replay: Replay) -> Episode:

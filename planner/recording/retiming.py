@@ -26,17 +26,10 @@ Retime = Literal["constant", "varying"]
 
 Progress = Callable[[str], None]
 
-RESOLUTION = 0.01
-"""Factors are found to this share."""
-
-SLOWEST, FASTEST = 1.0 / 16.0, 64.0
-"""Least and largest factor that are tried."""
-
-GRID = 0.05
-"""Distance of the moments at which a varying factor is set [s of the recording]."""
-
-ROUNDS = 14
-"""Rounds in which a varying factor is changed, each a plan."""
+RESOLUTION = 0.01  # factors are found to this share
+SLOWEST, FASTEST = 1.0 / 16.0, 64.0  # least and largest factor that are tried
+GRID = 0.05  # distance of the moments at which a varying factor is set [s of the recording]
+ROUNDS = 14  # rounds in which a varying factor is changed, each a plan
 
 
 class SpeedErrors(NamedTuple):

@@ -49,8 +49,7 @@ def problems(draw, least=3, most=60):
 
 
 EXACT_KNOTS = np.array([3.0, 20.5, 41.25, 70.0])
-EXACT_VALUES = np.array([0.1, 0.8, -0.3, 0.4])
-"""Corners on samples and between them."""
+EXACT_VALUES = np.array([0.1, 0.8, -0.3, 0.4])  # corners on samples and between them
 
 
 def on_a_cycle(n=88):

@@ -10,12 +10,8 @@ from hypothesis import strategies as st
 from planner import Infeasible, InvalidInput, fit_pwl
 from tests.approximation.samples import KINDS, closed, problems, samples_of
 
-SLOPE_ROUNDING = 1e-12
-"""Relative excess over v_max that a slope may have."""
-
-PLACE = 1e-9
-"""Rounding of the length of a segment and of a knot [samples]."""
-
+SLOPE_ROUNDING = 1e-12  # relative excess over v_max that a slope may have
+PLACE = 1e-9  # rounding of the length of a segment and of a knot [samples]
 SINE = np.sin(2.0 * np.pi * np.arange(60) / 60)
 
 

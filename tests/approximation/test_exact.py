@@ -16,12 +16,8 @@ from planner.approximation.problem import Problem
 from planner.approximation.values import best_values
 from tests.approximation.samples import KINDS, oracle_instance, oracle_instances, samples_of
 
-CLOSE = 1.01
-"""Error over the oracle's that the search is allowed, in at least 95 % of instances."""
-
-ZERO = 1e-9
-"""Errors below this [rad] are none; samples are of unit size."""
-
+CLOSE = 1.01  # error over the oracle's that the search is allowed, in at least 95 % of instances
+ZERO = 1e-9  # errors below this [rad] are none; samples are of unit size
 TABLE = json.loads((Path(__file__).parent / "oracle.json").read_text())
 
 
@@ -105,8 +101,7 @@ def test_a_joint_that_can_hardly_move_has_its_proof_at_once(cyclic, steepness):
     assert fit.rms == pytest.approx(np.std(desired), rel=2.0 * steepness)
 
 
-CLOSED = 1e3
-"""Weight of the condition that a cycle closes, in units of the samples' own."""
+CLOSED = 1e3  # weight of the condition that a cycle closes, in units of the samples' own
 
 
 def least_error(desired, segments, step, cyclic):

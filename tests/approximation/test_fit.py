@@ -21,8 +21,7 @@ from tests.approximation.samples import (
 )
 from tests.instances import ERS210A, REFERENCE_JOINTS
 
-SLOPE_ROUNDING = 1e-12
-"""Relative excess over v_max that a slope may have."""
+SLOPE_ROUNDING = 1e-12  # relative excess over v_max that a slope may have
 
 SAME = 1e-6
 """Relative difference of the rms errors of two fits that should be one: where descents end."""

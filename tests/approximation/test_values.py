@@ -88,8 +88,7 @@ def test_the_small_qp_is_solved_like_an_independent_solver_does(seed):
 constraints = from_python(kernel.constraints)
 evaluate = from_python(kernel.evaluate)
 
-SAME = 1e-9
-"""Rounding of sums over some 60 samples of unit size, and of a few steps of Newton's."""
+SAME = 1e-9  # rounding of sums over some 60 samples of unit size, and of a few steps of Newton's
 
 
 def problem_of(rng, *, cyclic):
@@ -190,8 +189,7 @@ def test_a_chord_costs_its_squared_error_where_it_is_not_too_steep_nor_passes_a_
         assert costs[j, i] == pytest.approx(expected, abs=1e-12)
 
 
-SOLVED = 1e-6
-"""What Clarabel leaves of a squared error or a largest error of about one."""
+SOLVED = 1e-6  # what Clarabel leaves of a squared error or a largest error of about one
 
 
 def programme(desired, step, cyclic, objective):

@@ -16,9 +16,7 @@ from planner.trajectory import Distance, size
 from tests.independent import equation_3
 from tests.instances import ERS210A
 
-PRINTED = 0.005
-"""Figures known from an independent computation to two decimals [deg, cm]."""
-
+PRINTED = 0.005  # figures known from an independent computation to two decimals [deg, cm]
 KNOWN_DIRECT = {"rotator": (32.80, 57.14), "abductor": (28.86, 53.09), "knee": (23.84, 58.13)}
 KNOWN_FOOT = {"direct": (3.156, 4.958), "shift": (1.470, 3.408)}
 

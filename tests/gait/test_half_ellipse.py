@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from planner.gait.half_ellipse import half_ellipse, reference_walk, walking_speed
 
-SHAPE = 1e-15
-"""The path is its formula to rounding [m]."""
+SHAPE = 1e-15  # the path is its formula to rounding [m]
 
 
 @pytest.fixture(scope="module")

@@ -24,8 +24,7 @@ from planner.gait.stride import (
 )
 from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg
 
-TRACED = 1e-9
-"""Largest distance to the foot that the inverse leaves [m]."""
+TRACED = 1e-9  # largest distance to the foot that the inverse leaves [m]
 
 
 @pytest.fixture(scope="module")
@@ -143,8 +142,7 @@ def test_a_stride_on_which_the_leg_would_have_to_leap_is_an_error(leg):
         stride(replace(leg, limits=limits), length=0.14, **given)
 
 
-SAMPLES = 80
-"""Of a cycle: every phase is a whole number of them."""
+SAMPLES = 80  # of a cycle: every phase is a whole number of them
 
 
 @pytest.fixture(scope="module")

@@ -24,11 +24,8 @@ from tests.kinematics.made_up_robots import (
     reference_leg,
 )
 
-EXACT = 1e-9
-"""An answer puts the foot within this of the point [m]."""
-
-CLOSE = 1e-12
-"""The closed form is this exact away from singular poses [m]."""
+EXACT = 1e-9  # an answer puts the foot within this of the point [m]
+CLOSE = 1e-12  # the closed form is this exact away from singular poses [m]
 
 SAME_POSE = 1e-6
 """Poses found by two routes agree to this [rad]; a singular pose is known to √eps only."""

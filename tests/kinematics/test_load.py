@@ -12,8 +12,7 @@ from kinematics import Leg, UnsupportedLeg
 from kinematics.leg import GRAVITY
 from tests.kinematics.made_up_robots import LEGS, Joint, Y, ers210a_leg, made_up_leg
 
-ROUNDING = 1e-12
-"""Two routes to the same torque agree to this [N m]; the torques are of order 1."""
+ROUNDING = 1e-12  # two routes to the same torque agree to this [N m]; the torques are of order 1
 
 DIFFERENCES = 1e-7
 """Central differences of the energy with a step of 1e-5 rad are right to this [N m]."""

@@ -16,11 +16,8 @@ from kinematics.scene import Scene
 from planner.gait.stride import LEAST_DEXTERITY, dexterity, standing_pose
 from tests.kinematics.made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
 
-ROUNDING = 1e-12
-"""Two routes through the same kinematics agree to this [m]."""
-
-REACHED = 1e-9
-"""Largest distance to the foot that the inverse leaves [m]."""
+ROUNDING = 1e-12  # two routes through the same kinematics agree to this [m]
+REACHED = 1e-9  # largest distance to the foot that the inverse leaves [m]
 
 ARM = [
     Joint((0.0, 0.0, 0.1), Z, kind="continuous"),

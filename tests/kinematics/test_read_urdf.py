@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinematics import InvalidInput, Leg, UnsupportedLeg
+from kinematics import InvalidInput, KinematicsError, Leg, UnsupportedLeg
 from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, urdf_text
 
 KNEE = Joint((0.0, 0.0, -0.2), Y)
@@ -54,19 +54,8 @@ def test_a_joint_that_is_locked_or_elsewhere_needs_no_range(tmp_path):
 @pytest.mark.parametrize(
     ("base", "foot", "message"),
     [
-        ("pelvis", "tip", "base: frame 'pelvis' is not in the URDF; frames: .*link_0.*tip"),
-        ("link_0", "", "foot: frame '' is not in the URDF"),
-    ],
-)
-def test_an_unknown_frame_is_an_error_that_lists_the_frames(base, foot, message, tmp_path):
-    with pytest.raises(InvalidInput, match=message) as error:
-        leg_of(tmp_path, VALID, base=base, foot=foot)
-    assert all(each in str(error.value) for each in ("link_0", "link_1", "link_2", "tip", "arm"))
-
-
-@pytest.mark.parametrize(
-    ("base", "foot", "message"),
-    [
+        ("pelvis", "tip", "base: frame 'pelvis' .* URDF; frames: .*link_0.*link_1.*link_2.*tip"),
+        ("link_0", "", "foot: frame '' is not in the URDF; frames: .*link_0.*link_1.*link_2.*tip"),
         ("tip", "link_0", "base 'tip' is not above foot 'link_0'.*swapped"),
         ("arm", "tip", "base 'arm' is not above foot 'tip'.*different limbs"),
         ("link_2", "tip", "no joint lies between base 'link_2' and foot 'tip'"),
@@ -74,7 +63,7 @@ def test_an_unknown_frame_is_an_error_that_lists_the_frames(base, foot, message,
     ],
 )
 def test_frames_that_are_not_the_ends_of_a_leg_are_refused(base, foot, message, tmp_path):
-    with pytest.raises(UnsupportedLeg, match=message):
+    with pytest.raises(KinematicsError, match=message):
         leg_of(tmp_path, VALID, base=base, foot=foot)
 
 

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from kinematics import Leg, urdf_path
 from tests.kinematics.made_up_robots import LEGS, ers210a_leg, reference_leg
 
-DRAWING = 5e-5
-"""Sony's vectors are rounded and their ball fitted: they hold to this [m]."""
+DRAWING = 5e-5  # Sony's vectors are rounded and their ball fitted: they hold to this [m]
 
 VECTORS = {  # rotator, abductor, knee [deg]: ball of the left leg in the body [mm]
     "front_left": [

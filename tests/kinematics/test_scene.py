@@ -10,8 +10,7 @@ import pytest
 from kinematics import InvalidInput, Leg, urdf_path
 from kinematics.scene import Scene
 
-SAME = 1e-12
-"""Two ways to the same position [m], or the same cosine."""
+SAME = 1e-12  # two ways to the same position [m], or the same cosine
 
 LEGS = {
     "reference": ("reference_leg.urdf", "hip", "foot"),

@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 from kinematics import Leg, foot_function
 from tests.kinematics.made_up_robots import Joint, made_up_leg, urdf_text
 
-ROUNDING = 1e-12
-"""Two routes through the same kinematics agree to this [m, m/rad]."""
-
+ROUNDING = 1e-12  # two routes through the same kinematics agree to this [m, m/rad]
 coordinates = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
 
 axes = st.sampled_from([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)]) | st.tuples(

@@ -13,11 +13,8 @@ from kinematics import Leg, UnreachableFoot, UnsupportedLeg
 from kinematics.chain import Chain, Limits
 from tests.kinematics.made_up_robots import SHAPES, ers210a_leg, made_up_leg, reference_leg
 
-EXACT = 1e-9
-"""Distances are right to this [m]."""
-
-STRAIGHT = 0.133
-"""Length of the stretched reference leg [m]."""
+EXACT = 1e-9  # distances are right to this [m]
+STRAIGHT = 0.133  # length of the stretched reference leg [m]
 
 
 def around(leg, count, *, seed):

@@ -22,14 +22,17 @@ from planner.learning.measurements import (
     pure_delay,
 )
 
-COUNT = 2.0 * math.pi / 4096.0
-"""A count of a sensor of 12 bit [rad]."""
-
+COUNT = 2.0 * math.pi / 4096.0  # a count of a sensor of 12 bit [rad]
 PHASE = 2.0 * np.pi * np.arange(60) / 60
 DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE)])
 MODELLED = DESIRED + 0.01 * np.column_stack([np.cos(PHASE), np.sin(PHASE)])
 REQUESTS = DESIRED + 0.05 * np.column_stack([np.cos(PHASE), -np.sin(PHASE)])
 AWAY = 0.02 * np.sin(3.0 * PHASE)
+
+
+def refused(message):
+    """The context of a call that is refused with a message, or not where that is None."""
+    return nullcontext() if message is None else pytest.raises(InvalidTrajectory, match=message)
 
 
 def of_joint_2(angles):
@@ -50,30 +53,24 @@ def of_joint_2(angles):
     ],
 )
 def test_the_joint_whose_angles_were_not_measured_is_named(angles, message):
-    given = (of_joint_2(angles), REQUESTS, DESIRED, MODELLED, MODELLED)
-    if message is None:
-        check_angles(*given)
-        return
-    with pytest.raises(InvalidTrajectory, match=message):
-        check_angles(*given)
+    with refused(message):
+        check_angles(of_joint_2(angles), REQUESTS, DESIRED, MODELLED, MODELLED)
 
 
-@pytest.mark.parametrize(("apart", "refused"), [(0.9e-4, False), (0.9e-9, True)])
+@pytest.mark.parametrize(("apart", "message"), [(0.9e-4, None), (0.9e-9, "desired ones")])
 def test_a_joint_that_is_expected_near_its_path_may_measure_that_but_not_to_the_last_digit(
-    apart, refused
+    apart, message
 ):
     expected = DESIRED + 0.05 * (MODELLED - DESIRED)
-    given = (of_joint_2(DESIRED[:, 1] + apart), REQUESTS, DESIRED, MODELLED, expected)
-    with pytest.raises(InvalidTrajectory, match="desired ones") if refused else nullcontext():
-        check_angles(*given)
+    with refused(message):
+        check_angles(of_joint_2(DESIRED[:, 1] + apart), REQUESTS, DESIRED, MODELLED, expected)
 
 
-@pytest.mark.parametrize(("counts", "refused"), [(14.0, False), (16.0, True)])
-def test_a_joint_that_should_move_by_fifteen_counts_of_its_sensor_may_rest(counts, refused):
+@pytest.mark.parametrize(("counts", "message"), [(14.0, None), (16.0, "joint 2 does")])
+def test_a_joint_that_should_move_by_fifteen_counts_of_its_sensor_may_rest(counts, message):
     share = [1.0, counts * COUNT / np.ptp(MODELLED[:, 1])]
-    given = (of_joint_2(0.0 * PHASE), REQUESTS, DESIRED, share * MODELLED, MODELLED)
-    with pytest.raises(InvalidTrajectory, match="joint 2 does") if refused else nullcontext():
-        check_angles(*given)
+    with refused(message):
+        check_angles(of_joint_2(0.0 * PHASE), REQUESTS, DESIRED, share * MODELLED, MODELLED)
 
 
 @pytest.mark.parametrize(
@@ -96,12 +93,8 @@ def test_angles_of_another_unit_move_forty_to_eighty_times_as_far_or_as_little(
     """All of them, though one of the joints may rest."""
     moving = [1.0, 0.0 if resting else 1.0]
     requests, desired, modelled = (each * moving for each in (REQUESTS, DESIRED, MODELLED))
-    given = (factor * modelled[np.newaxis], requests, desired, modelled, modelled)
-    if message is None:
-        check_angles(*given)
-        return
-    with pytest.raises(InvalidTrajectory, match=message):
-        check_angles(*given)
+    with refused(message):
+        check_angles(factor * modelled[np.newaxis], requests, desired, modelled, modelled)
 
 
 def test_another_motion_and_the_angles_of_an_earlier_trial_are_refused_by_number():
