@@ -216,41 +216,20 @@ def _read(path, **options):
     return read_logs(path, options=LogOptions(**options))
 
 
-def _states(count=4, topics=(STATE,), change=lambda *_: None):
-    """Messages of controllers' states; a change of each state."""
-    kit = Kit(store())
-    messages = []
-    for k, row in enumerate(zip(*angles(count), strict=True)):
-        for topic in topics:
-            state = kit.state(START + k * PERIOD, *row)
-            change(k, state)
-            messages.append((topic, START + k * PERIOD, state))
+def _states(topics=(STATE,), changed=None, change=None):
+    """Messages of controllers' states, of which the one with this number is changed."""
+    kit, messages = Kit(store()), []
+    for k, row in enumerate(zip(*angles(4), strict=True)):
+        state = kit.state(START + k * PERIOD, *row)
+        if k == changed:
+            change(state)
+        messages += [(topic, START + k * PERIOD, state) for topic in topics]
     return messages
 
 
-def _short_feedback(k, state):
-    if k == 2:
-        state.feedback.positions = np.array([1.0])
+EARLIER = Kit(store()).header(START + PERIOD)
 
-
-def _joint_twice(k, state):
-    if k == 2:
-        state.joint_names = ["hip", "hip"]
-
-
-def _missing_reading(k, state):
-    if k == 2:
-        state.feedback.positions[1] = np.nan
-
-
-def _repeated_time(k, state):
-    if k == 3:
-        state.header = Kit(store()).header(START + PERIOD)
-
-
-def _joint_states(count=4):
-    kit = Kit(store())
-    return [("/s", START + k, kit.joint_state(START + k, [0, 0])) for k in range(count)]
+JOINT_STATES = [("/s", START + k, Kit(store()).joint_state(START + k, [0, 0])) for k in range(4)]
 
 
 NUMBERS = [(name, lambda kit, _: kit.numbers([0.0, 0.0])) for name in ("/more", "/x")]
@@ -278,16 +257,29 @@ REFUSED = {
         lambda path: _command_bag(path, lambda kit, _, row: kit.number(row[0])),
         {"joint": "all"},
     ),
-    "two controllers": (_states(topics=("/left", "/right")), {"joint": "hip"}),
+    "two controllers": (_states(("/left", "/right")), {"joint": "hip"}),
     "nothing of joints": ([("/speed", START, Kit(store()).number(1.0))], {}),
-    "no commands": (_joint_states(), {}),
-    "commands after all states": (
-        [*_joint_states(), ("/c", START + 9, Kit(store()).numbers([0, 0]))],
+    "no joint on both topics": (
+        [*JOINT_STATES, ("/c", START, Kit(store()).trajectory(START, [0.0], ("tail",)))],
         {"joint": "hip"},
     ),
-    "too few angles in a message": (_states(change=_short_feedback), {"joint": "hip"}),
-    "a joint twice in a message": (_states(change=_joint_twice), {"joint": "hip"}),
-    "a repeated time": (_states(change=_repeated_time), {"joint": "hip"}),
+    "no commands": (JOINT_STATES, {}),
+    "commands after all states": (
+        [*JOINT_STATES, ("/c", START + 9, Kit(store()).numbers([0, 0]))],
+        {"joint": "hip"},
+    ),
+    "too few angles in a message": (
+        _states((STATE,), 2, lambda state: setattr(state.feedback, "positions", np.ones(1))),
+        {"joint": "hip"},
+    ),
+    "a joint twice in a message": (
+        _states((STATE,), 2, lambda state: setattr(state, "joint_names", ["hip"] * 2)),
+        {"joint": "hip"},
+    ),
+    "a repeated time": (
+        _states((STATE,), 3, lambda state: setattr(state, "header", EARLIER)),
+        {"joint": "hip"},
+    ),
 }
 """Bags, by function or as messages, and options with which they cannot be read."""
 
@@ -302,7 +294,8 @@ def test_what_a_bag_does_not_tell_or_tells_wrongly_is_said_with_its_place(tmp_pa
 
 
 def test_a_state_without_a_reading_is_not_measured_with_a_note(tmp_path):
-    path = write(tmp_path / "bag", store(), _states(change=_missing_reading))
+    states = _states((STATE,), 2, lambda state: state.feedback.positions.put(1, np.nan))
+    path = write(tmp_path / "bag", store(), states)
     (log,) = read_logs(path, options=LogOptions(joint="knee"))
     assert log.measured.tolist() == [True, True, False, True]
     assert "state 3: the angle is missing, only the request counts" in log.notes
