@@ -342,7 +342,7 @@ def check_felt(key: str, models: Iterable[JointModel]) -> None:
 
 def find_leg(run: settings.Run) -> LegPlace | None:
     """The description of the leg; None if the settings name no leg."""
-    leg = run.leg
+    leg, file = run.leg, own_robot(run.leg)
     near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
     if leg.name is not None and leg.urdf is not None:
@@ -352,7 +352,7 @@ def find_leg(run: settings.Run) -> LegPlace | None:
             words = "leave out ‹leg.base›, ‹leg.foot› and ‹leg.lock›"
             raise BadSetting(f"‹leg.name› is a shipped leg: {words}")
         return _shipped(leg.name)._replace(near=near)
-    if leg.description is None:
+    if file is None:
         if is_described or near:
             raise BadSetting(
                 "‹leg.base›, ‹leg.foot›, ‹leg.lock› and ‹leg.near› are of a leg: name it with "
@@ -365,7 +365,7 @@ def find_leg(run: settings.Run) -> LegPlace | None:
         )
     locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
     locked |= leg.lock_m or {}
-    return LegPlace(run.place(leg.description), leg.base, leg.foot, locked, near)
+    return LegPlace(run.place(file), leg.base, leg.foot, locked, near)
 
 
 def _shipped(name: str) -> LegPlace:
@@ -408,9 +408,14 @@ def legs_of(run: settings.Run, *, among: Sequence[str] | None = None) -> dict[st
     }
 
 
+def own_robot(leg: settings.Leg) -> str | None:
+    """The URDF of the user's own robot; None of a shipped leg."""
+    return leg.urdf or (None if leg.name in settings.LEG_NAMES else leg.name)
+
+
 def leg_title(leg: settings.Leg) -> str:
     """The name of the leg on pages; empty if the settings name no leg."""
-    file = leg.description
+    file = own_robot(leg)
     return f"{Path(file).name} · {leg.foot}" if file else leg.name or ""
 
 

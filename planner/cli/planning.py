@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ import numpy as np
 from planner.cli import settings
 from planner.cli.console import BadSetting, SettingsError, marked
 from planner.cli.declared import flat
-from planner.cli.desired import Desired, desired_of, leg_title, model_words
+from planner.cli.desired import Desired, desired_of, leg_title, model_words, own_robot
 from planner.files.text import toml_value
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
@@ -129,6 +130,21 @@ def beyond_limits(desired: Desired, plan: Plan) -> list[str]:
     return messages
 
 
+def search_options(
+    plan: settings.Plan, period: float, units: Mapping[str, float] | None = None
+) -> dict[str, Any]:
+    """The arguments of :func:`planner.plan` that set its search, for a period [s].
+
+    ``units``: by joint, how many of the settings' degrees are one of the joint's unit; by default
+    all are angles [rad].
+    """
+    rate = plan.max_request_speed_deg_s
+    step = min(plan.max_step_deg or math.inf, math.inf if rate is None else rate * period)
+    by_joint = {name: step / each for name, each in (units or {}).items()}
+    set_keys = {name: each for name in settings.SEARCH if (each := getattr(plan, name)) is not None}
+    return {"max_step": by_joint or math.radians(step), **set_keys}
+
+
 def task_of(desired: Desired, *, by_joint: bool = False, in_limits: bool = True) -> Task:
     """The task of the settings; without the torques of a load that depends on the pose.
 
@@ -137,7 +153,7 @@ def task_of(desired: Desired, *, by_joint: bool = False, in_limits: bool = True)
     are not checked.
     """
     chosen, limits, leg = desired.settings.plan, desired.limits, desired.leg
-    options = chosen.arguments(desired.period)
+    options = search_options(chosen, desired.period)
     options["cyclic"] = desired.cyclic
     options["load"] = None if callable(desired.load) else desired.load
     if chosen.method == "foot-optimal" and desired.foot is not None and not by_joint:
@@ -207,7 +223,7 @@ def notes_of(desired: Desired) -> list[str]:
 def inputs_of(desired: Desired) -> list[tuple[str, str]]:
     """The files that the settings name: role and path of each."""
     run = desired.settings
-    named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.description)]
+    named = [("path", run.path.file), ("model", run.model.file), ("robot", own_robot(run.leg))]
     return files_of((role, run.place(name)) for role, name in named if name)
 
 

@@ -17,6 +17,7 @@ from planner.cli import settings
 from planner.cli.console import BadSetting, marked
 from planner.cli.desired import check_felt, find_leg, leg_of, model_words, values_by_joint
 from planner.cli.export import FOLDERS, check_place, check_rows, write_rows
+from planner.cli.planning import search_options
 from planner.cli.settings import ReplayFormat
 from planner.exceptions import PlannerError
 from planner.files.exports import check_installed, lerobot_dataset
@@ -83,7 +84,7 @@ class ReplayTask:
         )
         path = _with_load(run.plan, replace(path, name=self.recording.name), arm)
         units = {each.name: LOG_UNITS[each.unit][1] for each in path.planned}
-        options = run.plan.arguments(path.period, units)
+        options = search_options(run.plan, path.period, units)
         options |= {"solver": run.plan.solver or "gauss-newton", "progress": progress}
         if not replay.fastest:
             return replay_at(path, path.moments(speed), speed=speed, **options), None

@@ -1,7 +1,6 @@
 """All settings of a plan, its outputs and a sweep: type, unit, range, default and meaning."""
 
 import math
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from planner.cli.declared import (
@@ -80,11 +79,6 @@ class Leg(Settings):
     )
     near: Angles | None = option(example={"knee": 30.0})
     unreachable: Literal["raise", "nearest", "clamp"] = option(default="raise", set_to="clamp")
-
-    @property
-    def description(self) -> str | None:
-        """The URDF of your own robot; None of a shipped leg."""
-        return self.urdf or (None if self.name in LEG_NAMES else self.name)
 
 
 class Model(Settings):
@@ -208,23 +202,9 @@ class Plan(Settings):
     )
     rule: Literal["paper", "exact"] | None = option(only=("closed-form",), implied="paper")
 
-    def arguments(self, period: float, units: Mapping[str, float] | None = None) -> dict[str, Any]:
-        """The arguments of :func:`planner.plan` that set its search, for a period [s].
 
-        ``units``: by joint, how many of the settings' degrees are one of the joint's unit; by
-        default all are angles [rad].
-        """
-        rate = self.max_request_speed_deg_s
-        step = min(self.max_step_deg or math.inf, math.inf if rate is None else rate * period)
-        return {
-            "norm": self.norm or "rms",
-            "max_step": {name: step / each for name, each in units.items()}
-            if units
-            else math.radians(step),
-            "smoothness": self.smoothness,
-            "robust": self.robust,
-        }
-
+SEARCH = ("norm", "smoothness", "robust")
+"""The keys of :class:`Plan` that are arguments of :func:`planner.plan`, too."""
 
 SMOOTHING = "max_step_deg max_request_speed_deg_s smoothness"
 """The keys of :class:`Plan` that say how smooth the requests are."""
