@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import partial, wraps
@@ -404,18 +403,6 @@ def _as_option(text: str) -> str:
     first, _, second = SETTINGS[BY_JOINT.get(key, key)].option.partition("/")
     option = second if value == "false" else first
     return option if value in ("", "true", "false") else f"{option} {json.loads(value)}"
-
-
-def by_argument() -> dict[str, str]:
-    """The options of settings, by the library's argument names in messages."""
-    names = {}
-    for key, declared in SETTINGS.items():
-        if key.startswith("path.half_ellipse."):  # "samples" are those of any path
-            continue
-        table, _, name = key.rpartition(".")
-        argument = table if name == "deg" else re.sub("_(deg|hz|s)$", "", name)
-        names[argument.replace("_", " ")] = declared.option.partition("/")[0]
-    return names
 
 
 def put(content: dict[str, Any], key: str, value: Any) -> None:

@@ -68,21 +68,6 @@ FAILED, BAD_INPUT = 1, 2
 """Exit statuses: of an answer that failed its own check, or missed a tolerance; and of input that
 cannot be used, of which one line on standard error tells the remedy."""
 
-ARGUMENTS = {
-    "amplitudes": "--amplitude-deg",
-    "baud rate": "--baud-rate",
-    "centre": "--centre-deg",
-    "duration": "--duration-s",
-    "exact": "--exact",
-    "highest": "--highest-hz",
-    "knots": "--knot-s",
-    "locked": "--lock",
-    "noise": "--noise-deg",
-    "required": "--required-s",
-    "resolution": "--resolution-deg",
-}
-"""Arguments at the head of a message of the library, as options; settings have their own."""
-
 
 class Commands(click.Group):
     """The commands, each imported on demand, and one exit for all their exceptions."""
@@ -112,6 +97,12 @@ class Commands(click.Group):
         except BrokenPipeError as error:
             _discard(sys.stdout)
             raise click.exceptions.Exit(141) from error  # 128 + SIGPIPE, as shells have it
+        except PlannerError as error:
+            command = self.get_command(ctx, ctx.invoked_subcommand or "")
+            words = [*getattr(error, "__notes__", ()), _in_options(error, command or self)]
+            failure: Any = click.ClickException(": ".join(words))
+            failure.exit_code = BAD_INPUT if isinstance(error, InvalidInput) else FAILED
+            raise failure from error
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Run a command; standalone, end the process with its exit status."""
@@ -142,9 +133,6 @@ class Commands(click.Group):
             message, status = error.format_message(), error.exit_code
         except (click.Abort, KeyboardInterrupt):
             return 130  # 128 + SIGINT, as shells have it
-        except PlannerError as error:
-            message = ": ".join([*getattr(error, "__notes__", ()), _in_options(error)])
-            status = BAD_INPUT if isinstance(error, InvalidInput) else FAILED
         except MemoryError:
             status = BAD_INPUT
             message = (
@@ -229,14 +217,17 @@ cli.commands = dict.fromkeys(COMMANDS, cli)  # names alone: each is imported whe
 add_verbosity(cli)
 
 
-def _in_options(error: PlannerError) -> str:
-    """The message of an error, with options in place of the library's arguments."""
-    from planner.cli.options import by_argument, in_options
+def _in_options(error: PlannerError, command: click.Command) -> str:
+    """The message of an error, with the command's options in place of the library's arguments."""
+    from planner.cli.options import in_options
 
     message = advised(error, in_options)
     head, colon, rest = message.partition(": ")
     if colon and not isinstance(error, InvalidFile):
-        options = {**by_argument(), **ARGUMENTS}
+        options = {"locked": "--lock"}
+        for option in (max(each.opts, key=len) for each in command.params):
+            argument = re.sub("-(deg|hz|s)$", "", option.removeprefix("--")).replace("-", " ")
+            options = {argument: option, f"{argument}s": option, **options}
         parts = re.split(r"(, | and )", head)
         message = "".join(options.get(part, part) for part in parts) + colon + rest
     return re.sub(r"(?<![-\w])max_(error|rms)(?!\w)", r"--max-\1", message)

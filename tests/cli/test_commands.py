@@ -43,10 +43,9 @@ ENDS = {
         "or simulate from rest (--no-cyclic)",
     ),
     "arguments": (
-        InvalidInput("max step and highest, locked, limits, start, rate and lead: 3, 2"),
+        InvalidInput("segments and max error, knots, required and limits: 3, 2"),
         2,
-        "hip: --max-step-deg and --highest-hz, --lock, --limits-deg, --start-deg, --rate-hz and "
-        "--lead-s: 3, 2",
+        "hip: --segments and --max-error, --knot-s, --required-s and limits: 3, 2",
     ),
     "advice": (
         InvalidInput("give max_error, max_rms or unreachable='nearest'; x-max_error, max_errors"),
