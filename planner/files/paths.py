@@ -39,6 +39,7 @@ from planner.files.staging import writing
 from planner.files.table import Table, read_table, write_table
 from planner.files.text import write_text
 from planner.trajectory import MOST_SAMPLES, Array
+from planner.validation import freeze
 
 JOINT_UNITS = {**ANGLES, **SHARES}
 """Units of a joint, in radians."""
@@ -79,8 +80,6 @@ class SampledPath:
 
     def check_period(self, period: float) -> None:
         """Raise InvalidFile if the samples are not ``period`` [s] apart, as requests are."""
-        if self.times is None:
-            return
         step = self.step
         if abs(step - period) > UNEVEN * period:
             raise InvalidFile(
@@ -110,14 +109,13 @@ class SampledPath:
             self.check_period(period)
             return self
         times = period * np.arange(float(len(self.values))) if self.times is None else self.times
-        values, loads = (
-            rows if rows is None else resampled(times, rows, period * (speed or 1.0), cyclic=cyclic)
+        values, *loads = (
+            resampled(times, rows, period * (speed or 1.0), cyclic=cyclic)
             for rows in (self.values, self.loads)
+            if rows is not None
         )
-        assert values is not None
-        return replace(
-            self, times=period * np.arange(float(len(values))), values=values, loads=loads
-        )
+        even = period * np.arange(float(len(values)))
+        return replace(self, times=even, values=values, loads=loads[0] if loads else None)
 
     def check_samples(self, samples: int) -> None:
         """Raise InvalidFile unless these are the requests of a path of so many samples."""
@@ -182,11 +180,10 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
             f"joints: {', '.join(names)}"
         )
     loads = None
-    if set(loaded) & set(names):
+    if own := [j for j, name in enumerate(names) if name in loaded]:
         loads = np.zeros_like(values)
-        for j in [j for j, name in enumerate(names) if name in loaded]:
-            loads[:, j] = table.numbers([f"{names[j]}{LOAD}"])[:, 0]
-        loads.setflags(write=False)
+        loads[:, own] = table.numbers([f"{names[j]}{LOAD}" for j in own])
+        freeze(loads)
     return SampledPath(str(table.path), names, units, values, read_times(table, even=even), loads)
 
 
@@ -289,7 +286,7 @@ def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Arra
     else:
         at = np.arange(math.floor(span / period + UNEVEN) + 1) * period
     columns = np.column_stack([np.interp(at, since, column) for column in rows.T])
-    columns.setflags(write=False)
+    freeze(columns)
     return columns
 
 
