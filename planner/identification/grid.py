@@ -153,14 +153,12 @@ def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], f
     if abs(slope - period) <= SURE * unsure:
         slope = period
     off = slope * places - since
-    moved, done = [], 0
-    for log in logs:
-        times = log.times + off[done : done + len(log.times)]
-        done += len(log.times)
-        if not np.all(np.diff(times) > 0.0):
-            return tuple(logs), 0.0
-        moved.append(replace(log, times=times))
-    return tuple(moved), float(np.sqrt(np.mean(off**2)))
+    ends = np.cumsum([len(log.times) for log in logs])[:-1]
+    moved = [log.times + own for log, own in zip(logs, np.split(off, ends), strict=True)]
+    if any(np.any(np.diff(times) <= 0.0) for times in moved):
+        return tuple(logs), 0.0
+    pairs = zip(logs, moved, strict=True)
+    return tuple(replace(log, times=times) for log, times in pairs), rms(off)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,15 +242,11 @@ class Grid:
 
     def per_log(self, values: Array, fill: float = np.nan) -> tuple[Array, ...]:
         """Values of the used rows, sorted back into one array per log."""
-        arrays, done = [], 0
-        for used in self.places:
-            array = np.full(len(used), fill)
-            count = int(np.sum(used))
-            array[used] = values[done : done + count]
-            array.setflags(write=False)
-            arrays.append(array)
-            done += count
-        return tuple(arrays)
+        arrays = tuple(np.full(len(used), fill) for used in self.places)
+        ends = np.cumsum([np.sum(used) for used in self.places])[:-1]
+        for array, used, own in zip(arrays, self.places, np.split(values, ends), strict=True):
+            array[used] = own
+        return arrays
 
 
 def runs_of(

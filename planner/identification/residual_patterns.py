@@ -99,10 +99,8 @@ def stops(fit: LogFit, noise: float) -> list[Held]:
 def stuck(log: Log) -> list[Held]:
     """Where a joint stays where it is while it is requested far to one side and the other.
 
-    Far to one side is enough if it goes there elsewhere, from the same angle.
-
-    Something holds it, or its sensor stands still. A joint on which something rests, or which its
-    load overcomes, moves at least one way.
+    Far to one side is enough if it goes there elsewhere, from the same angle. A joint on which
+    something rests, or which its load overcomes, moves at least one way.
     """
     length, late = (max(5, round(time / log.period)) for time in (REST, REST / 2.0))
     rows = np.flatnonzero(log.torque_on & log.measured)
@@ -111,34 +109,34 @@ def stuck(log: Log) -> list[Held]:
     angles, travel = log.angles[rows], float(np.ptp(log.angles[rows]))
     still = np.convolve(_spans(angles, length) <= STILL * travel, np.ones(length)) > 0.5
     found = []
-    for part in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(still)) + 1):
-        asked = log.requests[rows[part[:-late]]] - np.median(angles[part])
-        if still[part[0]] and len(part) > late and np.ptp(asked) > 0.0:
+    for part in stretches(still):
+        held = rows[part]
+        asked = log.requests[held[:-late]] - np.median(angles[part])
+        if len(asked) and np.ptp(asked) > 0.0:
             sides = np.sort([np.max(asked), -np.min(asked)])
             if np.all(sides > np.multiply(REFUSED, travel)) or _passed(log, rows, part, length):
-                held = rows[part]
                 away = float(np.max(np.abs(log.requests[held] - log.angles[held])))
                 found.append(Held(held, "stuck", {"away": away}))
     return found
 
 
-def _passed(log: Log, rows: Indices, part: Indices, late: int) -> bool:
+def _passed(log: Log, rows: Indices, part: slice, late: int) -> bool:
     """Whether a joint that stays still for 2 s is requested far to where it goes elsewhere.
 
     There it passes the same angle with half of the error: no stop is there, and no load that
     overcomes it.
     """
-    if len(part) * log.period < 2.0 or len(part) <= late:
+    if (part.stop - part.start) * log.period < 2.0 or part.stop - part.start <= late:
         return False
     angles, requests = log.angles[rows], log.requests[rows]
     here, travel = float(np.median(angles[part])), float(np.ptp(angles))
-    near, asked = STILL * travel, requests[part[:-late]] - here
+    near, asked = STILL * travel, requests[part][:-late] - here
     farthest = float(asked[np.argmax(np.abs(asked))])
     side, far = math.copysign(1.0, farthest), abs(farthest)
     if far <= REFUSED[1] * travel:
         return False
     outside = np.ones(len(rows), dtype=bool)
-    outside[max(part[0] - late, 0) : part[-1] + late] = False
+    outside[max(part.start - late, 0) : part.stop - 1 + late] = False
     moved = side * (angles[late:] - angles[:-late])
     error = side * (requests[:-late] - angles[:-late])
     passes = (side * (here - angles[:-late]) >= 0.0) & (side * (angles[late:] - here) >= near)
@@ -269,9 +267,8 @@ def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Finding]:
     """A note on each log in which a joint moves to and fro under requests that do not change.
 
     Whatever shakes it, other joints or the ground, dry friction holds it less than in calm motion.
-    On recordings of an arm the dead band that such a log shows is 0.009 rad where slow motion
-    shows 0.034; models of two such logs missed up to 56 % of calm motions. Joints that were shaken
-    moved by 0.44 to 0.67 of the model's error, others by 0.22 or less; and noise of a sensor has no
+    (Of an arm such a log shows a dead band of 0.009 rad, slow motion 0.034. Joints that were shaken
+    moved by 0.44 to 0.67 of the model's error, others by 0.22 or less.) Noise of a sensor has no
     correlation of neighbouring rows.
     """
     found = []
@@ -280,10 +277,8 @@ def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Finding]:
         length = max(10, round(REST / log.period))
         settled = length + math.ceil(SETTLED * max(model.latency, REST / 3.0) / log.period)
         rows = np.arange(len(log.times))
-        resting = np.zeros(len(rows), dtype=bool)
-        resting[1:] = fit.used[1:] & fit.used[:-1]
-        resting[1:] &= np.abs(np.diff(fit.predicted)) <= 0.01 * fit.rms
-        resting &= np.diff(log.requests, prepend=log.requests[:1]) == 0.0
+        moves = np.abs(np.diff(fit.predicted, prepend=np.nan))  # NaN where a row is not used
+        resting = (moves <= 0.01 * fit.rms) & (np.diff(log.requests, prepend=np.nan) == 0.0)
         since = rows - np.maximum.accumulate(np.where(resting, 0, rows))
         ends = np.flatnonzero(since >= settled)
         if len(ends) < length:
