@@ -490,14 +490,12 @@ def _answer(
         longer = refitted(fine.logs, fine.joint.fit, tick=2.0 * fine.timing.tick)
         ticks = fine.joint.fit, longer
     intervals = all_intervals(fit, bounds, uncertainty, ticks)
-    against, exchanged = wrong_columns(alike)
     verdict, reason, findings = verdict_on(
         fit,
         intervals,
         held,
         errors,
-        against=against,
-        exchanged=exchanged,
+        columns=wrong_columns(alike),
         signal=signal,
         tested=held is not None or not hold_out,
         friction=friction,

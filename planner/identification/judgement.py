@@ -50,6 +50,9 @@ worse than a delay; a simpler description that predicts them better by the secon
 (six warnings more; none)."""
 
 
+Columns = tuple[Finding | None, Finding | None, tuple[float, float] | None]
+"""What speaks against the columns of a log: see :func:`wrong_columns`."""
+
 ANOTHER_SCALE = "one column may be in another scale"
 """A reason to refuse a model, or to doubt it."""
 
@@ -60,8 +63,7 @@ def verdict_on(
     held: HeldOut | None,
     simple: dict[str, float],
     *,
-    against: Finding | None,
-    exchanged: Finding | None,
+    columns: Columns,
     signal: float,
     tested: bool,
     friction: float,
@@ -77,7 +79,7 @@ def verdict_on(
 
     ``simple`` is the error of the simpler descriptions on the same rows [rad], ``signal`` the
     standard deviation of the motion [rad], and ``friction`` by how much the dead band may be larger
-    than that of the model [rad]; ``against`` and ``exchanged`` are those of :func:`wrong_columns`.
+    than that of the model [rad].
 
     Returns the verdict, its reason and what else to know; the topic of the reason is "fit", or what
     makes a fit to the log meaningless.
@@ -96,11 +98,11 @@ def verdict_on(
     if not fits and rms(steps) ** 2 / 2.0 >= chance * signal**2:
         note = told("motion", "no_motion", unit, signal=signal)
         return _refused("the log holds no motion of the joint", note)
+    against, exchanged, spans = columns
     if against is not None:
         return _refused("the joint seems to move against its requests", against)
     if exchanged is not None and not fits:
         return _refused("the joint seems to move before it is requested to", exchanged)
-    spans = _other_scale(fit.grid)
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
     beaten, span = ours > SIMPLER_WINS * others[name], float(np.ptp(angles))
@@ -253,8 +255,8 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
     return found
 
 
-def wrong_columns(grid: Grid) -> tuple[Finding | None, Finding | None]:
-    """Evidence for a joint that moves against its requests, and for exchanged columns, if any.
+def wrong_columns(grid: Grid) -> Columns:
+    """Evidence for a wrong sign and for exchanged columns, and the spans of columns in two scales.
 
     Against its requests: the angles are as much like requests of the opposite sign, after a shorter
     delay. Half a cycle of motion that repeats itself looks like the other sign, too. There the
@@ -263,7 +265,7 @@ def wrong_columns(grid: Grid) -> tuple[Finding | None, Finding | None]:
     Exchanged: the angles come before their requests. Motion that repeats itself is as like the
     requests before as those after.
     """
-    delays, against, exchanged = _delays(grid), None, None
+    delays, against, exchanged = np.linspace(0.0, grid.reach, 200), None, None
     before, after = _likeness(grid, delays), _likeness(grid, -delays)
     best = []
     for sign in (1.0, -1.0):
@@ -282,34 +284,25 @@ def wrong_columns(grid: Grid) -> tuple[Finding | None, Finding | None]:
     if future >= 0.7 and SIGN_LIKENESS * _unlike(future) < _unlike(past):
         late = 1e3 * float(delays[k])
         exchanged = told("columns", "exchanged", future=future, delay=late, past=past)
-    return against, exchanged
+    spans = _two_scales(grid, float(delays[np.argmax(before)]), past)
+    return against, exchanged, spans
 
 
-def _other_scale(grid: Grid) -> tuple[float, float] | None:
-    """The spans of requests and angles in two scales [rad]; None where they are in one.
+def _two_scales(grid: Grid, delay: float, likeness: float) -> tuple[float, float] | None:
+    """The spans of columns whose angles are like the requests a delay before, but of another span.
 
-    The angles then are like the requests, but of another span. A slow or overloaded joint spans
-    less than its requests, and one that rings little more; what holds a joint up bends its motion,
-    too, so that the correlation is smaller.
+    A slow or overloaded joint spans less than its requests, and one that rings little more; what
+    holds a joint up bends its motion, too, so that the correlation is smaller.
     """
     requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
-    if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 1.4:
-        return None
-    delays = _delays(grid)
-    likeness = _likeness(grid, delays)
-    if np.max(likeness) < 0.9:
+    if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 1.4 or likeness < 0.9:
         return None
     if actual > requested:  # unless it is for a moment only: the joint may overshoot
-        requests = delayed_errors(grid, float(delays[np.argmax(likeness)])) + grid.angles
+        requests = delayed_errors(grid, delay) + grid.angles
         usual = [np.diff(np.quantile(each, (0.1, 0.9)))[0] for each in (requests, grid.angles)]
         if usual[1] <= 1.4 * usual[0]:
             return None
     return requested, actual
-
-
-def _delays(grid: Grid) -> Array:
-    """Delays at which angles and requests are compared [s]."""
-    return np.linspace(0.0, grid.reach, 200)
 
 
 def _first_best(likeness: Array) -> int:

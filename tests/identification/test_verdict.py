@@ -146,8 +146,7 @@ def judged(fitted, *, held=None, simple=None, **known):
         rows = np.zeros(len(fit.residuals), dtype=bool)
         held = HeldOut(rows, np.empty(0), rms, sound, sizes, beyond=held.pop("beyond", False))
     options = {
-        "against": None,
-        "exchanged": None,
+        "columns": (None, None, None),
         "signal": 100.0 * fit.rms,
         "tested": True,
         "friction": 0.0,
