@@ -15,7 +15,7 @@ from planner.model.joint import MOST_POSE_SAG, JointModel
 from planner.model.response import load_columns, path_speeds, rest_angles, rest_requests, simulate
 from planner.planning.line_inverse import line_offset
 from planner.trajectory import rms
-from tests.strategies import models
+from tests.strategies import INTEGRALS, models
 
 PAPER = JointModel.ers210a()
 
@@ -26,7 +26,11 @@ PATH = np.radians(25.0) * np.cos(2.0 * np.pi * np.arange(250) / 250)
 """Slow enough to be followed, from rest, too [rad]."""
 
 
-@given(models(friction=True, poses=True), st.floats(-7.0, 7.0), st.floats(-1.0, 1.0))
+@given(
+    models(friction=True, poses=True, inertia=True, integrals=INTEGRALS),
+    st.floats(-7.0, 7.0),
+    st.floats(-1.0, 1.0),
+)
 def test_a_request_holds_the_angle_at_rest(model, request_, load):
     angle, torque = float(model.rest(request_, load)), [np.array([load])]
     assert abs(request_ + float(model.sag(load) + model.pose_sag(angle)) - angle) <= 1e-12
