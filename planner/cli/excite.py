@@ -13,8 +13,7 @@ from planner.cli.settings import Run
 
 KINDS = ("combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
 
-UNNAMED = "requested"
-"""The joint of a signal without a name, whose column is requested_deg."""
+UNNAMED = "requested"  # the joint of a signal without a name, whose column is requested_deg
 
 
 @click.command()

@@ -94,11 +94,8 @@ def _servos_in(model: str, export: Export, schedule: Schedule) -> dict[str, Serv
     return dict(zip(names, servos.values(), strict=False))
 
 
-FOLDERS = ("bag", "mcap", "lerobot")
-"""Formats that are a folder, which standard output cannot be."""
-
-COUNTED = ("ticks", "us")
-"""Units in which servos count."""
+FOLDERS = ("bag", "mcap", "lerobot")  # formats that are a folder, which standard output cannot be
+COUNTED = ("ticks", "us")  # units in which servos count
 
 
 def check_place(setting: str, form: str, output: str) -> None:

@@ -273,8 +273,7 @@ def write(file: str, task: ReplayTask, replay: Replay) -> None:
     write_rows(file, export, schedule)
 
 
-ABOUT = "replay.json"
-"""The file of a planned dataset with its settings and errors."""
+ABOUT = "replay.json"  # the file of a planned dataset with its settings and errors
 
 
 def replay_many(

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from planner.report.learning_page import Trials
     from planner.trajectory import Array
 
-FOOT = "foot"
-"""Name of the plan of a foot."""
+FOOT = "foot"  # name of the plan of a foot
 
 
 @click.command()

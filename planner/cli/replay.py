@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from planner.cli.recordings import ReplayTask
 
 
-NORM = "the plan's norm, or with --fastest the largest error"
-"""The norm of the tolerances."""
+NORM = "the plan's norm, or with --fastest the largest error"  # the norm of the tolerances
 
 
 @click.command()

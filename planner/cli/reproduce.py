@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
     from planner.report.figure import Figure
 
-STEPS = {"model": 16, "virtual": 27}
-"""Number of steps that are reported, by robot."""
+STEPS = {"model": 16, "virtual": 27}  # number of steps that are reported, by robot
 
 
 @click.command()

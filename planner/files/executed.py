@@ -20,8 +20,7 @@ from planner.model.joint import JointModel
 from planner.planning.result import Learning, SensorDelay, Trial
 from planner.trajectory import LARGEST, Array
 
-MOST_LOST = 3
-"""Measured rows in sequence that may be missing, and are interpolated."""
+MOST_LOST = 3  # measured rows in sequence that may be missing, and are interpolated
 
 
 class Measured(NamedTuple):
@@ -177,12 +176,10 @@ def rows_by_request(table: Table, log: SampledPath, period: float) -> Array:
     return np.column_stack([np.interp(due, log.times, column) for column in log.values.T])
 
 
-FORMAT = "request-planner refine 1"
-"""The value of ``format`` that identifies such a file."""
+FORMAT = "request-planner refine 1"  # the value of `format` that identifies such a file
 
 
-IN_RADIANS = ("requests", "measured", "noise")
-"""Fields that are called ``…_rad`` in the file."""
+IN_RADIANS = ("requests", "measured", "noise")  # fields that are called `…_rad` in the file
 
 
 LearningState = tuple[tuple[JointModel, ...], Learning]

@@ -34,9 +34,7 @@ NEEDS = {
 }
 """By format: the package that writes it, its name in messages, and the extra with the package."""
 
-TYPE = "trajectory_msgs/msg/JointTrajectory"
-"""The message's type in ROS 2."""
-
+TYPE = "trajectory_msgs/msg/JointTrajectory"  # the message's type in ROS 2
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 """Where ros2_control's joint trajectory controller listens by default."""
 
@@ -203,12 +201,8 @@ def write_bag(
         inner.rmdir()
 
 
-LEROBOT_VERSION = "v3.0"
-"""Version of the layout."""
-
-LEROBOT_TASK = "follow the planned requests"
-"""Default task of an episode."""
-
+LEROBOT_VERSION = "v3.0"  # version of the layout
+LEROBOT_TASK = "follow the planned requests"  # default task of an episode
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 """Quantiles by which some policies normalise, under LeRobot's names."""
 

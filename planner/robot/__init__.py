@@ -1,8 +1,6 @@
 """From requests to a robot: schedules, resampling and playback."""
 
-BUSES = ("virtual", "feetech", "dynamixel", "xl320", "lerobot")
-"""Types of a bus."""
-
+BUSES = ("virtual", "feetech", "dynamixel", "xl320", "lerobot")  # types of a bus
 KINDS = ("sts3215", "xl430", "xl330", "mx-64", "mx-106", "xl-320")
 """Virtual servos: those of ``planner.virtual.servo_bus``, which takes longer to import."""
 

@@ -29,12 +29,8 @@ from planner.planning.time_shift import invert_shift
 from planner.robot.arm import Arm
 from planner.trajectory import Array, rms
 
-LOOKS = 50
-"""Sync reads at rest, for the noise of the sensors and the time of a tick."""
-
-MARGIN = 0.05
-"""Share of a range that is left free at either end."""
-
+LOOKS = 50  # sync reads at rest, for the noise of the sensors and the time of a tick
+MARGIN = 0.05  # share of a range that is left free at either end
 WORSE = 2.0
 """A model still holds while it misses the motion by at most this factor over the error that its
 own test predicts, by :data:`SMALL`, or by at most this factor over a new model of this motion."""
@@ -42,11 +38,8 @@ own test predicts, by :data:`SMALL`, or by at most this factor over a new model 
 SMALL = math.radians(0.3)
 """Error that is never worth a new calibration [rad]: three counts of a sensor of 12 bits."""
 
-UNKNOWN = 0.1
-"""Share by which a parameter without an interval may be off."""
-
-SAME = 1e-3
-"""Difference of requests below which a log holds the requested motion [rad]."""
+UNKNOWN = 0.1  # share by which a parameter without an interval may be off
+SAME = 1e-3  # difference of requests below which a log holds the requested motion [rad]
 
 
 class Check(NamedTuple):
@@ -296,8 +289,7 @@ RUN_IN = 0.5
 """Beginning of the test motion whose errors do not count [s]: until the first motion frees it,
 friction leaves a joint up to its dead band off the first request, by chance."""
 
-AS_GOOD = 1.02
-"""A simpler way is preferred to one that is better by less than this factor."""
+AS_GOOD = 1.02  # a simpler way is preferred to one that is better by less than this factor
 
 
 class Candidate(NamedTuple):

@@ -21,11 +21,8 @@ from planner.validation import as_positive, shown
 if TYPE_CHECKING:
     from planner.planning.stream import Stream
 
-Send = Callable[[Array], Any]
-"""Sends one row of requests [rad], shape (k,), to the joints."""
-
-JUDGED = 10
-"""Ticks after which it is known whether the stream keeps its period."""
+Send = Callable[[Array], Any]  # sends one row of requests [rad], shape (k,), to the joints
+JUDGED = 10  # ticks after which it is known whether the stream keeps its period
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,14 +18,9 @@ from typing import NamedTuple
 PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
 """Instructions, the same in both protocols."""
 
-LOAD_UNIT = 1e-3
-"""Share of the largest load of a load of 1."""
-
-BROADCAST = 0xFE
-"""The identifier that all servos listen to, and none answers."""
-
-TWO_COMPLEMENT = -1
-"""Sign of a register whose negative numbers are two's complements."""
+LOAD_UNIT = 1e-3  # share of the largest load of a load of 1
+BROADCAST = 0xFE  # the identifier that all servos listen to, and none answers
+TWO_COMPLEMENT = -1  # sign of a register whose negative numbers are two's complements
 
 
 class Register(NamedTuple):
@@ -213,7 +208,5 @@ def _read_protocols() -> dict[str, ServoProtocol]:
     return protocols
 
 
-PROTOCOLS: Mapping[str, ServoProtocol] = _read_protocols()
-"""By the name that users give."""
-
+PROTOCOLS: Mapping[str, ServoProtocol] = _read_protocols()  # by the name that users give
 FEETECH, DYNAMIXEL = PROTOCOLS["feetech"], PROTOCOLS["dynamixel"]

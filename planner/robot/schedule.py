@@ -12,12 +12,8 @@ from planner.exceptions import InvalidInput
 from planner.trajectory import Array
 from planner.validation import as_positive, as_whole, shown
 
-NANOSECONDS = 10**9
-"""Nanoseconds in a second, the resolution of ROS times."""
-
-MOST_ROWS = 1_000_000
-"""Longest schedule [rows]: more than two hours at a request every 8 ms."""
-
+NANOSECONDS = 10**9  # nanoseconds in a second, the resolution of ROS times
+MOST_ROWS = 1_000_000  # longest schedule [rows]: more than two hours at a request every 8 ms
 ON_TIME = 1e-6
 """A row this part of a period before a request already sends it; clocks are written rounded."""
 

@@ -23,15 +23,9 @@ import numpy as np
 from planner.compilation import compiled
 from planner.trajectory import Array
 
-STEP = 1e-3
-"""Period of the loop and of the integration [s]."""
-
-MOST_DELAY = 64
-"""Steps by which a goal may be late."""
-
-AMBIENT = 25.0
-"""Temperature of the surroundings [°C]."""
-
+STEP = 1e-3  # period of the loop and of the integration [s]
+MOST_DELAY = 64  # steps by which a goal may be late
+AMBIENT = 25.0  # temperature of the surroundings [°C]
 STATE = (
     "angle",
     "speed",

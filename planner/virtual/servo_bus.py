@@ -37,17 +37,10 @@ from planner.robot.protocols import (
 )
 from planner.virtual.motors import Motor, Motors, arm_of
 
-REG_WRITE, ACTION = 0x04, 0x05
-"""Instructions of the emulator only: write later, at the same moment."""
-
-HOT = 70.0
-"""Temperature at which a servo switches its torque off [°C]."""
-
-WIRE = 1e-3
-"""Time of a packet and its answers on the wire, in lock step [s]."""
-
-PROTECTIVE, SAGGING = 0.2, 0.3
-"""Largest duty of a servo that gave up, and at a supply that sags."""
+REG_WRITE, ACTION = 0x04, 0x05  # instructions of the emulator only: write later, at the same moment
+HOT = 70.0  # temperature at which a servo switches its torque off [°C]
+WIRE = 1e-3  # time of a packet and its answers on the wire, in lock step [s]
+PROTECTIVE, SAGGING = 0.2, 0.3  # largest duty of a servo that gave up, and at a supply that sags
 
 
 class Kind(NamedTuple):
