@@ -229,8 +229,7 @@ def figures_of(check: CrossCheck, leg: Leg | None) -> tuple[Figure | None, list[
     if foot is None:
         return None, pictures
     plans = [(role, foot.plans[method]) for method, role in FOOT_ROLES.items()]
-    distances = [timeline.curve(100.0 * plan.distances, role) for role, plan in plans]
-    pictures.append(figure.foot_figure(timeline, {"": distances}))
+    pictures.append(figure.foot_figure(timeline, {"": plans}))
     if leg is None:
         return None, pictures
     desired = leg.joint_positions(np.column_stack([joint.desired for joint in joints]))

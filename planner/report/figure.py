@@ -307,16 +307,14 @@ def joint_figure(
     return timeline.figure(name, [*panels, *below], words, clock=clock)
 
 
-def foot_figure(timeline: Timeline, feet: Mapping[str, Sequence[Curve]]) -> Figure:
-    """How far feet are from their desired positions over time [cm], by leg; "" for the only one."""
-    only = "" in feet
-    axis = Axis("distance", "cm", from_zero=True)
-    return timeline.figure(
-        "foot_distances" if only else "feet_distances",
-        [Panel(axis, curves, name, height=1.8 if only else 1.0) for name, curves in feet.items()],
-        words_of("feet", several=not only),
-        clock=True,
-    )
+def foot_figure(timeline: Timeline, feet: Mapping[str, Sequence[tuple[Role, Plan]]]) -> Figure:
+    """How far feet are from where they should be over time [cm], by leg; "" for the only one."""
+    only, panels, axis = "" in feet, [], Axis("distance", "cm", from_zero=True)
+    for name, plans in feet.items():
+        curves = [timeline.curve(100.0 * plan.distances, role) for role, plan in plans]
+        panels.append(Panel(axis, curves, name, height=1.8 if only else 1.0))
+    name = "foot_distances" if only else "feet_distances"
+    return timeline.figure(name, panels, words_of("feet", several=not only), clock=True)
 
 
 def around(values: Iterable[Array], *, margin: float = MARGIN) -> tuple[float, float]:

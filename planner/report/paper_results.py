@@ -79,13 +79,16 @@ _column = partial(Column, parts=("ours", "paper", "diff."), joined="{0} / {1} ({
 NORMS = {"L2": "L₂", "Linf": "L∞"}
 
 TABLE_1 = {
-    "v_max_deg_per_tick": "top speed [degrees per tick]",
-    "theta_0_deg": "error that calls for it [degrees]",
-    "lag_ticks": "lag [ticks]",
-    "acceleration_ticks": "acceleration time [ticks]",
-    "offset_deg": "static sag [degrees]",
+    "v_max_deg_per_tick": ("top speed [degrees per tick]", "v_max", math.degrees(1.0), 1),
+    "theta_0_deg": ("error that calls for it [degrees]", "theta_0", math.degrees(1.0), 0),
+    "lag_ticks": ("lag [ticks]", "lag", 1.0, -1),
+    "acceleration_ticks": ("acceleration time [ticks]", "acceleration_time", 1.0, -1),
+    "offset_deg": ("static sag [degrees]", "offset", math.degrees(1.0), 0),
 }
-"""Rows of Table 1: key in the results, and title."""
+"""Rows of Table 1 by their key in the results: title, parameter, and the factor to its unit.
+
+The factor is a number times a power of the period.
+"""
 
 ERRORS = {
     "rms_deg": "prediction of the step tests [deg rms]",
@@ -293,28 +296,21 @@ def _identification_entry(identification: Identification, unseen: float) -> dict
     """The identification, and the same in the paper's units beside its Table 1."""
     period, held_out = identification.model.period, identification.held_out_rms
     paper, ours = JointModel.ers210a().parameters(), identification.model.parameters()
-    degrees = math.degrees(1.0)
-    units = {
-        "v_max_deg_per_tick": ("v_max", degrees * period),
-        "theta_0_deg": ("theta_0", degrees),
-        "lag_ticks": ("lag", 1.0 / period),
-        "acceleration_ticks": ("acceleration_time", 1.0 / period),
-        "offset_deg": ("offset", degrees),
-    }
+    table = {}
+    for key, (_, name, scale, power) in TABLE_1.items():
+        factor, interval = scale * period**power, identification.intervals[name]
+        table[key] = {
+            "value": factor * ours[name],
+            "lower": factor * interval.lower,
+            "upper": factor * interval.upper,
+            "paper": factor * paper[name] if name != "offset" else None,
+        }
     return {
         **identification.to_dict(),
         "rms_deg": math.degrees(identification.rms),
         "held_out_rms_deg": None if held_out is None else math.degrees(held_out),
         "unseen_walk_rms_deg": math.degrees(unseen),
-        "table1": {
-            key: {
-                "value": factor * ours[name],
-                "lower": factor * identification.intervals[name].lower,
-                "upper": factor * identification.intervals[name].upper,
-                "paper": factor * paper[name] if name != "offset" else None,
-            }
-            for key, (name, factor) in units.items()
-        },
+        "table1": table,
     }
 
 
@@ -422,7 +418,7 @@ def bounds_table(results: Results) -> Table:
 def table_1(results: Results) -> Table:
     """Table 1: the identified parameters of every joint, and how well they predict."""
     joints, rows = results["identified"].values(), []
-    for key, label in TABLE_1.items():
+    for key, (label, *_) in TABLE_1.items():
         entries = [joint["table1"][key] for joint in joints]
         ends = [f"{number(each['lower'])} to {number(each['upper'])}" for each in entries]
         pairs = zip(entries, ends, strict=True)

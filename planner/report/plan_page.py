@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -28,14 +28,6 @@ from planner.trajectory import Array, size
 WITHOUT = style.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
 
-METHODS = {
-    "shift": style.SHIFT,
-    "closed-form": style.CLOSED_FORM,
-    "optimal": style.OPTIMAL,
-    "foot-optimal": style.FOOT_OPTIMAL,
-}
-"""The role of each method's plan in all figures."""
-
 
 def plan_page(
     answer: PlanAnswer, *, title: str, foot_given: Array | None = None, notes: Sequence[str] = ()
@@ -45,7 +37,7 @@ def plan_page(
     ``foot_given`` [m], (n, 3), is the desired path of the foot before it was clamped to what the
     leg reaches.
     """
-    plan, role, timeline = answer.plan, METHODS[answer.method], Timeline.of(answer.plan)
+    plan, role, timeline = answer.plan, style.ROLES[answer.method], Timeline.of(answer.plan)
     requests = [
         Row(f"{timeline.step * k:.6g}", thousandths(angles))
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
@@ -61,6 +53,8 @@ def plan_page(
         unit, subject = "cm", "feet" if answer.parts else "foot"
         planned, direct = foot.planned, foot.direct
         expected = foot.expected or 0.0 if plan.task.leg else 0.0
+    parts = answer.parts or ({"": plan} if plan.task.leg else {})
+    feet = {name: [(WITHOUT, part.direct), (role, part)] for name, part in parts.items()}
     return Page(
         "plan",
         answer=answer,
@@ -80,8 +74,7 @@ def plan_page(
         worst=max(joints, key=lambda each: each.planned.rms),
         busy=max(joints, key=lambda each: each.load),
         leg=leg_figure(plan, role) if plan.task.leg else None,
-        distances=distances_figure({"": plan}, role) if plan.task.leg else None,
-        feet_distances=distances_figure(answer.parts, role) if answer.parts else None,
+        distances=figure.foot_figure(timeline, feet) if feet else None,
         joints=joints_table(answer),
         no_bound=no_bound(plan),
         motions=motions_table(plan.names, plan.motions),
@@ -149,19 +142,6 @@ def leg_figure(plan: Plan, role: style.Role) -> Figure:
     desired = np.concatenate([desired[:, :-1], task.desired_foot[:, None]], axis=1)
     drawn = zip((WITHOUT, role), others, strict=True)
     return Timeline.of(plan).leg("leg", words_of("plan_leg"), desired, drawn)
-
-
-def distances_figure(legs: Mapping[str, Plan], role: style.Role) -> Figure:
-    """The error of each foot over time, without a plan and with it; "" for the only leg."""
-    timeline = Timeline.of(next(iter(legs.values())))
-    feet = {
-        name: [
-            timeline.curve(100.0 * distances, looks)
-            for distances, looks in ((plan.direct.distances, WITHOUT), (plan.distances, role))
-        ]
-        for name, plan in legs.items()
-    }
-    return figure.foot_figure(timeline, feet)
 
 
 def joint_figure(plan: Plan, role: style.Role, j: int) -> Figure:

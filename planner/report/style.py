@@ -76,4 +76,4 @@ ROLES: Mapping[str, Role] = {
     "optimal": OPTIMAL,
     "foot-optimal": FOOT_OPTIMAL,
 }
-"""Every role by the name of its CSS variable."""
+"""Every role by the name of its CSS variable; plans by their method."""
