@@ -399,9 +399,7 @@ class Identification(ReadOnly, Summarised):
             self.expected_error,
             self.fastest,
             self.heaviest,
-            (float(np.min(angles)), float(np.max(angles)))
-            if len(angles)
-            else (-math.inf, math.inf),
+            (float(np.min(angles)), float(np.max(angles))),
             by_acceleration,
             self._delay_error(known) if _holds_steps_only(self.fits) else 0.0,
             spread,

@@ -331,14 +331,12 @@ def errors_of_motion(
 ) -> tuple[tuple[tuple[float, float], ...], tuple[float, float]]:
     """How the error of a model depends on the motion: two fields of :class:`Evidence`.
 
-    Each run, of rows without gaps, is cut into parts; parts in which the joint moves count. (Of an
-    arm a model that missed 4 to 18 mrad in motion missed 0.1 in some of the others.) Sorted by
-    their accelerations they make six groups, whose errors are those that never fall and are nearest
-    to the means of the logarithms: isotonic regression, (19) of ``docs/math.md``. (69 % of 96 plans
-    met 0.7 to 1.4 times what is told; with three groups 63 %, with twelve 67 %.) The error of a
-    part is the geometric mean over the models. The ``noise`` of the sensor [rad] is no error of the
-    joint: its square is subtracted from that of each part, of which at least a tenth stays. Where
-    only a tenth stays the error may be 0.
+    Each run, of rows without gaps, is cut into parts; parts in which the joint moves count. Sorted
+    by their accelerations they make six groups, whose errors are those that never fall and are
+    nearest to the means of the logarithms: isotonic regression, (19) of ``docs/math.md``. (69 % of
+    96 plans met 0.7 to 1.4 times what is told; with three groups 63 %, with twelve 67 %.) The error
+    of a part is the geometric mean over the models. The square of the sensor's ``noise`` [rad] is
+    subtracted from its own, of which at least a tenth stays; where no more does it may be 0.
 
     Returns ``by_acceleration``, a pair for each group, the last for the largest acceleration, and
     ``spread``, the 5 % and 95 % quantiles of the error of a part over that between the pairs,

@@ -358,11 +358,10 @@ class JointModel:
 
     def parameters(self) -> dict[str, Any]:
         """The parameters by name, as in files: those of ``LEFT_OUT`` only if not the default."""
-        every = {each.name: getattr(self, each.name) for each in fields(self)}
         return {
-            name: value
-            for name, value in every.items()
-            if name not in LEFT_OUT or value != self.__dataclass_fields__[name].default
+            each.name: getattr(self, each.name)
+            for each in fields(self)
+            if each.name not in LEFT_OUT or getattr(self, each.name) != each.default
         }
 
     @property

@@ -39,32 +39,19 @@ class Cycle(NamedTuple):
 @compiled
 def motion_of(
     law: Law,
-    weights: Array,
-    requests: Array,
-    oldest: int,
-    sags: Array,
-    faster: Array,
-    start: float,
+    weights: Array,  # of each request at each tick of a period, youngest first, (hold, width)
+    requests: Array,  # [rad], (n,)
+    oldest: int,  # age of the oldest one that acts [requests]
+    sags: Array,  # under the load in each period, kappa tau [rad], (n,)
+    faster: Array,  # how much faster the joint is in the positive direction [rad/tick], (n,)
+    start: float,  # angle before the first request [rad]; NaN where that one holds the joint
     cyclic: bool,
-    motion: Array,
+    motion: Array,  # filled with the state after each period, (3, n)
 ) -> float:
-    """The response of a joint to requests.
+    """The response of a joint to requests, from rest or in the steady cycle near the start.
 
-    Args:
-        law: The joint.
-        weights: Weight of each request at each tick of a period, youngest first, (hold, width).
-        requests: Requests [rad], (n,).
-        oldest: Age of the oldest one that acts [requests].
-        sags: Sag under the load in each period, kappa tau [rad], (n,).
-        faster: How much faster the joint is in the positive direction [rad/tick], (n,).
-        start: From rest: angle before the first request [rad]; NaN where that one holds the joint.
-            It is the angle near which the ends of a cycle are sought.
-        cyclic: Whether the requests repeat for ever.
-        motion: Filled with the state after each period, (3, n).
-
-    Returns:
-        How far the ends of a cycle are apart [rad]; 0 where it is closed to
-        :data:`CYCLE_TOLERANCE`, and from rest.
+    Returns how far the ends of the cycle are apart [rad]; 0 where it is closed to
+    :data:`CYCLE_TOLERANCE`, and from rest.
     """
     samples = len(requests)
     history = np.empty(samples + weights.shape[1] - 1)
@@ -251,8 +238,7 @@ def _closing_start(
     While ``iterating``, fixed-point iteration and bisection take turns: where v_max <= theta_0 a
     tick the first cannot pass the near end of a range of such angles.
 
-    Returns:
-        The state at its start, and how far its ends are apart; 0 where it is closed.
+    Returns the state at its start, and how far its ends are apart; 0 where it is closed.
     """
     angle, speed, integral = start
     end = run(cycle, start, 0).angle
