@@ -101,19 +101,13 @@ EVIDENCE = {
 }
 """The field of Evidence for each of its keys but the intervals."""
 
-INTERVALS = {
-    f"{name}_interval": (name, unit)
-    for name, unit in {**PARAMETER_UNITS, GAIN: "1/s"}.items()
-    if name not in ("tick", "hold")
-}
-"""Keys of intervals: the parameter of each, and its unit."""
-
 MODEL = {
     # parameters and intervals are checked when all are known
     **{name: Key(_tuples, comment=f"[{unit}]") for name, unit in PARAMETER_UNITS.items()},
     **{
-        key: Key(lambda value: value, comment="95 % [1/s]" if name == GAIN else "95 %")
-        for key, (name, _) in INTERVALS.items()
+        f"{name}_interval": Key(lambda value: value, comment="95 %" + " [1/s]" * (name == GAIN))
+        for name in (*PARAMETER_UNITS, GAIN)
+        if name not in ("tick", "hold")
     },
     **TESTED,
     "correlations": Key(_tuples, comment="of the intervals above"),
@@ -383,23 +377,23 @@ def _model(
         )
         if value > most
     ]
-    declared = {key: INTERVALS[key] for key in own if key in INTERVALS}
+    declared = {key.removesuffix("_interval"): key for key in own if key.endswith("_interval")}
     if doubtful and not declared:  # identify writes them, and radians
         raise wrong("; ".join(doubtful))
-    both = [f"{name}_interval" for name in (GAIN, "theta_0")]
-    if declared.keys() >= {*both}:
+    if declared.keys() >= {GAIN, "theta_0"}:
         expected = "expected one of them: by v_max one follows from the other"
-        raise wrong(f"got {' and '.join(both)}, {expected}")
+        raise wrong(f"got {declared[GAIN]} and {declared['theta_0']}, {expected}")
     intervals = {}
-    for key, (name, unit) in declared.items():
+    for name, key in declared.items():
         value = getattr(model, name)
         ends = own[key] if isinstance(own[key], list) and len(own[key]) == 2 else [math.nan] * 2
         least, most = (as_number(end, infinite=True) for end in ends)
         rounding = 1e-9 * abs(value)
         if not least - rounding <= value <= most + rounding:
             raise wrong(
-                f"{key}: got {shown(own[key])}, expected least and largest value [{unit}], with "
-                f"{value:g}, that of the model, between them; inf or -inf where there is none",
+                f"{key}: got {shown(own[key])}, expected least and largest value "
+                f"[{PARAMETER_UNITS.get(name, '1/s')}], with {value:g}, that of the model, between "
+                "them; inf or -inf where there is none",
                 key,
             )
         intervals[name] = (least, most)
