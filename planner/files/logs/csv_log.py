@@ -35,11 +35,11 @@ from planner.files.columns import (
     split_name,
     time_column,
 )
-from planner.files.logs.rows import ALL_JOINTS, ROLES, LogOptions, Recorded, Rows, Switch
+from planner.files.logs.rows import ALL_JOINTS, ROLES, LogOptions, Recorded, Rows
 from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
 from planner.files.text import read_json
-from planner.trajectory import Array
+from planner.trajectory import Array, Mask
 from planner.validation import as_number
 
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
@@ -118,7 +118,7 @@ def _recorded(
     several = options.joint == ALL_JOINTS and ALL_JOINTS not in joints and len(joints) > 1
 
     @cache
-    def shared() -> tuple[Array, str, str, Switch | None]:  # names of joints need no times
+    def shared() -> tuple[Array, str, str, Mask | None]:  # names of joints need no times
         time, unit = _clock(table, options)
         times, clock = read_clock(table, time, unit, missing=True)
         return times, clock, *_read_torque(table, options)
@@ -260,7 +260,7 @@ def _clock(table: Table, options: LogOptions) -> tuple[str, str | None]:
     return name, None
 
 
-def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]:
+def _read_torque(table: Table, options: LogOptions) -> tuple[str, Mask | None]:
     """The origin of the torque's switch in words, and the switch, shape (n,), if there is one."""
     columns = [name for name in table.names if name.lower() in TORQUES]
     advice = "name one with --torque"

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import (
@@ -24,7 +23,7 @@ from planner.files.columns import (
 from planner.files.table import Source
 from planner.identification.log import FASTEST, FEWEST_ROWS, Log, Written
 from planner.model.evidence import ENCODER_STEP
-from planner.trajectory import Array, Indices, not_radians
+from planner.trajectory import Array, Indices, Mask, not_radians
 from planner.validation import as_positive, shown
 
 ALL_JOINTS = "all"
@@ -143,10 +142,6 @@ def chosen_joints(path: Path | str, joints: Sequence[str], joint: str | None) ->
     return (joints[0] if joint is None else joint,)
 
 
-Switch = npt.NDArray[np.bool_]
-"""Whether the torque was on, shape (n,)."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Rows:
     """The rows of a joint, as they are written; missing numbers are NaN."""
@@ -158,7 +153,7 @@ class Rows:
     angles: Array  # actual angles, shape (n,), in the unit of `angle_scale`
     request_scale: Scale
     angle_scale: Scale
-    torque_on: Switch | None = None  # shape (n,); None where the log does not say
+    torque_on: Mask | None = None  # whether it was on, (n,); None where the log does not say
     # torque on the joint in the direction of positive angles [N m], shape (n,); None where the
     # log does not say
     load: Array | None = None
@@ -173,10 +168,11 @@ class Rows:
 
     def wrong(self, problem: str) -> InvalidFile:
         """The error that the rows of the joint as a whole have a problem."""
-        return InvalidFile(self.source.path, f"{self.joint}: {problem}" if self.joint else problem)
+        named = not self.joint or self.source.part.endswith(self.joint)
+        return InvalidFile(self.source.name, problem if named else f"{self.joint}: {problem}")
 
     @property
-    def unread(self) -> Switch:
+    def unread(self) -> Mask:
         """Rows in which the angle or the load is missing."""
         missing = np.isnan(self.angles)
         return missing if self.load is None else missing | np.isnan(self.load)
@@ -197,14 +193,12 @@ def make_log(rows: Rows) -> Log:
     rows = _with_fitted_scale(rows, measured)
     source = rows.source
     if rows.request_scale.unit != rows.angle_scale.unit:
-        raise InvalidFile(
-            source.name,
+        raise rows.wrong(
             f"requests in {rows.request_scale.name} but angles in {rows.angle_scale.name}; "
             "expected angles for both, or shares of the range for both",
         )
     if len(rows.times) < FEWEST_ROWS:
-        raise InvalidFile(
-            source.name,
+        raise rows.wrong(
             f"rows of samples: got {len(rows.times)}, expected at least {FEWEST_ROWS}; record "
             "longer",
         )
@@ -242,7 +236,7 @@ def make_log(rows: Rows) -> Log:
         raise InvalidFile(source.path, str(error)) from error
 
 
-def _cleaned(rows: Rows) -> tuple[Rows, Switch]:
+def _cleaned(rows: Rows) -> tuple[Rows, Mask]:
     """The rows with a time and a request that do not repeat the row before, and which are whole.
 
     Angles and loads that are missing are those before, or the first ones: values between two
@@ -293,12 +287,10 @@ def _rows_words(source: Source, numbers: Indices) -> str:
     return first if len(numbers) == 1 else f"{len(numbers)} rows, first {first}"
 
 
-def _with_fitted_scale(rows: Rows, measured: Switch) -> Rows:
+def _with_fitted_scale(rows: Rows, measured: Mask) -> Rows:
     """The rows with the scale of counts, by a line through slow rows, and a note on it."""
-    name = rows.source.name
     if rows.request_scale.name == COUNTS:
-        raise InvalidFile(
-            name,
+        raise rows.wrong(
             "requests in counts, whose scale is unknown; expected us, deg, rad or ticks, "
             "with counts for the actual angles only",
         )
@@ -313,8 +305,7 @@ def _with_fitted_scale(rows: Rows, measured: Switch) -> Rows:
     behind = np.sign(speeds)  # which way friction holds the joint back
     share = _share(inputs, requests)
     if not (share >= SLOW_RANGE and {-1.0, 1.0} <= set(behind.tolist())):
-        raise InvalidFile(
-            name,
+        raise rows.wrong(
             f"the scale of actual angles in counts cannot be found: {len(inputs)} rows have slow "
             f"requests, over {100.0 * share:.0f} % of their range; expected "
             f"requests over {100.0 * SLOW_RANGE:g} % of it that move by at most "
@@ -327,8 +318,7 @@ def _with_fitted_scale(rows: Rows, measured: Switch) -> Rows:
     missed = float(np.std(counts - basis @ line)) / max(float(np.std(counts)), 1e-300)
     straight = 0.1  # share of their spread by which slow rows may miss a straight line, rms
     if not missed <= straight:
-        raise InvalidFile(
-            name,
+        raise rows.wrong(
             f"actual angles in counts are {100.0 * missed:.0f} % of their spread beside a straight "
             f"line of slow requests, expected at most {100.0 * straight:g} %; is this "
             "the sensor of this joint?",
@@ -347,7 +337,7 @@ def _share(part: Array, whole: Array) -> float:
     return float(np.ptp(part) / np.ptp(whole)) if len(part) and np.ptp(whole) else 0.0
 
 
-def _slow(times: Array, requests: Array) -> Switch:
+def _slow(times: Array, requests: Array) -> Mask:
     """Rows around which the requests are slow, and straight where enough of them are, (n,)."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
@@ -357,14 +347,14 @@ def _slow(times: Array, requests: Array) -> Switch:
     moved = rows * uniform_filter1d(ways, rows, mode="nearest")
     # a jump by a tenth of the range within the window is no slow motion, however short
     jumps = maximum_filter1d(ways, rows, mode="nearest") > 0.1 * span
-    slow: Switch = (moved <= 2.0 * SLOW_SHARE * span) & ~jumps
+    slow: Mask = (moved <= 2.0 * SLOW_SHARE * span) & ~jumps
     # straight where for 0.4 s to either side the speed changes by at most a tenth of the range a
     # second: friction that turns, and the delay, then do not count as scale
     far = max(1, round(0.2 / period))
     around = np.pad(requests, far, mode="edge")
     speeds = (around[2 * far :] - around[: -2 * far]) / (2.0 * far * period)
     highest, lowest = (each(speeds, 4 * far + 1) for each in (maximum_filter1d, minimum_filter1d))
-    straight: Switch = slow & (highest - lowest <= 0.1 * span)
+    straight: Mask = slow & (highest - lowest <= 0.1 * span)
     return straight if _share(requests[straight], requests) >= SLOW_RANGE else slow
 
 
