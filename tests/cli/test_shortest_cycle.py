@@ -25,9 +25,13 @@ def walk():
 def fastest(run, tmp_path, monkeypatch):
     """Seek the shortest cycle of a small walk, without the bounds that take seconds."""
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
+    monkeypatch.setattr(stride, "PROOFS", 0)
+    found = stride.ShortestCycle
 
     def fastest(evidence, proof, *more, of_knee=""):
-        monkeypatch.setattr(stride, "_too_short", lambda *_: proof)
+        monkeypatch.setattr(
+            stride, "ShortestCycle", lambda plan, too_short: found(plan, proof or too_short)
+        )
         model = JointModel.ers210a().with_evidence(evidence)
         model.to_toml(tmp_path / "all.toml")
         (tmp_path / "joint.toml").write_text((tmp_path / "all.toml").read_text() + of_knee)
