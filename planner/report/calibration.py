@@ -134,19 +134,16 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
     found = {joint: each.identification for joint, each in joints}
     worst = max(comparisons, key=lambda joint: comparisons[joint].recommended.max_error)
     step = next_step(found, output)
-    clouds = [
-        (joint, cloud_figure(each, f"joint{k}_"))
-        for k, (joint, each) in enumerate(found.items(), 1)
-    ]
+    gains = [each.named("shift").error / each.recommended.error for _, each in joints]
+    clouds = [cloud_figure(each, f"joint{k}_") for k, each in enumerate(found.values(), 1)]
+    named = zip(found, clouds, strict=True)
     return Page(
         "calibration",
         joints=comparisons,
         lines=[recommendation(joint, each) for joint, each in joints],
         good=all(each.accepted for each in found.values()),
         errors=spread([math.degrees(each.recommended.error) for _, each in joints], ".2f"),
-        gains=spread(
-            [each.named("shift").error / each.recommended.error for _, each in joints], ".2g"
-        ),
+        gains=spread(gains, ".2g"),
         top_speeds=spread([math.degrees(each.model.v_max) for each in found.values()], ".0f"),
         worst=worst,
         largest=math.degrees(comparisons[worst].recommended.max_error),
@@ -156,7 +153,7 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
         motions=[motion_figure(*each, k) for k, each in enumerate(joints, 1)],
         models=joints_table(found, page=True),
         rare=explained(found),
-        clouds=[replace(figure, title=f"{joint}: {figure.title}") for joint, figure in clouds],
+        clouds=[replace(cloud, title=f"{joint}: {cloud.title}") for joint, cloud in named],
     )
 
 
@@ -175,9 +172,8 @@ def ways_figure(comparisons: Mapping[str, Compared]) -> Figure:
     top = 1.06 * float(np.nanmax(np.concatenate([curve.x for curve in curves])))
     joints = Axis("", range=(count - 0.5, -0.5), names=dict(enumerate(comparisons)))
     panel = Panel(joints, curves, height=0.6 + 0.25 * count)
-    return Figure(
-        "ways", *words_of("ways"), Axis("error, rms", "deg", (0.0, top), decimals=3), [panel]
-    )
+    across = Axis("error, rms", "deg", (0.0, top), decimals=3)
+    return Figure("ways", *words_of("ways"), across, [panel])
 
 
 def motion_figure(joint: str, compared: Compared, number: int) -> Figure:
@@ -190,9 +186,7 @@ def motion_figure(joint: str, compared: Compared, number: int) -> Figure:
         looks, hidden = ROLES[each.way], each.way not in shown
         angles.append(timeline.curve(np.degrees(each.angles), looks, hidden=hidden))
         errors.append(timeline.curve(np.degrees(each.angles - desired), looks, hidden=hidden))
-    panels = [
-        Panel(Axis("angle", "deg"), tuple(angles), "measured"),
-        Panel(Axis("error", "deg"), tuple(errors), "errors"),
-    ]
+    above, below = Axis("angle", "deg"), Axis("error", "deg")
+    panels = [Panel(above, angles, "measured"), Panel(below, errors, "errors")]
     best = WORDS[compared.recommended.way]
     return timeline.figure(f"motion_{number}", panels, words_of("motion", name=joint, best=best))

@@ -66,17 +66,14 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
 
 def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:
     """Errors of recordings by kind of requests; with their speeds where these are the fastest."""
-    return by_columns(
-        "recording",
-        [str(row["recording"]) for row in rows],
-        [
-            ("requests", [f"{row['requests']}" for row in rows]),
-            fastest and ("speed", [f"{row['speed']:.3g}" for row in rows]),
-            ("worst joint", [f"{row['worst_joint']} [{row['unit']}]" for row in rows]),
-            *((title, [number(row[kind], 3) for row in rows]) for kind, title in KINDS.items()),
-        ],
-        label="Recordings",
-    )
+    columns = [
+        ("requests", [f"{row['requests']}" for row in rows]),
+        fastest and ("speed", [f"{row['speed']:.3g}" for row in rows]),
+        ("worst joint", [f"{row['worst_joint']} [{row['unit']}]" for row in rows]),
+        *((title, [number(row[kind], 3) for row in rows]) for kind, title in KINDS.items()),
+    ]
+    names = [str(row["recording"]) for row in rows]
+    return by_columns("recording", names, columns, label="Recordings")
 
 
 def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:

@@ -278,12 +278,10 @@ def joint_figure(
     """
     sign, factor = unit
 
-    def curves(drawn: Traces, *, held: bool = False) -> tuple[Curve, ...]:
+    def curves(drawn: Traces, *, held: bool = False) -> list[Curve]:
         of_path = DESIRED.light  # nothing holds what is desired
-        return tuple(
-            timeline.curve(factor * values, role, held=held and role.light != of_path)
-            for values, role in drawn
-        )
+        each = ((factor * values, role, held and role.light != of_path) for values, role in drawn)
+        return [timeline.curve(values, role, held=holds) for values, role, holds in each]
 
     requested = curves(requests, held=True)
     low, high = around([requested[-1].y], margin=0.6)  # one far away would flatten the curves
@@ -296,7 +294,7 @@ def joint_figure(
     for quantity, least, drawn, about, shades in (
         ("angle", 1.0, curves(angles), title, spans),
         ("error", 0.05, curves(errors), "errors", ()),
-        ("request", 1.0, (*lines, *requested), "requested", ()),
+        ("request", 1.0, [*lines, *requested], "requested", ()),
     ):
         low, high = around([curve.y for curve in drawn], margin=0.0)
         middle = 0.5 * (low + high)

@@ -43,16 +43,12 @@ def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
 def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:
     """The number of lines of every joint, and its errors."""
     curves = fits.values()
-    return by_columns(
-        "joint",
-        fits,
-        [
-            ("lines", [f"{len(each.slopes)}" for each in curves]),
-            ("rms [deg]", [f"{np.degrees(each.rms):.3f}" for each in curves]),
-            ("max [deg]", [f"{np.degrees(each.max_error):.3f}" for each in curves]),
-        ],
-        label="Lines",
-    )
+    columns = [
+        ("lines", [f"{len(each.slopes)}" for each in curves]),
+        ("rms [deg]", [f"{np.degrees(each.rms):.3f}" for each in curves]),
+        ("max [deg]", [f"{np.degrees(each.max_error):.3f}" for each in curves]),
+    ]
+    return by_columns("joint", fits, columns, label="Lines")
 
 
 def fit_figure(name: str, fit: PiecewiseLinearFit, number: int) -> Figure:

@@ -99,18 +99,14 @@ def logs_table(identification: Identification) -> Table:
     """Every log: its rows, its length, which rows were not fitted and why, and how it was read."""
     fits = identification.fits
     left_out = [", ".join(f"{n} {reason}" for reason, n in fit.left_out.items()) for fit in fits]
-    return by_columns(
-        "log",
-        [fit.log.name for fit in fits],
-        [
-            ("rows used", [f"{fit.used.sum()} of {len(fit.used)}" for fit in fits]),
-            ("seconds", [f"{fit.log.times[-1] - fit.log.times[0]:.1f}" for fit in fits]),
-            ("rate", [f"{1.0 / fit.log.period:.1f} Hz" for fit in fits]),
-            (Column("rows left out, and why", words=True), [each or "none" for each in left_out]),
-            (Column("how it was read", words=True), ["; ".join(fit.log.notes) for fit in fits]),
-        ],
-        label="Logs",
-    )
+    columns: list[tuple[str | Column, list[str]]] = [
+        ("rows used", [f"{fit.used.sum()} of {len(fit.used)}" for fit in fits]),
+        ("seconds", [f"{fit.log.times[-1] - fit.log.times[0]:.1f}" for fit in fits]),
+        ("rate", [f"{1.0 / fit.log.period:.1f} Hz" for fit in fits]),
+        (Column("rows left out, and why", words=True), [each or "none" for each in left_out]),
+        (Column("how it was read", words=True), ["; ".join(fit.log.notes) for fit in fits]),
+    ]
+    return by_columns("log", [fit.log.name for fit in fits], columns, label="Logs")
 
 
 # The figures.
@@ -259,7 +255,7 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     noise, known = factor * identification.noise, math.isfinite(identification.noise)
     noises = [Span(-2.0 * noise, 2.0 * noise, style.CLOSED_FORM, 0.16, "y")] if known else []
     top, low = ([curve for curve in curves if len(curve.y)] for curves in (above, below))
-    quantity, whole = "angle" if units.si else "position", (0.0, float(times[-1]))
+    quantity, whole = "angle" if units.angle == "deg" else "position", (0.0, float(times[-1]))
     about = words_of(
         "log",
         held_out=held_out.any(),

@@ -29,15 +29,11 @@ from planner.report.page import PARAMETERS
 from planner.report.wording import NOTHING, Column, Row, Table, by_columns, phrase, rendered_text
 
 ALTERNATIVES = {
-    "raw": "the request itself",
-    "delay": "best pure delay",
-    "first_order": "delay and first-order lag",
+    "raw": ("the request itself", ""),
+    "delay": ("best pure delay", "the best pure delay"),
+    "first_order": ("delay and first-order lag", "a delay with a first-order lag"),
 }
-"""Names of the simpler descriptions."""
-
-COMPARED = {"delay": "the best pure delay", "first_order": "a delay with a first-order lag"}
-"""Descriptions that the verdict compares with."""
-
+"""Names of the simpler descriptions in a table, and where the verdict compares with them."""
 
 NOT_KNOWN = "not known"
 """In place of an uninformative interval: without ends, or from zero to infinity."""
@@ -61,15 +57,11 @@ RECORD: dict[str, dict[Topic, str]] = {
 
 
 class Units(NamedTuple):
-    """The units of a report; inside, angles are in radians, ``factor`` of which are one.
-
-    Values of joints that are no shares of a range are also given in SI.
-    """
+    """The units of a joint, and its factor: a radian in degrees, or all of a range in percent."""
 
     factor: float
     angle: str
     speed: str
-    si: bool
 
     def sized(self, error: float | None) -> tuple[str, str]:
         """An error [rad] as a number and its unit."""
@@ -112,8 +104,8 @@ class Parameter(NamedTuple):
 def units_of(identification: Identification) -> Units:
     """Degrees for angles; percent for shares of a range."""
     if identification.unit == "rad":
-        return Units(math.degrees(1.0), "deg", "deg/s", True)
-    return Units(100.0, "% of range", "%/s", False)
+        return Units(math.degrees(1.0), "deg", "deg/s")
+    return Units(100.0, "% of range", "%/s")
 
 
 def parameters(identification: Identification) -> list[Parameter]:
@@ -136,7 +128,7 @@ def parameters(identification: Identification) -> list[Parameter]:
         if unit == "s":
             factor, unit = 1e3, "ms"
         elif "rad" in unit:
-            if units.si:
+            if units.angle == "deg":
                 si = (f"{figure(estimate, ends)} {unit}", between(ends))
             angle = units.angle if unit == "rad" else units.speed.removesuffix("/s")
             factor, unit = units.factor, unit.replace("rad", angle)
@@ -162,7 +154,7 @@ def parameters(identification: Identification) -> list[Parameter]:
 
 def parameters_table(identification: Identification, *, page: bool = False) -> Table:
     """The parameters; SI as notes on a page, in a column on a terminal, where names are short."""
-    column, rows = units_of(identification).si and not page, []
+    column, rows = identification.unit == "rad" and not page, []
     for row in parameters(identification):
         about, cells = row.brief, [f"{row.value} {row.unit}", row.interval]
         if page and row.si:
@@ -187,9 +179,9 @@ def errors_table(identification: Identification) -> Table:
         if isinstance(each, Alternative):
             times = (each.parameters.get(name) for name in ("delay", "time_constant"))
             detail = " + ".join(f"{1e3 * time:.0f} ms" for time in times if time is not None)
-            about = ALTERNATIVES.get(each.name, each.name) + (f"\n{detail}" if detail else "")
+            about = ALTERNATIVES[each.name][0] + (f"\n{detail}" if detail else "")
             kind = ""
-        cells = tuple(units.sized(error)[0] for error in (each.rms, each.held_out_rms))
+        cells = [units.sized(error)[0] for error in (each.rms, each.held_out_rms)]
         rows.append(Row(about, cells, kind=kind))
     return Table(f"rms error [{units.angle}]", ("all rows", "held out"), rows, "Errors")
 
@@ -208,8 +200,8 @@ def verdict(identification: Identification) -> str:
         f"{percent_of(error, identification.signal)} of the motion",
     ]
     others = {each.name: telling_error(each)[0] for each in identification.alternatives}
-    for name, other_words in COMPARED.items():
-        if name in others:
+    for name, (_, other_words) in ALTERNATIVES.items():
+        if other_words and name in others:
             ratio = others[name] / error if error > 0.0 else math.inf
             most = max(ratio, 1.0 / ratio if ratio else math.inf)
             times = "infinitely" if math.isinf(most) else f"{most:.{1 if most < 10 else 0}f} times"
@@ -433,31 +425,25 @@ def excitation_text(excitation: Excitation, expected: Identification, *, model: 
         each.setdefault(part.name, [part.determines]).append(f"{part.begin:.0f} to {part.end:.0f}")
     dead_band = next((term for term in expected.terms if term.name == "dead_band"), None)
     known = ["no" if not row.determined else "roughly" if row.rough else "yes" for row in estimates]
+    parts = [
+        ("time [s]", [", ".join(times) for _, *times in each.values()]),
+        ("determines", [what for what, *_ in each.values()]),
+    ]
+    columns = [
+        ("identified", [f"{row.value} {row.unit}" for row in estimates]),
+        ("95 % interval", [row.interval for row in estimates]),
+        ("determined", known),
+        ("known", [row.judgement for row in estimates]),
+    ]
     return rendered_text(
         "excitation.txt",
         of=excitation,
         meaning=shown_by(excitation),
         missing=missing,
         rough=rough,
-        parts=by_columns(
-            "part",
-            each,
-            [
-                ("time [s]", [", ".join(times) for _, *times in each.values()]),
-                ("determines", [what for what, *_ in each.values()]),
-            ],
-        ),
+        parts=by_columns("part", each, parts),
         model=model,
-        expected=by_columns(
-            "parameter",
-            [row.brief for row in estimates],
-            [
-                ("identified", [f"{row.value} {row.unit}" for row in estimates]),
-                ("95 % interval", [row.interval for row in estimates]),
-                ("determined", known),
-                ("known", [row.judgement for row in estimates]),
-            ],
-        ),
+        expected=by_columns("parameter", [row.brief for row in estimates], columns),
         dead_band=dead_band
         and units.factor * (dead_band.interval.upper - expected.model.dead_band),
         inf=math.inf,

@@ -256,23 +256,20 @@ def _step_test(planned: PlannedWalk, number: int, amplitude: float) -> Figure:
     full = begun + response.acceleration
     start, middle, end = (timeline.step * sample for sample in (response.step, begun, full))
     speed = math.degrees(response.v_max) * planned.models[0].period
-    top = 1.24 * amplitude
-    panel = Panel(
-        Axis("angle", "deg", (-0.12 * amplitude, top)),
-        (
-            timeline.curve(np.degrees(response.requests), style.REQUESTED, held=True),
-            timeline.curve(np.degrees(response.angles), style.CLOSED_FORM, "actual"),
-        ),
-        f"top speed {speed:.3g} deg per tick",
-        spans=(Span(start, middle, style.MUTED, 0.16), Span(middle, end, style.CLOSED_FORM, 0.16)),
-        words=(
-            Words(f"lag {response.lag} ticks", start, top, "right", "top"),
-            Words(f"acceleration {response.acceleration} ticks", end, top, "left", "top"),
-        ),
-        height=1.6,
+    low, top = -0.12 * amplitude, 1.24 * amplitude
+    curves = (
+        timeline.curve(np.degrees(response.requests), style.REQUESTED, held=True),
+        timeline.curve(np.degrees(response.angles), style.CLOSED_FORM, "actual"),
     )
-    words = words_of("step_test", number=number, amplitude=amplitude)
-    return timeline.figure(f"figure{number}_step_{amplitude:g}", [panel], words)
+    spans = (Span(start, middle, style.MUTED, 0.16), Span(middle, end, style.CLOSED_FORM, 0.16))
+    words = (
+        Words(f"lag {response.lag} ticks", start, top, "right", "top"),
+        Words(f"acceleration {response.acceleration} ticks", end, top, "left", "top"),
+    )
+    title, axis = f"top speed {speed:.3g} deg per tick", Axis("angle", "deg", (low, top))
+    panel = Panel(axis, curves, title, spans, words, height=1.6)
+    about = words_of("step_test", number=number, amplitude=amplitude)
+    return timeline.figure(f"figure{number}_step_{amplitude:g}", [panel], about)
 
 
 def _speed(planned: PlannedWalk) -> Figure:
@@ -283,23 +280,21 @@ def _speed(planned: PlannedWalk) -> Figure:
     speeds = model.tick * np.degrees(model.speed(np.radians(errors)))
     far, high = float(errors[-1]), 1.35 * v_max
     dotted = style.MUTED._replace(dashes=(0, (1.0, 1.5)))
-    panel = Panel(
-        Axis("f(x)", "deg per tick", (-high, high)),
-        (
-            line((-far, far), (0.0, 0.0)),
-            line((0.0, 0.0), (-high, high)),
-            line((theta_0, theta_0), (0.0, v_max), dotted),
-            line((-theta_0, -theta_0), (0.0, -v_max), dotted),
-            Curve(style.CLOSED_FORM, errors, speeds, "f"),
-        ),
-        words=(
-            Words("θ₀", theta_0, 0.0, upward="top"),
-            Words("−θ₀", -theta_0, 0.0, upward="bottom"),
-            Words("v_max", 1.6 * theta_0, v_max, upward="bottom"),
-            Words("−v_max", -1.6 * theta_0, -v_max, upward="top"),
-        ),
-        height=1.7,
+    curves = (
+        line((-far, far), (0.0, 0.0)),
+        line((0.0, 0.0), (-high, high)),
+        line((theta_0, theta_0), (0.0, v_max), dotted),
+        line((-theta_0, -theta_0), (0.0, -v_max), dotted),
+        Curve(style.CLOSED_FORM, errors, speeds, "f"),
     )
+    words = (
+        Words("θ₀", theta_0, 0.0, upward="top"),
+        Words("−θ₀", -theta_0, 0.0, upward="bottom"),
+        Words("v_max", 1.6 * theta_0, v_max, upward="bottom"),
+        Words("−v_max", -1.6 * theta_0, -v_max, upward="top"),
+    )
+    axis = Axis("f(x)", "deg per tick", (-high, high))
+    panel = Panel(axis, curves, words=words, height=1.7)
     across = Axis("request minus angle, x", "deg", (-far, far))
     return Figure("figure5_speed", *words_of("figure5_speed"), across, [panel])
 

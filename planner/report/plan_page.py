@@ -108,24 +108,20 @@ def joints_table(answer: PlanAnswer) -> Table:
         one_sided = f"at least {low}" if math.isfinite(lower) else f"at most {high}"
         known = [math.isfinite(each) for each in (lower, upper)]
         limits.append(f"{low} to {high}" if all(known) else one_sided if any(known) else "none")
-    return by_columns(
-        "joint",
-        answer.plan.names,
-        [
-            (planned, [thousandths(each.planned) for each in joints]),
-            is_shift and ("early [ms]", early),
-            bool(answer.on_robot) and ("on the robot [deg]", answer.on_robot),
-            (Column("without a plan [deg]", norms), [thousandths(each.direct) for each in joints]),
-            not is_shift and (Column("best time shift", ("rms [deg]", "early [ms]")), shifts),
-            bounded and (f"{bound} [deg]", least),
-            bounded and gaps,
-            (Column("speed [deg/s]", ("desired", "top")), speeds),
-            ("too fast", [percent(each.share, 0) for each in joints]),
-            ("limits [deg]", limits),
-            ("at or beyond limits", [f"{each.at_limit}" for each in joints]),
-        ],
-        label="Joints",
-    )
+    columns = [
+        (planned, [thousandths(each.planned) for each in joints]),
+        is_shift and ("early [ms]", early),
+        bool(answer.on_robot) and ("on the robot [deg]", answer.on_robot),
+        (Column("without a plan [deg]", norms), [thousandths(each.direct) for each in joints]),
+        not is_shift and (Column("best time shift", ("rms [deg]", "early [ms]")), shifts),
+        bounded and (f"{bound} [deg]", least),
+        bounded and gaps,
+        (Column("speed [deg/s]", ("desired", "top")), speeds),
+        ("too fast", [percent(each.share, 0) for each in joints]),
+        ("limits [deg]", limits),
+        ("at or beyond limits", [f"{each.at_limit}" for each in joints]),
+    ]
+    return by_columns("joint", answer.plan.names, columns, label="Joints")
 
 
 # The figures.
@@ -135,9 +131,8 @@ def leg_figure(plan: Plan, role: style.Role) -> Figure:
     """The moving leg, as desired, without a plan and with it."""
     task = plan.task
     assert task.leg is not None, "only a leg moves"
-    desired, *others = map(
-        task.leg.joint_positions, (plan.desired, plan.direct.predicted, plan.predicted)
-    )
+    motions = (plan.desired, plan.direct.predicted, plan.predicted)
+    desired, *others = map(task.leg.joint_positions, motions)
     # the leg may not reach where its foot should be
     desired = np.concatenate([desired[:, :-1], task.desired_foot[:, None]], axis=1)
     drawn = zip((WITHOUT, role), others, strict=True)

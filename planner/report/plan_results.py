@@ -229,17 +229,13 @@ class PlanAnswer:
         """How far the foot of each leg of a robot is from its path."""
         feet, norms = self.feet.values(), ("rms", "at most")
         robot = [f"{each.expected:.3f}" for each in feet if each.expected is not None]
-        return by_columns(
-            "foot",
-            self.feet,
-            [
-                (Column("plan [cm]", norms), [thousandths(each.planned) for each in feet]),
-                (Column("without a plan [cm]", norms), [thousandths(each.direct) for each in feet]),
-                (Column("best shift [cm]", norms), [thousandths(each.early) for each in feet]),
-                len(robot) == len(feet) and ("on the robot, rms [cm]", robot),
-            ],
-            label="Feet",
-        )
+        columns = [
+            (Column("plan [cm]", norms), [thousandths(each.planned) for each in feet]),
+            (Column("without a plan [cm]", norms), [thousandths(each.direct) for each in feet]),
+            (Column("best shift [cm]", norms), [thousandths(each.early) for each in feet]),
+            len(robot) == len(feet) and ("on the robot, rms [cm]", robot),
+        ]
+        return by_columns("foot", self.feet, columns, label="Feet")
 
     # For machines, and for people on a terminal.
 
@@ -288,12 +284,8 @@ class PlanAnswer:
 
     def _joint(self, j: int, numbers: JointNumbers) -> dict[str, Any]:
         """A joint for machines."""
-        plan, unit, expected, motion = (
-            self.plan,
-            numbers.unit,
-            numbers.expected,
-            self.plan.motions[j],
-        )
+        plan, unit, expected = self.plan, numbers.unit, numbers.expected
+        motion = plan.motions[j]
         inversion = plan.inversions[j] if plan.inversions else None
         ends = np.degrees([expected.low, expected.high]).tolist()
         return {
@@ -325,16 +317,13 @@ class PlanAnswer:
     def text(self) -> str:
         """The plan for people."""
         joints, plan = self.joints, self.plan
-        table = by_columns(
-            "joint",
-            [each.label for each in joints],
-            [
-                ("rms [deg]", [f"{each.planned.rms:.3f}" for each in joints]),
-                ("max [deg]", [f"{each.planned.max:.3f}" for each in joints]),
-                bool(self.on_robot) and ("on the robot", self.on_robot),
-                *self.bounds,
-            ],
-        )
+        columns = [
+            ("rms [deg]", [f"{each.planned.rms:.3f}" for each in joints]),
+            ("max [deg]", [f"{each.planned.max:.3f}" for each in joints]),
+            *([("on the robot", self.on_robot)] if self.on_robot else []),
+            *self.bounds,
+        ]
+        table = by_columns("joint", [each.label for each in joints], columns)
         lines = [
             f"{len(plan.requests)} requests, one every {1e3 * plan.period:.6g} ms; {self.model}",
             table.text(),
@@ -461,18 +450,14 @@ def motions_table(
 ) -> Table:
     """How requests move, beside the desired path: by joint, with the factor to degrees."""
     pairs = [*zip(motions, factors or [DEGREE] * len(motions), strict=True)]
-    return by_columns(
-        "requests",
-        names,
-        [
-            ("largest step [deg]", [f"{factor * m.largest_step:.2f}" for m, factor in pairs]),
-            ("reversals/s", [f"{m.reversals_per_s:.1f}" for m in motions]),
-            ("length [deg]", [f"{factor * m.path_length:.1f}" for m, factor in pairs]),
-            ("desired", [f"{factor * m.desired_length:.1f}" for m, factor in pairs]),
-            ("outside desired [deg]", [f"{factor * m.beyond:.2f}" for m, factor in pairs]),
-        ],
-        label="How the requests move",
-    )
+    columns = [
+        ("largest step [deg]", [f"{factor * m.largest_step:.2f}" for m, factor in pairs]),
+        ("reversals/s", [f"{m.reversals_per_s:.1f}" for m in motions]),
+        ("length [deg]", [f"{factor * m.path_length:.1f}" for m, factor in pairs]),
+        ("desired", [f"{factor * m.desired_length:.1f}" for m, factor in pairs]),
+        ("outside desired [deg]", [f"{factor * m.beyond:.2f}" for m, factor in pairs]),
+    ]
+    return by_columns("requests", names, columns, label="How the requests move")
 
 
 def _over_models(

@@ -96,7 +96,7 @@ def replay_page(
     """
     there = [joint.path.unit for joint in replay.planned]
     units = {"rad": "degrees", "1": "% of the range"}
-    joints = [*map(sizes_of, replay.planned)]
+    joints, names = [*map(sizes_of, replay.planned)], [each.name for each in replay.planned]
     known = [each for each in joints if math.isfinite(each.expected)]
     fast = {each.name: sum(b - a for a, b in each.too_fast) for each in replay.planned}
     proof, spoken = fastest and fastest.impossible, _spoken(replay, models, fastest)
@@ -130,9 +130,7 @@ def replay_page(
         open_speeds=sorted(replay.path.open_top_speeds),
         joints=joints_table(replay),
         pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
-        models=models_table(
-            [each.name for each in replay.planned], [each.plan.models[0] for each in replay.planned]
-        ),
+        models=models_table(names, [each.plan.models[0] for each in replay.planned]),
     )
 
 
@@ -142,15 +140,13 @@ def replay_page(
 def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms, and how its requests move."""
     planned = [*map(sizes_of, replay.planned)]
+    labels, factors = [each.label for each in planned], [each.factor for each in planned]
+    motions = [each.plan.motions[0] for each in replay.planned]
     return rendered_text(
         "replay.txt",
         **_spoken(replay, models, fastest),
         joints=joints_table(replay, "rms [deg]"),
-        requests=motions_table(
-            [each.label for each in planned],
-            [each.plan.motions[0] for each in replay.planned],
-            [each.factor for each in planned],
-        ),
+        requests=motions_table(labels, motions, factors),
     )
 
 
@@ -239,18 +235,15 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
     by_name = {each.name: each for each in replay.joints}
     joints = [by_name[name] for name in arm.joint_names]
 
-    def points(kind: str) -> Array:
-        kinds = (
-            "recorded_angles" if each.inversion is None and kind != "desired" else kind
-            for each in joints
-        )
+    timeline = Timeline(replay.period, len(replay.moments), cyclic=False)
+
+    def points(kind: str, unplanned: str = "recorded_angles") -> Array:
+        kinds = [unplanned if each.inversion is None else kind for each in joints]
         angles = [getattr(*each) for each in zip(joints, kinds, strict=True)]
         return arm.joint_positions(np.column_stack(angles))
 
     others = ((AS_IT_IS, points("direct")), (style.OPTIMAL, points("predicted")))
-    return Timeline(replay.period, len(replay.moments), cyclic=False).leg(
-        "arm", words_of("arm"), points("desired"), others
-    )
+    return timeline.leg("arm", words_of("arm"), points("desired", "desired"), others)
 
 
 def joint_figure(replay: Replay, j: int) -> Figure:
