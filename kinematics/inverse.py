@@ -312,27 +312,15 @@ def _points(circle: Circle, angles: Array) -> Array:
     return middle + cosine * np.cos(angles)[..., None] + sine * np.sin(angles)[..., None]
 
 
-class Kept(NamedTuple):
-    """What a turn may keep: the height along a direction, or the squared distance from a point."""
+def _turns(circle: Circle, arm: Array, c: Array) -> Array:
+    """The two angles on circles that lie c along an arm from the middle [rad], (2, ...).
 
-    vector: Array  # (3,), of a height its unit direction
-    is_height: bool
-
-    def angles(self, circle: Circle, like: Array) -> Array:
-        """The two angles on the circle at which it is that of the points ``like`` [rad]: (2, ...).
-
-        These solve ``a cos q + b sin q = c``, with c clamped to ±hypot(a, b).
-        """
-        middle, cosine, sine = circle
-        if self.is_height:
-            arm, c = self.vector, (like - middle) @ self.vector
-        else:
-            arm, target = middle - self.vector, like - self.vector
-            c = 0.5 * ((target**2).sum(-1) - (arm**2).sum(-1) - (cosine**2).sum(-1))
-        a, b = ((arm * way).sum(-1) for way in (cosine, sine))
-        size = np.maximum(np.hypot(a, b), np.finfo(np.float64).tiny)
-        centre, half = np.arctan2(b, a), np.arccos(np.clip(c / size, -1.0, 1.0))
-        return np.stack(np.broadcast_arrays(centre + half, centre - half))
+    These solve ``a cos q + b sin q = c``, with c clamped to ±hypot(a, b).
+    """
+    a, b = ((arm * way).sum(-1) for way in circle[1:])
+    size = np.maximum(np.hypot(a, b), np.finfo(np.float64).tiny)
+    centre, half = np.arctan2(b, a), np.arccos(np.clip(c / size, -1.0, 1.0))
+    return np.stack(np.broadcast_arrays(centre + half, centre - half))
 
 
 class ClosedForm(NamedTuple):
@@ -341,8 +329,8 @@ class ClosedForm(NamedTuple):
     axes: list[Axis]  # the three axes with every angle 0, in the base frame
     foot: Array  # the foot with every angle 0 [m], in the base frame, shape (3,)
     odd: int  # index of the joint outside the pair: 0 or 2
-    kept: Kept  # invariant of a turn about either axis of the pair
-    other: Kept  # second invariant of a turn about the pair's first axis
+    parallel: bool  # whether the axes of the pair are parallel; they intersect otherwise
+    point: Array  # where they intersect, or a point of the first one, (3,)
 
     def poses(self, foot: Array) -> Array:
         """Four poses for each point, out of reach with each inverse function's argument clamped.
@@ -351,18 +339,28 @@ class ClosedForm(NamedTuple):
         limits, shape (n, 4, 3). Poses may coincide.
         """
         goal, start = foot, self.foot
+        first, second = (self.axes[index] for index in (0, 1, 2) if index != self.odd)
+
+        def turns(circle: Circle, like: Array, *, height: bool) -> Array:
+            """Turns to the height along the first axis, or the distance from the point."""
+            middle, cosine, _ = circle
+            if height:
+                return _turns(circle, first[0], (like - middle) @ first[0])
+            arm, target = middle - self.point, like - self.point
+            c = 0.5 * ((target**2).sum(-1) - (arm**2).sum(-1) - (cosine**2).sum(-1))
+            return _turns(circle, arm, c)
+
         if self.odd == 2:
             circle = _circle(self.axes[2], start)
-            odd = self.kept.angles(circle, goal)  # (2, n)
+            odd = turns(circle, goal, height=self.parallel)  # (2, n)
             start = _points(circle, odd)
         else:
             middle, cosine, sine = _circle(self.axes[0], goal)
             circle = middle, cosine, -sine  # turned back
-            odd = self.kept.angles(circle, start)
+            odd = turns(circle, start, height=self.parallel)
             goal = _points(circle, odd)
-        first, second = (self.axes[index] for index in (0, 1, 2) if index != self.odd)
         circle = _circle(second, start)
-        second_angle = self.other.angles(circle, goal)  # (2, 2, n)
+        second_angle = turns(circle, goal, height=not self.parallel)  # (2, 2, n)
         middle, cosine, sine = _circle(first, _points(circle, second_angle))
         across, along = ((way * (goal - middle)).sum(-1) for way in (sine, cosine))
         angles = [np.arctan2(across, along), second_angle]
@@ -389,8 +387,8 @@ def find_closed_form(chain: Chain) -> ClosedForm | None:
         if sine > APART and abs(between @ normal) / sine <= EXACT * size:  # they intersect
             common = start + np.cross(between, second[0]) @ normal / sine**2 * way
             if away(axes[odd], common) > APART * size:
-                return ClosedForm(axes, foot[:, 0], odd, Kept(common, False), Kept(way, True))
+                return ClosedForm(axes, foot[:, 0], odd, False, common)
         slanted = np.linalg.norm(np.cross(way, axes[odd][0])) > APART
         if sine <= EXACT and slanted and away(first, second[1]) > APART * size:  # parallel
-            return ClosedForm(axes, foot[:, 0], odd, Kept(way, True), Kept(start, False))
+            return ClosedForm(axes, foot[:, 0], odd, True, start)
     return None

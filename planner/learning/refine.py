@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
@@ -471,16 +472,13 @@ def better_model(
         last = data[-4:]  # of many trials
         return _identified(model, [_log(model, *each, cyclic=cyclic, load=load) for each in last])
 
-    try:
+    with suppress(PlannerError):  # no motion to identify from, or no steady cycle
         now, random = missed(model), noise / math.sqrt(trials[-1].cycles)
-        if now <= max(UNEXPLAINED * random, NEGLIGIBLE * float(np.ptp(target))):
-            return None
-        candidate = identified(pairs[:-1])
-        if candidate is None or missed(candidate) > (1.0 - SAVING) * now:
-            return None
-        return identified(pairs)
-    except PlannerError:  # no motion to identify from, or no steady cycle
-        return None
+        if now > max(UNEXPLAINED * random, NEGLIGIBLE * float(np.ptp(target))):
+            candidate = identified(pairs[:-1])
+            if candidate is not None and missed(candidate) <= (1.0 - SAVING) * now:
+                return identified(pairs)
+    return None
 
 
 def _log(
