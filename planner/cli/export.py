@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
@@ -12,8 +13,6 @@ from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile, InvalidInput
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from planner.robot.arm import Servo
     from planner.robot.schedule import Schedule
 

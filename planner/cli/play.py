@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -134,12 +135,11 @@ def record(
         request-planner plan shown.csv --no-cyclic --model arm.toml --speed 2 --rate-hz 50 \\
             -o requests.csv
     """  # noqa: D301
-    from contextlib import suppress
-
     import numpy as np
 
     from planner.files.joint_model import read_servos
     from planner.files.paths import growing_log
+    from planner.robot.play import play as play_at_times
 
     servos = read_servos(model)
     kinds = ("",) if by_hand else ("requested", "actual")
@@ -151,21 +151,23 @@ def record(
         if by_hand:
             for servo in servos.values():
                 arm.bus.write(servo.id, "torque", 0)
-        port, begin, row, kept = arm.bus.port, arm.bus.port.now(), 0, 0
+        port, begin, kept = arm.bus.port, arm.bus.port.now(), 0
         last_read = np.full(len(servos), begin)
-        with suppress(KeyboardInterrupt):  # the end, where no duration is set
-            while duration_s is None or row / rate_hz < duration_s:
-                wait = begin + row / rate_hz - port.now()
-                if wait > 0.0:
-                    port.sleep(wait)
-                measured = arm.measure()
-                columns = [measured.angles] if by_hand else [arm.goals(), measured.angles]
-                if not (by_hand and np.isnan(measured.angles).any()):
-                    write_row(measured.time - begin, *columns)
-                    kept += 1
-                last_read[np.isfinite(measured.angles)] = measured.time
-                arm.check_heard(last_read, measured.time)
-                row = max(row + 1, int((port.now() - begin) * rate_hz))
+
+        def keep(_: Array) -> None:
+            nonlocal kept
+            measured = arm.measure()
+            columns = [measured.angles] if by_hand else [arm.goals(), measured.angles]
+            if not (by_hand and np.isnan(measured.angles).any()):
+                write_row(measured.time - begin, *columns)
+                kept += 1
+            last_read[np.isfinite(measured.angles)] = measured.time
+            arm.check_heard(last_read, measured.time)
+
+        rows = None if duration_s is None else math.ceil(duration_s * rate_hz)
+        play_at_times(
+            [0.0], period=1.0 / rate_hz, cycles=rows, send=keep, now=port.now, sleep=port.sleep
+        )
     lost = arm.bus.lost / max(1, arm.bus.asked)
     summarise(
         f"{kept} rows of {', '.join(servos)} in {output}; {100.0 * lost:.1f} % of answers lost"

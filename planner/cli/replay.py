@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,8 +13,6 @@ from planner.cli.console import Answer, Progress, remark, warn
 from planner.cli.settings import SMOOTHING, TOLERANCE, ReplayRun
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from planner.cli.recordings import ReplayTask
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,8 +16,6 @@ from planner.files.text import to_json, write_bytes, write_text
 from planner.report.wording import fitted_to
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from planner.report.figure import Figure
 
 STEPS = {"model": 16, "virtual": 27}  # number of steps that are reported, by robot
