@@ -172,7 +172,10 @@ def write_rows(
         servos = servos or servos_of(export, rows)
         exports.write_controller_csv(file, rows, unit=export.unit or "rad", servos=servos)
     elif export.format == "lerobot":
-        exports.write_lerobot(file, rows, task=export.task or exports.LEROBOT_TASK)
+        rate = exports.frame_rate(rows.period)
+        layout = exports.Layout(features={"action": rows.names}, rate=rate)
+        with exports.lerobot_dataset(file, layout) as add:
+            add({"action": rows.requests}, export.task or exports.LEROBOT_TASK)
     else:
         velocities = bool(export.velocities)
         message = exports.joint_trajectory(rows, lead=export.lead_s or 0.0, velocities=velocities)

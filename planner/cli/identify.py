@@ -156,12 +156,9 @@ def _identify_joints(
 
     settings = {name: choices[name] for name in ("hold", "hold_out")}
     settings["tick"] = None if choices["tick_ms"] is None else 1e-3 * choices["tick_ms"]
-    tasks = [
-        Task(joint or "the joint", (joint, tuple(own), settings)) for joint, own in logs.items()
-    ]
-    several = (
-        len(tasks) > 1 and sum(len(log.times) for own in logs.values() for log in own) > FEW_ROWS
-    )
+    tasks = [Task(joint or "the joint", (tuple(own), settings)) for joint, own in logs.items()]
+    rows = sum(len(log.times) for own in logs.values() for log in own)
+    several = len(tasks) > 1 and rows > FEW_ROWS
     found: dict[str, Identification | PlannerError] = {}
     with Progress(len(tasks), parallel=several) as progress:
         if several:
@@ -181,7 +178,7 @@ def _identify_joints(
                     found[task.name] = pickle.loads(identified(task.argument))
                 except PlannerError as error:
                     found[task.name] = error
-    by_joint = {task.argument[0]: found[task.name] for task in tasks}
+    by_joint = {joint: found[joint or "the joint"] for joint in logs}
     left_out = {name: each for name, each in by_joint.items() if isinstance(each, PlannerError)}
     if len(left_out) == len(by_joint):  # the only joint, or the first of as many as there are
         with about(next(iter(left_out))):
@@ -192,11 +189,8 @@ def _identify_joints(
 
 
 def identified(arguments: Any) -> bytes:
-    """The identification of a joint by its name, logs and options, pickled.
-
-    It is a task of :mod:`planner.parallel`.
-    """
+    """The identification by logs and options, pickled: a task of :mod:`planner.parallel`."""
     from planner.identification.identify import identify as run
 
-    _, logs, options = arguments
+    logs, options = arguments
     return pickle.dumps(run(logs, **options))

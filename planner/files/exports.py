@@ -216,13 +216,6 @@ class Layout:
     robot_type: str | None = None
 
 
-def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = LEROBOT_TASK) -> None:
-    """Write a dataset of one episode, whose actions are the requests [rad]."""
-    layout = Layout(features={"action": schedule.names}, rate=frame_rate(schedule.period))
-    with lerobot_dataset(path, layout) as add:
-        add({"action": schedule.requests}, task)
-
-
 @contextmanager
 def lerobot_dataset(
     path: Path | str, layout: Layout, *, beside: Mapping[str, str] | None = None
