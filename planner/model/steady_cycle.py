@@ -207,10 +207,7 @@ def _settled_motion(cycle: Cycle, near: float, low: float, high: float, toleranc
 
 @inner
 def newton_step(cycle: Cycle, state: State, end: State, step: float) -> State:
-    """The state at which a cycle closes to first order, by difference quotients; the nearest one.
-
-    A singular value of less than a millionth of the largest counts as 0.
-    """
+    """The nearest state at which a cycle closes to first order, by difference quotients."""
     size = moving_states(cycle.law)
     matrix, right = np.eye(size), np.empty(size)
     for s in range(size):
@@ -223,9 +220,40 @@ def newton_step(cycle: Cycle, state: State, end: State, step: float) -> State:
         for t in range(size):
             matrix[t, s] -= (further[t] - end[t]) / step
         right[s] = end[s] - state[s]
-    turn = np.linalg.lstsq(matrix, right, 1e-6)[0]
+    turn = shortest_solution(matrix, right)
     integral = state.integral + turn[2] if size == 3 else 0.0
     return State(state.angle + turn[0], state.speed + turn[1], integral)
+
+
+@inner
+def shortest_solution(matrix: Array, right: Array) -> Array:
+    """The shortest solution of a small linear system in least squares, by its singular values.
+
+    One of less than a millionth of the largest counts as 0. The columns are made orthogonal by
+    Jacobi rotations (M. R. Hestenes, J. Soc. Indust. Appl. Math. 6, 1958): LAPACK would take
+    seconds to compile into this, and its rounding depends on the processor.
+    """
+    size, turned, ways = len(right), matrix.copy(), np.eye(len(right))
+    for _ in range(30):  # three columns are orthogonal to rounding after a few
+        for p in range(size):
+            for q in range(p + 1, size):
+                difference, common = 0.0, 0.0
+                for i in range(size):
+                    difference += (turned[i, q] - turned[i, p]) * (turned[i, q] + turned[i, p])
+                    common += 2.0 * turned[i, p] * turned[i, q]
+                angle = 0.5 * np.arctan2(common, difference) if common != 0.0 else 0.0
+                cosine, sine = np.cos(angle), np.sin(angle)
+                for i in range(size):
+                    for columns in (turned, ways):
+                        first, second = columns[i, p], columns[i, q]
+                        columns[i, p] = cosine * first - sine * second
+                        columns[i, q] = sine * first + cosine * second
+    squares, solution = np.sum(turned**2, axis=0), np.zeros(size)
+    for j in range(size):
+        if squares[j] > 1e-12 * np.max(squares):
+            for i in range(size):
+                solution[i] += ways[i, j] * np.sum(turned[:, j] * right) / squares[j]
+    return solution
 
 
 @inner
