@@ -233,13 +233,6 @@ def test_what_is_left_turns_deeply_only_and_stays_near(cyclic, path, least):
     assert len(turns) <= len(deep) + 2  # a cycle may turn at its first sample too
 
 
-@given(path=trajectories(least=3, most=40))
-def test_a_path_without_small_reversals_is_left_alone(path):
-    for cyclic in (True, False):
-        np.testing.assert_array_equal(without_small_reversals(path, 0.0, cyclic=cyclic), path)
-    np.testing.assert_array_equal(without_small_reversals(SINE, 0.1, cyclic=True), SINE)
-
-
 def test_turning_points_are_the_extrema_of_a_zigzag():
     zigzag = np.array([0.0, 1.0, 0.9, 2.0, 0.5, 0.6, 0.4, 3.0])
     assert turning_points(zigzag, 0.3) == [(0, False), (3, True), (6, False)]

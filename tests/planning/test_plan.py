@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import copy
-import dataclasses
 import math
-import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import planner
-from planner import InvalidInput, Plan, invert_optimal, lower_bound
+from planner import InvalidInput, Plan, lower_bound
 from planner.model.evidence import Evidence
 from planner.planning.plan import request_motion
 from planner.planning.task import Task
@@ -214,17 +211,6 @@ def test_reversals_are_counted_by_second_where_requests_turn_by_more_than_roundi
     )
 
 
-def test_the_errors_of_all_models_are_in_their_order_the_nominal_one_first():
-    others = [replace(ERS210A, offset=sag) for sag in (0.1, -0.3)]
-    made = planted(np.zeros((5, 2)), np.full((5, 2), 0.05), [[ERS210A, *others], [SLOW]])
-    np.testing.assert_allclose(made.errors_of_models[0], [0.05, 0.15, 0.25], atol=1e-12)
-    np.testing.assert_allclose(made.errors_of_models[1], [0.05], atol=1e-12)
-    told = made.over_models[0]
-    assert told == pytest.approx((0.05, np.sqrt(0.0875 / 3.0), 0.25))
-    wrong = planted(np.zeros((5, 1)), np.full((5, 1), 0.3), [[ERS210A, others[1]]])
-    assert wrong.over_models[0].worst == pytest.approx(0.3)  # the nominal one's
-
-
 def test_the_view_of_each_joint_shows_the_figures_of_that_joint():
     """Those of a plan of this joint alone, name by name, and none of them is that of the other."""
     known = [
@@ -389,17 +375,3 @@ def test_what_cycles_have_added_counts_in_the_bound_and_ends_what_the_model_prom
     tested = inversion(ERS210A.with_evidence(Evidence(0.01)), desired, desired)
     assert tested.expected.error > 0.01
     assert math.isnan(replace(tested, disturbance=added).expected.error)
-
-
-@pytest.mark.parametrize(
-    "copied", [copy.copy, copy.deepcopy, lambda plan: pickle.loads(pickle.dumps(plan))]
-)
-def test_a_copy_of_a_plan_is_read_only_too(copied):
-    plan = invert_optimal(ERS210A, 0.3 * np.sin(np.linspace(0.0, 6.0, 30)), cyclic=False)
-    assert plan.predicted.size
-    again = copied(plan)
-    for name in ("desired", "requests", "predicted"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(plan, name))
-        assert not getattr(again, name).flags.writeable
-        with pytest.raises(dataclasses.FrozenInstanceError):
-            setattr(again, name, np.zeros(30))

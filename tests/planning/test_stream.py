@@ -263,33 +263,34 @@ def test_a_load_at_every_step_is_planned_for():
     model = replace(ERS210A, compliance=0.1, speed_per_torque=0.8, dead_band=0.01)
     path = smooth_path(200)
     torques = 0.8 * np.sin(path)
-    stream = planner.Stream(model, preview=PREVIEW)
-    sent = [
-        stream.step(path[k : k + PREVIEW], load=torques[k : k + PREVIEW])[0] for k in range(200)
-    ]
+    stream, rows = (
+        planner.Stream(model, preview=PREVIEW),
+        zip(stretches(path), stretches(torques), strict=True),
+    )
+    sent = [stream.step(known, load=load)[0] for known, load in rows]
     angles = planner.simulate(model, sent, cyclic=False, load=torques[:, 0], start=path[0, 0])
     assert stream.angles[0] == pytest.approx(angles[-1], abs=1e-12)
     whole = planner.invert_optimal(model, path[:, 0], cyclic=False, load=torques[:, 0])
     assert rms(angles - path[:, 0]) <= 1.1 * whole.rms + 1e-3
-    one, two, three = (planner.Stream([model, model], preview=PREVIEW) for _ in range(3))
-    for k in range(60):
-        rows = np.repeat(path[k : k + PREVIEW], 2, axis=1)
-        sent = one.step(rows, load=0.3)
-        assert np.array_equal(sent, two.step(rows, load=[0.3, 0.3]))
-        assert np.array_equal(sent, three.step(rows, load=np.full((PREVIEW, 2), 0.3)))
-    assert np.array_equal(one.step(rows), two.step(rows, load=0.0))  # a load ends with its step
-    assert one.status == two.status == ("planned", "planned")
-    both = planner.Stream([ERS210A, model], preview=PREVIEW)
-    alone = planner.Stream(model, preview=PREVIEW)
-    for k in range(20):  # a joint beside it that feels no load
-        rows = np.repeat(path[k : k + PREVIEW], 2, axis=1)
-        assert both.step(rows, load=0.3)[1] == alone.step(rows[:, 1:], load=0.3)[0]
     last = stream.step(path[:PREVIEW], load=0.5)
     assert stream.status == ("planned",)
     for load in (1e6, math.nan, math.inf, "heavy"):
         assert np.array_equal(stream.step(path[:PREVIEW], load=load), last)
         assert stream.status == ("held",)
         assert "load" in stream.problem
+
+
+def test_a_load_is_one_number_one_for_each_joint_or_one_for_each_row():
+    model = replace(ERS210A, compliance=0.1, speed_per_torque=0.8, dead_band=0.01)
+    one, two, three = (planner.Stream([ERS210A, model], preview=PREVIEW) for _ in range(3))
+    alone = planner.Stream(model, preview=PREVIEW)
+    for rows in stretches(smooth_path(60, 2)):
+        sent = one.step(rows, load=0.3)
+        assert np.array_equal(sent, two.step(rows, load=[0.3, 0.3]))
+        assert np.array_equal(sent, three.step(rows, load=np.full(rows.shape, 0.3)))
+        assert sent[1] == alone.step(rows[:, 1:], load=0.3)[0]  # beside one that feels no load
+    assert np.array_equal(one.step(rows), two.step(rows, load=0.0))  # a load ends with its step
+    assert one.status == two.status == ("planned", "planned")
 
 
 def test_an_angle_that_friction_holds_is_within_reach_of_the_limits():
