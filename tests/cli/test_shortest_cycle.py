@@ -30,7 +30,9 @@ def fastest(run, tmp_path, monkeypatch):
 
     def fastest(evidence, proof, *more, of_knee=""):
         monkeypatch.setattr(
-            stride, "ShortestCycle", lambda plan, too_short: found(plan, proof or too_short)
+            stride,
+            "ShortestCycle",
+            lambda plan, too_short: found(plan=plan, too_short=proof or too_short),
         )
         model = JointModel.ers210a().with_evidence(evidence)
         model.to_toml(tmp_path / "all.toml")
