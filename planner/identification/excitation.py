@@ -40,27 +40,16 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Excitation:
-    """Requests to play on a joint, which must be at ``centre`` before the first.
+    """Requests to play on a joint, which must be at ``centre`` before the first."""
 
-    Attributes:
-        kind: As in :func:`excite`.
-        times: Times of the requests [s], shape (n,), from 0, read-only.
-        requests: Requests [rad], shape (n,), read-only; the first and the last are the centre.
-        period: Time between requests [s].
-        centre: Where the signal begins and ends [rad].
-        reach: Farthest that a request may be from the centre [rad].
-        amplitudes: Heights of the step tests [rad]; empty for kinds without.
-        parts: Of the combined signal, in their order; empty for other kinds.
-    """
-
-    kind: str
-    times: Array  # (n,)
-    requests: Array  # (n,)
-    period: float
-    centre: float
-    reach: float
-    amplitudes: tuple[float, ...] = ()
-    parts: tuple[Part, ...] = ()
+    kind: str  # as in :func:`excite`
+    times: Array  # of the requests, from 0 [s], (n,)
+    requests: Array  # [rad], (n,); the first and the last are the centre
+    period: float  # time between requests [s]
+    centre: float  # where the signal begins and ends [rad]
+    reach: float  # farthest that a request may be from the centre [rad]
+    amplitudes: tuple[float, ...] = ()  # heights of the step tests [rad]; empty for kinds without
+    parts: tuple[Part, ...] = ()  # of the combined signal, in their order
 
     @property
     def largest_jump(self) -> float:
@@ -103,36 +92,26 @@ def step_test(amplitude: float, *, samples: int = 88) -> Array:
 def excite(
     kind: str,
     *,
-    limits: tuple[float, float],
-    period: float,
-    duration: float,
-    centre: float | None = None,
-    amplitudes: Sequence[float] | None = None,
-    cycles: int | None = None,
-    highest: float | None = None,
+    limits: tuple[float, float],  # least and largest request [rad]
+    period: float,  # between requests [s]
+    duration: float,  # of the whole signal [s]
+    centre: float | None = None,  # [rad]; by default the middle of the limits
+    amplitudes: Sequence[float] | None = None,  # height theta_test of each step test [rad]
+    cycles: int | None = None,  # of each step test
+    highest: float | None = None,  # frequency [Hz]
     seed: int = 0,
 ) -> Excitation:
     """Make a test signal that never leaves the limits and rests at the centre at both ends.
 
-    Args:
-        kind: ``combined`` (slow triangle, sum of sines, steps), ``steps`` (Equation 1, about the
-            centre), ``multisine``, ``chirp``, ``random_steps``, ``triangle`` or ``slow_triangle``.
-        limits: Least and largest request [rad].
-        period: Time between requests [s].
-        duration: Length of the whole signal [s].
-        centre: Where it begins and ends [rad]; by default the middle of the limits. It deflects
-            as far to one side as to the other.
-        amplitudes: For ``combined`` and ``steps``: height theta_test of each test [rad]; by default
-            an eighth, half and the whole of what the limits allow.
-        cycles: For ``combined``, in each half, and ``steps``: cycles of each test; by default 1
-            and 3. Steps that follow too soon shake a servo out of step, which no model foretells.
-        highest: For ``combined``, ``multisine`` and ``chirp``: highest frequency [Hz]; by default a
-            tenth of the rate of the requests, at most 5.
-        seed: For ``combined``, ``multisine`` and ``random_steps``.
+    It deflects as far to one side of the centre as to the other. ``combined`` (slow triangle, sum
+    of sines, steps) and ``steps`` (Equation 1, about the centre) have amplitudes, by default an
+    eighth, half and the whole of what the limits allow, and cycles, by default 1 in each half and
+    3: steps that follow too soon shake a servo out of step, which no model foretells. ``combined``,
+    ``multisine`` and ``chirp`` have a highest frequency, by default a tenth of the rate of the
+    requests, at most 5 Hz. Other kinds are ``random_steps``, ``triangle`` and ``slow_triangle``.
 
-    Raises:
-        InvalidInput: Limits, centre or amplitudes contradict each other, or nothing fits into the
-            duration.
+    Raises InvalidInput where limits, centre or amplitudes contradict each other, or nothing fits
+    into the duration.
     """
     low, high = limits
     if not -math.inf < low < high < math.inf:
@@ -309,23 +288,14 @@ def expect(
     excitation: Excitation,
     model: JointModel,
     *,
-    noise: float = math.radians(0.2),
-    resolution: float = math.radians(0.3),
+    noise: float = math.radians(0.2),  # standard deviation of the measured angles [rad]
+    resolution: float = math.radians(0.3),  # step of the sensor [rad]; 0 for none
     seed: int = 0,
 ) -> Identification:
-    """Identify the expected joint from what it would answer to the signal.
+    """Identify the expected joint, at any rate, from what it would answer to the signal.
 
     Its intervals are those to expect from the robot, as far as the robot is like the model.
-
-    Args:
-        excitation: The signal.
-        model: The expected joint, at any rate.
-        noise: Standard deviation of the measured angles [rad].
-        resolution: Step of the sensor [rad]; 0 for none.
-        seed: Of the noise.
-
-    Raises:
-        InvalidInput: Noise or resolution is negative.
+    InvalidInput is raised where noise or resolution is negative.
     """
     for name, value in (("noise", noise), ("resolution", resolution)):
         if not 0.0 <= value < math.inf:

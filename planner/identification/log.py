@@ -163,16 +163,9 @@ class Log(ReadOnly, Summarised):
 def as_logs(logs: Any) -> tuple[Log, ...]:
     """One or several logs, in whatever form they are at hand.
 
-    Args:
-        logs: A Log; a triple of arrays (times, requests, angles), or one array of shape (3, n); a
-            mapping with these keys and any other field of Log; or several of such, in whatever
-            can be iterated.
-
-    Returns:
-        At least one log.
-
-    Raises:
-        InvalidTrajectory: It is none of these, or a column is refused by :class:`Log`.
+    A Log; a triple of arrays (times, requests, angles), or one array of shape (3, n); a mapping
+    with these keys and any other field of Log; or several of such, in whatever can be iterated.
+    InvalidTrajectory is raised where it is none of these, or :class:`Log` refuses a column.
     """
     none = isinstance(logs, np.ndarray) and logs.ndim == 0  # which only looks iterable
     if isinstance(logs, Iterable) and not isinstance(logs, Sequence | Mapping) and not none:
@@ -215,11 +208,7 @@ def _as_log(log: Any, name: str) -> Log:
 
 
 def check_periods(logs: Sequence[Log]) -> None:
-    """Make sure that rows are so close, and so far apart, that they show how a joint moves.
-
-    Raises:
-        InvalidInput: They are not; their times are probably in another unit.
-    """
+    """Raise InvalidInput where rows are too close, or too far apart, to show how a joint moves."""
     for log in logs:
         if not FASTEST <= log.period <= SLOWEST:
             raise InvalidInput(
