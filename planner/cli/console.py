@@ -35,11 +35,8 @@ from planner.files.text import (
     write_text,
 )
 
-KEY = "planner.cli.verbosity"
-"""Key of the verbosity in the command's context."""
-
-BAR, WIDTH = 24, 80
-"""Characters of the bar, and of a line of a terminal of unknown width."""
+KEY = "planner.cli.verbosity"  # key of the verbosity in the command's context
+BAR, WIDTH = 24, 80  # characters of the bar, and of a line of a terminal of unknown width
 
 REDRAWN, BRIEF = 0.5, 2.0
 """Time after which the line is drawn again, and from which on an estimate is shown [s]."""
@@ -81,7 +78,7 @@ warn = partial(_print_notice, label="warning:", fg="yellow")
 """Print a warning in one line on standard error."""
 
 remark = partial(_print_notice, in_quiet=False)
-"""Print a remark in one line on standard error."""
+"""Print a remark in one line on standard error, but for ``--quiet``."""
 
 
 class Answer(NamedTuple):

@@ -42,11 +42,8 @@ from planner.files.text import key_name, toml_value
 if TYPE_CHECKING:
     from planner.files.text import Place, Toml
 
-LONGEST = 60
-"""Characters of a value that a message repeats."""
-
-NUMBER = "NUMBER"
-"""Part of the place of a table that may stand there several times."""
+LONGEST = 60  # characters of a value that a message repeats
+NUMBER = "NUMBER"  # part of the place of a table that may stand there several times
 
 
 class Expected(NamedTuple):
@@ -191,8 +188,7 @@ class Declared:
         return self
 
 
-setting: Any = Declared
-"""Declare a key of a table."""
+setting: Any = Declared  # declare a key of a table
 
 option: Any = partial(setting, option="--")
 """Declare a key of a table that is also an option of the same name."""
@@ -436,8 +432,7 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-MOST_CHARACTERS = 1000
-"""Longest accepted text: beyond any name."""
+MOST_CHARACTERS = 1000  # longest accepted text: beyond any name
 
 
 def _is_text(value: str) -> str:

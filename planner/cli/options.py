@@ -291,8 +291,7 @@ BY_JOINT = {
 }
 """By key for values of single joints: the setting with the option."""
 
-LEG = "name urdf base foot lock near"
-"""The keys of a leg, for :func:`settings`."""
+LEG = "name urdf base foot lock near"  # the keys of a leg, for `settings`
 
 
 def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:

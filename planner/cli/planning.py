@@ -25,8 +25,7 @@ from planner.trajectory import index_of_largest
 if TYPE_CHECKING:
     from planner.report.page import Written
 
-ROUNDING = 1e-9
-"""Limits and bounds hold up to this [rad]; files carry 12 decimals of a degree."""
+ROUNDING = 1e-9  # limits and bounds hold up to this [rad]; files carry 12 decimals of a degree
 
 
 def prepare(run: settings.Run) -> Desired:

@@ -149,8 +149,7 @@ class Path(Settings):
     half_ellipse: HalfEllipse | None = setting(set_to=HalfEllipse())
 
 
-OPTIMISED = ("optimal", "foot-optimal")
-"""Methods that optimise."""
+OPTIMISED = ("optimal", "foot-optimal")  # methods that optimise
 
 
 class Plan(Settings):
@@ -280,8 +279,7 @@ class Output(Settings):
     report: WrittenOrNone = setting(default="", set_to="report.html")
 
 
-ROS = ("yaml", "bag", "mcap")
-"""Formats that hold a JointTrajectory."""
+ROS = ("yaml", "bag", "mcap")  # formats that hold a JointTrajectory
 
 
 class Export(Settings):

@@ -26,8 +26,7 @@ from typing import Any
 
 from planner.exceptions import InvalidFile
 
-MANIFEST = "results.json"
-"""The file of a run that lists, under ``files``, every file of that run."""
+MANIFEST = "results.json"  # the file of a run that lists, under `files`, every file of that run
 
 _CLAIMED: dict[Path, bool] = {}
 """Folders of results that this process works on, and whether it could lock them."""

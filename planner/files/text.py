@@ -18,11 +18,8 @@ from planner.files.staging import cannot_write, reason, staged
 MOST_BYTES = 64 * 2**20
 """Longest text that is read [bytes]: a million requests for three joints come to half of it."""
 
-STANDARD_STREAM = "-"
-"""The name of standard input and standard output."""
-
-MOST_PARTS = 100
-"""Parts of a dotted key: reading one takes memory by the square of their number."""
+STANDARD_STREAM = "-"  # the name of standard input and standard output
+MOST_PARTS = 100  # parts of a dotted key: reading one takes memory by the square of their number
 
 
 def read_text(path: Path | str) -> str:
