@@ -127,7 +127,7 @@ def tasks_of(
     if replay.fastest and run.path.speed is not None:
         raise BadSetting(f"‹path.speed› is what {fastest} finds")
     rate, folder = None, ""
-    if recordings[0].dataset:
+    if recordings[0].is_episode:
         rate = find_dataset(recordings[0].file).rate
     elif len(recordings) > 1 and (logs := first_logs(recordings)):
         rate = 1.0 / float(np.median([log.period for log in logs]))

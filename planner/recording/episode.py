@@ -32,7 +32,7 @@ def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
     Actions are planned, observations re-timed.
     """
     rate = frame_rate(replay.period)
-    if not recording.dataset:
+    if not recording.is_episode:
         action = [as_written(joint, joint.requests) for joint in replay.joints]
         state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
         values = {ACTION: np.column_stack(action), STATE: np.column_stack(state)}
@@ -61,7 +61,7 @@ def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
 
 def left_out(recording: Recording) -> str:
     """The parts of the read dataset that the planned one leaves out, in words; "" if complete."""
-    if not recording.dataset:
+    if not recording.is_episode:
         return ""
     dataset = find_dataset(recording.file)
     words = []

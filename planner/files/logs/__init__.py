@@ -11,7 +11,7 @@ from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.logs.bag import read_bag
 from planner.files.logs.csv_log import read_bam, read_csv_log
 from planner.files.logs.lerobot import is_dataset, lerobot_episodes, read_lerobot
-from planner.files.logs.rows import ALL_JOINTS, ROLES, LogOptions, Recorded, chosen_joints, make_log
+from planner.files.logs.rows import ROLES, LogOptions, Recorded, chosen_joints, make_log
 from planner.files.staging import reason
 from planner.files.text import STANDARD_STREAM
 from planner.identification.log import Log
@@ -141,24 +141,14 @@ def format_of(path: Path | str, options: LogOptions) -> Format:
 
 @dataclass(frozen=True)
 class Recording:
-    """Where a recording is, so that another process can read it.
+    """Where a recording is, so that another process can read it."""
 
-    One in a dataset has its number; ``folder`` is the base of a relative path, for a process that
-    works elsewhere.
-    """
-
+    name: str  # in words
     path: str
     options: LogOptions
-    dataset: str = ""
-    episode: int | None = None
-    folder: str = ""
-
-    @property
-    def name(self) -> str:
-        """The recording in words."""
-        if not self.dataset:
-            return self.path
-        return f"{self.dataset}, episode {self.episode}" if self.episode is not None else self.path
+    is_episode: bool = False  # of a dataset
+    episode: int | None = None  # its number, if it is known
+    folder: str = ""  # the base of a relative path, for a process that works elsewhere
 
     @property
     def file(self) -> Path:
@@ -171,16 +161,17 @@ class Recording:
 
 
 def recordings_in(paths: Sequence[str], options: LogOptions) -> tuple[Recording, ...]:
-    """The recordings that files hold, with all joints; of datasets the chosen episodes."""
+    """The recordings that files hold; of datasets the chosen episodes."""
     if not paths:
         raise InvalidInput("no recording; give at least one file")
-    every = replace(options, joint=ALL_JOINTS)
     recordings: list[Recording] = []
     for path in paths:
-        if format_of(path, every) is not LEROBOT:
-            recordings.append(Recording(str(path), every))
+        if format_of(path, options) is not LEROBOT:
+            recordings.append(Recording(path, path, options))
             continue
-        for file, episode in lerobot_episodes(path, every):
-            own = every if episode is None else replace(every, episodes=str(episode))
-            recordings.append(Recording(str(file), own, str(path), episode))
+        for file, episode in lerobot_episodes(path, options):
+            name, own = str(file), options
+            if episode is not None:
+                name, own = f"{path}, episode {episode}", replace(options, episodes=str(episode))
+            recordings.append(Recording(name, str(file), own, is_episode=True, episode=episode))
     return tuple(recordings)
