@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
-from decimal import Decimal, localcontext
+from decimal import Context, Decimal
 from itertools import takewhile
 from typing import NamedTuple
 
@@ -280,11 +280,9 @@ def read_clock(
     # times beyond eleven days count from the epoch: float64 would lose microseconds of them
     if not len(finite) or abs(numbers[finite[0]]) * seconds <= 1e6:
         return numbers * seconds, note
-    with localcontext() as context:
-        context.prec = 60
-        exact = [Decimal(cells[k]) for k in finite.tolist()]
-        since = numbers.copy()
-        since[finite] = [float(time - exact[0]) for time in exact]
+    exact = [Decimal(cells[k]) for k in finite.tolist()]
+    since, context = numbers.copy(), Context(prec=60)
+    since[finite] = [float(context.subtract(time, exact[0])) for time in exact]
     return since * seconds, f"{note}, shifted to start at 0"
 
 

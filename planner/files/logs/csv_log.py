@@ -103,8 +103,7 @@ def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
         return None
     values = {key: content.get(key, 0.0) for key in ("mass", "arm_mass", "length")}
     for key, value in values.items():
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (number and 0.0 <= value < LARGEST):
+        if not 0.0 <= as_number(value) < LARGEST:
             raise InvalidFile(path, f"'{key}': got {value!r:.20}, expected a number, 0 or more")
     mass, arm_mass, length = values.values()
     return float((mass + arm_mass / 2.0) * 9.80665 * length)  # [m/s^2]
