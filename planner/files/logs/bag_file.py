@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -215,11 +215,8 @@ def _limited(path: Path | str) -> Iterator[None]:
         (storage_mcap.DECOMPRESSORS, {"lz4": lz4_frames, "zstd": limited(zstd.ZstdDecompressor)}),
         (vars(ros2_reader), {"zstd": SimpleNamespace(open=opened, decompress=messages)}),
     )
-    before = [{key: table[key] for key in entries} for table, entries in tables]
-    try:
+    with ExitStack() as before:
         for table, entries in tables:
+            before.callback(table.update, {key: table[key] for key in entries})
             table.update(entries)
         yield
-    finally:
-        for (table, _), entries in zip(tables, before, strict=True):
-            table.update(entries)

@@ -59,7 +59,7 @@ class EpisodeRows(NamedTuple):
 def read_lerobot(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     """Read the chosen episodes of a dataset, or of one of its files."""
     dataset = find_dataset(Path(path))
-    for file, numbers in _chosen(dataset, Path(path), options.episode_numbers()):
+    for file, numbers in _chosen(Path(path), options.episode_numbers()):
         episodes = _read_episodes(file)
         joints = _joints(dataset, episodes[0])
         for episode in episodes:
@@ -104,17 +104,18 @@ def lerobot_episodes(path: Path | str, options: LogOptions) -> list[tuple[Path, 
     An unreadable file is among them, so that its error is raised when its rows are read; the
     number is None where its name has none.
     """
-    files = _chosen(find_dataset(Path(path)), Path(path), options.episode_numbers())
+    find_dataset(Path(path))  # or the error that there is none
+    files = _chosen(Path(path), options.episode_numbers())
     places = [(file, number) for file, numbers in files for number in numbers]
     return sorted(places, key=lambda each: (each[1] is None, each[1] or 0))
 
 
-def _chosen(
-    dataset: Dataset, path: Path, chosen: frozenset[int] | None
-) -> Iterator[tuple[Path, list[int | None]]]:
+def _chosen(path: Path, chosen: frozenset[int] | None) -> Iterator[tuple[Path, list[int | None]]]:
     """Files and the chosen episodes in each, then InvalidFile if a chosen one is in no file."""
-    known: set[int | None] = set()
-    for file in dataset.files if path.is_dir() else (path,):
+    files, known = [path], set[int | None]()
+    if path.is_dir() and not (files := sorted(path.glob("data/chunk-*/*.parquet"))):
+        raise InvalidFile(path, "no data/chunk-*/*.parquet; download the dataset's data")
+    for file in files:
         match = _EPISODE.fullmatch(file.name)  # v3 names no file by its episode
         numbers: list[int | None] = [int(match[1]) if match else None]
         if not path.is_dir() or not match or chosen is None or chosen & {*numbers}:
@@ -253,14 +254,6 @@ class Dataset:
             if len(set(plain)) == len(plain) and all(plain):
                 names[key] = plain or None
         return names
-
-    @property
-    def files(self) -> list[Path]:
-        """Its Parquet files."""
-        every = sorted(self.root.glob("data/chunk-*/*.parquet"))
-        if not every:
-            raise InvalidFile(self.root, "no data/chunk-*/*.parquet; download the dataset's data")
-        return every
 
     @property
     def task_file(self) -> Path | None:
