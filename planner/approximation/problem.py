@@ -23,7 +23,6 @@ SMALLEST = 1e-30
 no measurement is as exact."""
 
 SAME_PLACE = 1e-6  # distance [samples] at which a knot counts as one that is required
-KNOT_DIGITS = 9  # decimals of required knots [samples]
 SHORTEST = 1.0 - 1e-9  # length of the shortest segment [samples]: a sample, less rounding
 BARELY = 1e-9  # relative distance from a bound on the error that rounding cannot cross
 
@@ -176,7 +175,7 @@ def checked_knots(
     angles: dict[float, float] = {}
     for place, angle in pairs:
         # Rounded, as places are often times over a period; the sum is 0.0 for -0.0.
-        knot = round(_number(f"{name} knots", place), KNOT_DIGITS) + 0.0
+        knot = round(_number(f"{name} knots", place), 9) + 0.0
         if not (0.0 <= knot < n if cyclic else 0.0 <= knot <= n - 1.0):
             limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
             raise InvalidInput(f"{name}: got a knot at {knot:g}, expected {limit} [samples]")

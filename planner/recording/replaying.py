@@ -17,7 +17,7 @@ from planner.planning.result import Inversion
 from planner.planning.task import JointLimits, LoadOfPose
 from planner.planning.time_shift import shifted
 from planner.recording.recorded_path import Models, Path, RecordedPath, Track, recorded_path
-from planner.trajectory import Array, Mask, error_norm, most_lost, stretches
+from planner.trajectory import Array, Mask, most_lost, rms, stretches
 from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze, read_only
 
 Kind = Literal["resent", "direct", "shifted", "planned"]
@@ -287,9 +287,7 @@ class JointReplay:
         replayed row: something else moved the joint.
         """
         driven = bool(np.all(self.path.log.torque_on[self._rows]))
-        return driven and self.plan.expected[0].error > 0.5 * error_norm(
-            self.error_of("resent"), "rms"
-        )
+        return driven and self.plan.expected[0].error > 0.5 * rms(self.error_of("resent"))
 
     @cached_property
     def too_fast(self) -> tuple[tuple[float, float], ...]:

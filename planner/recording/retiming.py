@@ -379,8 +379,11 @@ class _Search:
             # a joint answers over its lag and acceleration time; ratios stay finite
             local = [np.max(errors[a:b], initial=1e-3) for a, b in zip(first, last, strict=True)]
             factors *= np.clip((0.97 / np.array(local)) ** 0.4, 1.0 / 1.25, 1.25)
-            factors = np.minimum(factors, 6.0 * constant.speed)
-            factors = _accelerating(factors, GRID, 2.0 * constant.speed)
+            squares = np.minimum(factors, 6.0 * constant.speed) ** 2
+            for along in (squares, squares[::-1]):  # d(r^2)/ds = 2 dr/dt along the recording
+                for k in range(1, len(along)):
+                    along[k] = min(along[k], along[k - 1] + 4.0 * constant.speed * GRID)
+            factors = np.sqrt(squares)
             changed = self.attempt(_moments(path, at, factors))
             if changed is None:
                 break
@@ -467,16 +470,6 @@ def narrowed(low: float, high: float, too_fast: Callable[[float], Any]) -> tuple
         middle = math.sqrt(low * high)
         low, high = (low, middle) if too_fast(middle) else (middle, high)
     return low, high
-
-
-def _accelerating(factors: Array, step: float, most: float) -> Array:
-    """The largest factors below these that change by at most ``most`` in a second [1/s]."""
-    squares = factors**2  # d(r^2)/ds = 2 dr/dt along the recording
-    for order in (slice(None), slice(None, None, -1)):
-        along = squares[order]
-        for k in range(1, len(along)):
-            along[k] = min(along[k], along[k - 1] + 2.0 * most * step)
-    return np.asarray(np.sqrt(squares))
 
 
 def _moments(path: RecordedPath, at: Array, factors: Array) -> Array:
