@@ -311,12 +311,12 @@ def find_dataset(path: Path) -> Dataset:
             f"codebase_version: got {version!r:.20}, expected one of {', '.join(versions)}; "
             "convert the dataset with LeRobot's own scripts",
         )
-    features = info.get("features")
+    features = each if isinstance(each := info.get("features"), dict) else {}
     written: dict[str, tuple[str, ...] | None] = {}
     for key in (ACTION, STATE):
-        feature = features.get(key) if isinstance(features, dict) else None
+        feature = features.get(key)
         if not isinstance(feature, dict):
-            keys = ", ".join(features) if isinstance(features, dict) else "none"
+            keys = ", ".join(features) or "none"
             raise InvalidFile(root / INFO, f"no feature '{key}'; features: {keys}")
         flat = tuple(_flat(feature.get("names")))
         shape = feature.get("shape", [len(flat)])
@@ -326,7 +326,7 @@ def find_dataset(path: Path) -> Dataset:
     return Dataset(
         root,
         written,
-        tuple(key for key in features or () if key not in (ACTION, STATE, *COUNTED)),
+        tuple(key for key in features if key not in (ACTION, STATE, *COUNTED)),
         rate if rate > 0.0 else None,
         robot if isinstance(robot, str) else None,
     )
