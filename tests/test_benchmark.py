@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import io
 import json
+import pkgutil
 from typing import NamedTuple
 
 
@@ -26,6 +27,12 @@ def run(*arguments: str, module: str = "benchmark.__main__") -> Answer:
         except SystemExit as end:
             status = end.code
     return Answer(status, printed.getvalue(), said.getvalue())
+
+
+def test_every_part_can_be_imported():
+    for found in pkgutil.walk_packages(importlib.import_module("benchmark").__path__, "benchmark."):
+        if not found.name.endswith("__main__"):
+            importlib.import_module(found.name)
 
 
 def test_a_run_is_kept_compared_and_written_down(tmp_path):

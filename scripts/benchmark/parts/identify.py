@@ -12,6 +12,7 @@ import numpy as np
 
 import planner
 from benchmark.parts import Options, recordings
+from benchmark.servo_logs import random_servo
 from benchmark.table import Table
 from planner.identification.fit import fit_joint, with_observed_speed
 from planner.identification.grid import timing_of
@@ -22,7 +23,6 @@ from tests.identification.made import (
     FINE_QUANTUM,
     NOISE,
     QUANTUM,
-    random_servo,
     rich_log,
     step_logs,
 )

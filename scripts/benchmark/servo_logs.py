@@ -1,0 +1,99 @@
+"""Logs of random servos that are not the model: with play, friction, slow starts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+import planner
+from tests.identification.made import measured
+
+PERIODS = (0.01, 0.02)
+"""Periods of the logs [s]."""
+
+
+def random_servo(seed, *, kinds=("steps", "sines", "mixed"), seconds=30.0, **defects):
+    """A log of a servo whose constants are random, with the defects that are asked for.
+
+    Half of them have dry friction of 0.5 to 2 degrees; noise of 0.02 to 0.2 degrees, steps of the
+    sensor of 0, 0.09 or 0.3.
+    """
+    random = np.random.default_rng(seed)
+    period = float(random.choice(PERIODS))
+    speed = random.uniform(2.5, 6.0)
+    known = {
+        "gain": random.uniform(8.0, 20.0),
+        "up": speed,
+        "down": speed,
+        "delay": random.uniform(0.005, 0.03),
+        "constant": random.uniform(0.01, 0.05),
+        "friction": math.radians(random.choice([0.0, random.uniform(0.5, 2.0)])),
+    }
+    noise = math.radians(random.uniform(0.02, 0.2))
+    quantum = math.radians(float(random.choice([0.0, 0.09, 0.3])))
+    requests = random_motion(random, period, kind=str(random.choice(kinds)), seconds=seconds)
+    angles = servo(requests, period, **known, **defects, fine=round(period / 0.001))
+    return planner.Log(
+        times=period * np.arange(len(requests)),
+        requests=requests,
+        angles=measured(angles, random, noise=noise, quantum=quantum),
+        name=f"servo {seed}",
+    )
+
+
+def servo(
+    requests,
+    period,
+    *,
+    gain,
+    up,
+    down,
+    delay,
+    constant,
+    most=math.inf,
+    sag=0.0,
+    friction=0.0,
+    play=0.0,
+    behind=False,
+    fine=10,
+):
+    """Angles of a servo that is not the model, in ``fine`` steps a period [rad].
+
+    The speed that it is called to follows the error of ``delay`` before; it gains that speed with a
+    time constant and at most ``most`` [rad/s^2]. Coulomb friction, which holds an error of
+    ``friction``, opposes the speed; ``up`` and ``down`` are the top speeds that it leaves.
+    Between motor and joint is play; the error is that of the joint, or of the motor where the
+    sensor of its loop is before the play and the joint is measured behind it.
+    """
+    step, half = period / fine, play / 2.0
+    late = np.concatenate([np.full(round(delay / step), requests[0]), np.repeat(requests, fine)])
+    motor = angle = requests[0] + sag
+    speed, angles = 0.0, []
+    for k, request in enumerate(late[: fine * len(requests)].tolist()):
+        if k % fine == 0:
+            angles.append(angle)
+        error = request + sag - (motor if behind else angle)
+        called = min(max(gain * error, -down - gain * friction), up + gain * friction)
+        speed += step * min(max((called - speed) / constant, -most), most)
+        held = step / constant * gain * friction
+        speed -= min(max(speed, -held), held)
+        motor += step * speed
+        angle = min(max(angle, motor - half), motor + half)
+    return np.array(angles)
+
+
+def random_motion(random, period, *, kind, seconds, span=0.6):
+    """Requests [rad] within a span: random steps, four sines, or a third each of these and a
+    triangle of 4 s."""
+    count = round(seconds / period)
+    lengths = random.integers(round(0.2 / period), round(0.8 / period), size=count)
+    steps = np.repeat(random.uniform(-span, span, size=count), lengths)[:count]
+    times = period * np.arange(count)
+    turns = 2.0 * np.pi * np.outer(times, random.uniform(0.1, 1.5, 4))
+    sines = np.sum(np.sin(turns + random.uniform(0.0, 2.0 * np.pi, 4)), axis=1)
+    sines *= span / np.max(np.abs(sines))
+    triangle = span * (4.0 * np.abs(times / 4.0 % 1.0 - 0.5) - 1.0)
+    part = count // 3
+    mixed = np.concatenate([steps[:part], triangle[:part], sines[: count - 2 * part]])
+    return {"steps": steps, "sines": sines, "mixed": mixed}[kind]
