@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -111,14 +110,8 @@ def verdict_on(
         notes.append(told("held out", "held_out_is_faster"))
     if suspect:
         topic: Topic = "columns" if spans else "error" if fits else "fit"
-        known: dict[str, Any] = {
-            "useless": useless,
-            "most": REFUSED,
-            "fits": fits,
-            "spans": spans,
-            "where": where,
-        }
-        sizes = {"missed": missed, "error": error, "rms": fit.rms, "mere": mere}
+        known = {"useless": useless, "fits": fits, "where": where, "spans": spans}
+        sizes = {"missed": missed, "error": error, "rms": fit.rms, "mere": mere, "most": REFUSED}
         notes.append(told(topic, "misses", unit, **known, **sizes))
         if spans and not fits:
             return _refused(ANOTHER_SCALE, notes[-1])
@@ -188,7 +181,8 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[F
     elif math.isinf(gain.upper) and gain.lower > 0.0:
         found.append(told("threshold", "threshold", unit, most=bounds["theta_0"].upper))
     units = dict.fromkeys(("lag", "acceleration_time", "time_constant"), "s")
-    units |= {"gain": "per second", "asymmetry": "times v_max", "slowing": "times v_max per N m"}
+    units |= dict.fromkeys(("gain", "integral_rate", "position_integral_rate"), "per second")
+    units |= {"asymmetry": "times v_max", "slowing": "times v_max per N m"}
     units |= {"v_max": "/s", "acceleration": "/s^2", "compliance": "/(N m)"}
     for name in fit.free_names:
         if at_edge(fit, name):
