@@ -273,10 +273,11 @@ def glitches(angles: Array) -> Mask:
     They are off the median of five by more than twice the largest step that this median takes, and
     six standard deviations of the noise; a real turning point is off by less than one such step.
     """
+    from scipy.ndimage import median_filter
+
     if len(angles) < 5:
         return np.zeros(len(angles), dtype=bool)
-    padded = np.concatenate([angles[1:3][::-1], angles, angles[-3:-1][::-1]])
-    middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
+    middle = median_filter(angles, 5, mode="mirror")
     off = np.abs(angles - middle)
     noise = float(np.quantile(off, 0.9)) / 1.645
     allowed = 2.0 * float(np.max(np.abs(np.diff(middle)))) + 6.0 * noise

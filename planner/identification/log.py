@@ -269,6 +269,8 @@ def _turns(times: Array, angles: Array) -> Array:
 
     What is left of a step without its turns is motion of the joint, or noise.
     """
+    from scipy.ndimage import median_filter
+
     steps, most = np.diff(angles), IMPOSSIBLE * np.diff(times)
     whole = np.round(steps / TURN)
     turned = np.abs(steps) > np.maximum(SUDDEN, most)
@@ -276,6 +278,5 @@ def _turns(times: Array, angles: Array) -> Array:
     turns: Array = np.concatenate([[0.0], -np.cumsum(np.where(turned, whole, 0.0))])
     if not turned.any():
         return turns
-    padded = np.pad(turns, 2, mode="edge")
-    lasting = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
+    lasting = median_filter(turns, 5, mode="nearest")
     return turns if np.ptp(lasting) > 0.0 else np.zeros_like(turns)
