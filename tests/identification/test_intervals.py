@@ -132,52 +132,49 @@ def test_intervals_reach_as_far_as_longer_ticks_move_a_parameter_and_a_rough_los
         np.testing.assert_allclose(list(found.values()), expected[:-1], atol=1e-12)
 
 
-def test_a_top_speed_that_few_rows_reach_is_sought_among_all_speeds():
-    joint = planner.JointModel(
-        v_max=6.4,
-        theta_0=0.6,
-        lag=0.0137,
-        acceleration_time=0.0073,
-        tick=0.001,
-        dead_band=0.0257,
-        time_constant=0.014,
-        max_acceleration=29.6,
-    )
-    log = logged(joint, period=0.01, rows=1500, seed=76)
+MOTOR = planner.JointModel(
+    v_max=6.4,
+    theta_0=0.6,
+    lag=0.0137,
+    acceleration_time=0.0073,
+    tick=0.001,
+    dead_band=0.0257,
+    time_constant=0.014,
+    max_acceleration=29.6,
+)
+BRAKED = replace(
+    MOTOR,
+    v_max=6.22,
+    theta_0=0.702,
+    lag=0.028,
+    acceleration_time=0.003,
+    tick=0.0005,
+    dead_band=0.0379,
+    time_constant=0.0161,
+    max_acceleration=20.66,
+)
+"""Friction takes 99 % of the acceleration, so that it moves at 0.06 of its top speed."""
+
+
+@pytest.mark.parametrize(
+    ("joint", "seed", "begin"),
+    [
+        (MOTOR, 76, {"v_max": 0.6 * 6.4}),
+        (MOTOR, 76, {"v_max": 1.4 * 6.4}),
+        (BRAKED, 79, {"v_max": 0.42, "lag": 0.019, "acceleration_time": 0.023}),
+    ],
+)
+def test_a_top_speed_that_few_rows_reach_is_sought_among_all_speeds(joint, seed, begin):
+    log = logged(joint, period=0.01, rows=1500, seed=seed)
     grid = resampled([log], tick=0.001, reach=0.2, burn_in=0.3)
-    free = only("gain", "v_max", "lag", "dead_band", "time_constant", "acceleration")
-    for near in (0.6, 1.4):
-        at = Parameters.of(joint)._replace(v_max=near * joint.v_max)
-        fit = least_squares(grid, at, free=free)
-        best, others = over_top_speeds(fit)
-        assert best.cost <= fit.cost
-        speeds = [each.parameters.v_max for each in (best, *others)]
-        assert min(speeds) <= joint.v_max <= max(speeds)
-    inertia_alone = replace(fit, parameters=fit.parameters._replace(acceleration=math.inf))
-    assert over_top_speeds(inertia_alone) == (inertia_alone, ())
-
-
-def test_a_top_speed_that_friction_hides_is_sought_from_a_short_window_too():
-    """Friction takes 99 % of the acceleration, so that the joint moves at 0.06 of its top speed."""
-    joint = planner.JointModel(
-        v_max=6.22,
-        theta_0=0.702,
-        lag=0.028,
-        acceleration_time=0.003,
-        tick=0.0005,
-        dead_band=0.0379,
-        time_constant=0.0161,
-        max_acceleration=20.66,
-    )
-    grid = resampled(
-        [logged(joint, period=0.01, rows=1500, seed=79)], tick=0.001, reach=0.2, burn_in=0.3
-    )
-    free = only("gain", "v_max", "lag", "acceleration_time")
-    free |= only("dead_band", "time_constant", "acceleration")
-    at = Parameters.of(joint)._replace(v_max=0.42, lag=0.019, acceleration_time=0.023)
-    best, others = over_top_speeds(least_squares(grid, at, free=free))
+    free = only("gain", "lag", "dead_band", "time_constant", "acceleration", *begin)
+    fit = least_squares(grid, Parameters.of(joint)._replace(**begin), free=free)
+    best, others = over_top_speeds(fit)
+    assert best.cost <= fit.cost
     speeds = [each.parameters.v_max for each in (best, *others)]
     assert min(speeds) <= joint.v_max <= max(speeds)
+    inertia_alone = replace(fit, parameters=fit.parameters._replace(acceleration=math.inf))
+    assert over_top_speeds(inertia_alone) == (inertia_alone, ())
 
 
 @pytest.fixture(scope="module")
