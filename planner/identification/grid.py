@@ -355,7 +355,7 @@ def thinned(logs: Sequence[Log]) -> tuple[Log, ...]:
         cut = on & np.append(False, log.torque_on[:-1] & ~on[:-1])
         last = np.maximum.accumulate(np.where(cut, rows, -1))
         settling = (last >= 0) & (rows > last) & (rows - last < 0.5 / log.period)
-        found.append(replace(log, torque_on=on, measured=sound_rows(log) & ~settling))
+        found.append(replace(log, torque_on=on, measured=log.measured & ~settling))
     return tuple(found)
 
 
@@ -390,11 +390,10 @@ def resampled(
     """Put the runs of the logs on ticks: see :class:`Grid`; without runs it has no ticks."""
     edges, requests, shifted = _axis(logs, reach)
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
-    sound = [sound_rows(log) for log in logs]
     firsts: list[Place] = []
     runs = []  # ticks, torques there, tick before each row, share after it, time of the row
     for number, rows in runs_of(logs, burn_in, settled):
-        kept = np.flatnonzero(sound[number][rows]) + rows.start
+        kept = np.flatnonzero(logs[number].measured[rows]) + rows.start
         if len(kept) < FEWEST_USED:
             continue
         used[number][kept] = True

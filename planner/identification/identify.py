@@ -30,6 +30,7 @@ from planner.identification.grid import (
     measured_speed,
     resampled,
     resampled_like,
+    sound_rows,
     thinned,
     timing_of,
 )
@@ -154,6 +155,9 @@ def identify(
     check_alike(logs)
     check_periods(logs)
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
+    sound = [*map(sound_rows, logs)]
+    failed = [int(np.sum(log.measured & ~rows)) for log, rows in zip(logs, sound, strict=True)]
+    logs = [replace(log, measured=rows) for log, rows in zip(logs, sound, strict=True)]
     free, stuck_rows = _without(logs, [*map(stuck, logs)])
     timing = timing_of(free, tick=tick, hold=hold)
     fits = fit_joint(free, timing, choose_tick=choose_tick)
@@ -172,7 +176,7 @@ def identify(
     every = [replace(log, torque_on=whole.torque_on) for log, whole in pairs]
     found = _bounded(every, fine, others)
     held = _held_out(search, found.fit, faster=found.refuted) if hold_out else None
-    notes = [*notes_on(every, timing, jumps), *stuck_rows, *touched, *stopped, *found.notes]
+    notes = [*notes_on(every, timing, jumps, failed), *stuck_rows, *touched, *stopped, *found.notes]
     if even is not None:
         notes.append(told("log", "jitter", period=1e3 * timing.period))
     if hold_out and held is None:

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from planner.identification.fit import delayed_errors, peak_command
-from planner.identification.grid import Grid, Timing, sound_rows, unequal
+from planner.identification.grid import Grid, Timing, unequal
 from planner.identification.intervals import at_edge
 from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import GAP, Log
@@ -225,17 +225,20 @@ def _undetermined_delays(fit: Fit, bounds: Mapping[str, Interval]) -> list[Findi
     return found  # of sudden steps another recording at this rate would show no more
 
 
-def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[Finding]:
+def notes_on(
+    logs: Sequence[Log], timing: Timing, jumps: Sequence[int], failed: Sequence[int]
+) -> list[Finding]:
     """What is odd about the logs themselves.
 
-    ``jumps`` is for each log how often its angles, or else its requests, started after a turn anew.
+    ``jumps`` is for each log how often its angles, or else its requests, started after a turn anew,
+    ``failed`` how many of its measured angles no joint takes.
     """
     found = []
     periods = [1e3 * log.period for log in logs]
     if unequal(logs):
         known = {"most": max(periods), "period": 1e3 * timing.period}
         found.append(told("log", "unequal", least=min(periods), **known))
-    for log, often in zip(logs, jumps, strict=True):
+    for log, often, count in zip(logs, jumps, failed, strict=True):
         say = partial(told, "log", log=log.name)
         if often:
             found.append(say("turns", often=often))
@@ -244,7 +247,7 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
             found.append(say("gaps", gaps=[(pauses[k], k, log.times[k]) for k in holes]))
         if not log.torque_on.all():
             found.append(say("torque", share=1.0 - float(np.mean(log.torque_on))))
-        if count := int(np.sum(log.measured & ~sound_rows(log))):
+        if count:
             found.append(say("glitches", count=count))
     return found
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from planner.exceptions import ANGLE_UNIT
-from planner.identification.grid import sound_rows
 from planner.identification.log import Log, pieces_of
 from planner.model.evidence import (
     ACCEPTED,
@@ -164,7 +163,7 @@ class LogFit(ReadOnly):
     """What the identified model makes of one log; every array has one entry per row.
 
     Attributes:
-        log: The log.
+        log: The log, angles that no joint takes as if not measured.
         predicted: Angle by the model fitted to all rows [rad]; NaN where not used.
         held_out_predicted: Angle by a model fitted without the rows that the validation held out
             [rad]; NaN elsewhere.
@@ -205,7 +204,7 @@ class LogFit(ReadOnly):
             first[piece.start : piece.start + int(used[0]) if len(used) else piece.stop] = True
         for reason, rows in (
             ("without torque", ~log.torque_on),
-            ("not measured, or that no joint takes", ~sound_rows(log)),
+            ("not measured, or that no joint takes", ~log.measured),
             ("on which requests before the log act", first),
             ("held by something else, or too few between others", rest),
         ):
