@@ -136,11 +136,8 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
         for method in joint.plans:
             sizes, apart = joint.numbers(method), np.abs(joint.difference(method))
             expected = [number(sizes["expected_rms_deg"], 3)] * has_expected
-            difference = [
-                number(sizes["request_difference_rms_deg"]),
-                number(sizes["largest_request_difference_deg"]),
-                f"{index_of_largest(apart)}",
-            ]
+            keys = ("request_difference_rms_deg", "largest_request_difference_deg")
+            difference = [*(number(sizes[key]) for key in keys), f"{index_of_largest(apart)}"]
             errors = [number(sizes["rms_deg"], 3), number(sizes["max_deg"], 3), *expected]
             differs = [NOTHING] * 3 if method == "optimal" else difference
             cells = [*errors, percent(joint.gap(method)), *differs]

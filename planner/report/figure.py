@@ -140,11 +140,8 @@ class Figure:
             "panels": [panel.title for panel in self.panels],
             "curves": [each.name for each in curves if each.legend and not each.hidden],
         }
-        phrases = [
-            f"{kind}: {', '.join(dict.fromkeys(filter(None, names)))}"
-            for kind, names in parts.items()
-            if any(names)
-        ]
+        named = {kind: dict.fromkeys(filter(None, names)) for kind, names in parts.items()}
+        phrases = (f"{kind}: {', '.join(names)}" for kind, names in named.items() if names)
         return f"{self.title}. {'; '.join(phrases)}"
 
     @property
@@ -167,13 +164,9 @@ class Timeline:
         self.unit = "ms" if 1000.0 * period * samples <= 5000.0 else "s"
         self.per_second = 1000.0 if self.unit == "ms" else 1.0  # units of the axis in a second
         self.step = period * self.per_second  # units from a sample to the next
-        self.axis = Axis(
-            "time",
-            self.unit,
-            (0.0, self.step * self.last),
-            decimals=next((k for k in range(3) if abs(round(self.step, k) - self.step) < 1e-9), 3),
-            note="; it repeats" if cyclic else "",
-        )
+        decimals = (k for k in range(3) if abs(round(self.step, k) - self.step) < 1e-9)
+        ends, note = (0.0, self.step * self.last), "; it repeats" if cyclic else ""
+        self.axis = Axis("time", self.unit, ends, decimals=next(decimals, 3), note=note)
 
     @classmethod
     def of(cls, plan: Plan) -> Timeline:
@@ -245,14 +238,8 @@ class Timeline:
         self, name: str, panels: Sequence[Panel], words: tuple[str, str], *, clock: bool = False
     ) -> Figure:
         """Panels over time, with title and caption; ``clock``: whether they follow a moving leg."""
-        return Figure(
-            name,
-            *words,
-            self.axis,
-            tuple(panels),
-            over_time=True,
-            clock=self.per_second if clock else None,
-        )
+        per_second = self.per_second if clock else None
+        return Figure(name, *words, self.axis, panels, over_time=True, clock=per_second)
 
 
 def joint_figure(

@@ -113,18 +113,13 @@ def trials_table(progress: Sequence[Trials]) -> Table:
     """The errors of all trials."""
     rows = []
     for trial in range(max(len(each.errors) for each in progress)):
-        errors = (each.errors[trial] if trial < len(each.errors) else None for each in progress)
-        best = ("\nbest" if trial == each.best else "" for each in progress)
-        cells = [
-            NOTHING if error is None else f"{_short(error, 4)}{note}"
-            for error, note in zip(errors, best, strict=True)
-        ]
+        errors = [each.errors[trial] if trial < len(each.errors) else math.nan for each in progress]
+        best = ["\nbest" * (trial == each.best) for each in progress]
+        cells = [f"{_short(error, 4)}{note}" for error, note in zip(errors, best, strict=True)]
         rows.append(Row(str(trial + 1), cells))
-    for about, name, kind in (
-        ("predicted next", "predicted", ""),
-        ("lower bound", "bound", "bound"),
-        ("noise of a cycle", "noise", ""),
-    ):
+    names = {"predicted next": "predicted", "lower bound": "bound", "noise of a cycle": "noise"}
+    for about, name in names.items():
+        kind = "bound" if name == "bound" else ""
         rows.append(Row(about, [_short(getattr(each, name), 4) for each in progress], kind=kind))
     columns = (f"{each.name} [{each.unit}]" for each in progress)
     return Table("trial", columns, rows, "Errors of the trials, rms")

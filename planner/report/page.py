@@ -228,12 +228,12 @@ def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
     note = " · %{text}" if curve.notes else ""
     if figure.over_time:
         return trace | {"hovertemplate": f"%{{y:.{panel.y.decimals}f}} {panel.y.unit}{note}"}
-    values = ", ".join(
-        f"%{{{letter}:.{axis.decimals}f}} {axis.unit}".rstrip()
-        for letter, axis in (("x", figure.x), ("y", panel.y))
-        if axis.names is None
-    )
-    return trace | {"hovertemplate": f"{values}{note}<extra>%{{fullData.name}}</extra>"}
+    axes = {
+        letter: axis for letter, axis in (("x", figure.x), ("y", panel.y)) if axis.names is None
+    }
+    each = (f"%{{{k}:.{axis.decimals}f}} {axis.unit}".rstrip() for k, axis in axes.items())
+    template = f"{', '.join(each)}{note}<extra>%{{fullData.name}}</extra>"
+    return trace | {"hovertemplate": template}
 
 
 def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
@@ -243,11 +243,11 @@ def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
         "zeroline": False,
         "title": {"text": escape(axis.words, False), "standoff": standoff},
     }
-    if axis.names is None:
-        return layout
-    words = [escape(name, False) for name in axis.names.values()]
-    ticks = {"tickvals": list(axis.names), "ticktext": words}
-    return layout | ticks | {"automargin": True, "showgrid": False}
+    if axis.names is not None:
+        words = [escape(name, False) for name in axis.names.values()]
+        layout |= {"tickvals": list(axis.names), "ticktext": words}
+        layout |= {"automargin": True, "showgrid": False}
+    return layout
 
 
 def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
@@ -320,12 +320,12 @@ def sources_of(
             name = Path(os.path.relpath(Path(file).resolve(), folder)).as_posix()
             href = f"./{quote(name)}" if ":" in name.split("/")[0] else quote(name)
             links.setdefault(href, (role, file_link(name, href)))
-    lists: list[tuple[str, list[tuple[str, Any]]]] = [
-        ("Where it comes from", [(name, breakable(which)) for name, which in origins]),
-        ("Files of this run", list(links.values())),
-        ("Versions", list(versions().items())),
-    ]
-    return [each for each in lists if each[1]]
+    lists: dict[str, list[tuple[str, Any]]] = {
+        "Where it comes from": [(name, breakable(which)) for name, which in origins],
+        "Files of this run": list(links.values()),
+        "Versions": list(versions().items()),
+    }
+    return [each for each in lists.items() if each[1]]
 
 
 def file_link(name: str, href: str = "") -> Markup:

@@ -77,10 +77,8 @@ def foot_numbers(feet: Sequence[Plan]) -> FootNumbers:
     planned, direct, early = (
         size(np.concatenate([plan.distances for plan in plans]), 100.0) for plans in each
     )
-    expected, expected_early = (
-        None if len(feet) > 1 or plans[0].expected_foot is None else 100.0 * plans[0].expected_foot
-        for plans in (feet, shifts)
-    )
+    known = [plans[0].expected_foot if len(feet) == 1 else None for plans in (feet, shifts)]
+    expected, expected_early = (None if error is None else 100.0 * error for error in known)
     return FootNumbers(planned, direct, early, expected, expected_early)
 
 
@@ -168,12 +166,11 @@ class PlanAnswer:
         """What to know and to do before the requests are sent to the robot."""
         refine = "play the requests and refine them (request-planner refine)"
         lines = [
-            untested_words(self.plan.names, self.plan.expected),
             self.recommended and f"recommended: --method shift, as {self.recommended}",
             self.refining and f"recommended: {refine}: {self.refining}",
-            start_words(self.plan),
         ]
-        return list(filter(None, lines))
+        untested = untested_words(self.plan.names, self.plan.expected)
+        return list(filter(None, [untested, *lines, start_words(self.plan)]))
 
     @property
     def fast(self) -> list[JointNumbers]:

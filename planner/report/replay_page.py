@@ -217,14 +217,12 @@ def moment_figure(replay: Replay) -> Figure:
         arrays = ((getattr(each, kind), unit) for each, unit in zip(joints, units, strict=True))
         values = [None if a is None else rounded(a[::stride], by) for a, (_, by) in arrays]
         kinds.append({"name": name, "values": values})
+    pairs = zip(joints, units, strict=True)
     live = {
         "kind": "moment",
         "period": stride * timeline.period,
         "samples": len(range(0, timeline.samples, stride)),
-        "joints": [
-            {"name": each.name, "unit": SIGNS[unit]}
-            for each, (unit, _) in zip(joints, units, strict=True)
-        ],
+        "joints": [{"name": each.name, "unit": SIGNS[unit]} for each, (unit, _) in pairs],
         "kinds": kinds,
     }
     return Figure("moment", *words_of("moment"), timeline.axis, live=live)
@@ -234,7 +232,6 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
     """The moving arm: its path, with the path as requests, and planned."""
     by_name = {each.name: each for each in replay.joints}
     joints = [by_name[name] for name in arm.joint_names]
-
     timeline = Timeline(replay.period, len(replay.moments), cyclic=False)
 
     def points(kind: str, unplanned: str = "recorded_angles") -> Array:
@@ -366,16 +363,11 @@ def fastest_results(fastest: Fastest) -> dict[str, Any]:
         f"lower_bound_{unit}": allowed * fastest.impossible.bound,
         "of_model_only": fastest.impossible.of_model_only,
     }
-    curve = [
-        {
-            "speed": each.speed,
-            **{
-                f"{kind}_max_{unit}": allowed * ratio
-                for kind, ratio in zip(each._fields[1:], each[1:], strict=True)
-            },
-        }
-        for each in fastest.curve
-    ]
+    curve = []
+    for each in fastest.curve:
+        pairs = zip(each._fields[1:], each[1:], strict=True)
+        errors = {f"{kind}_max_{unit}": allowed * ratio for kind, ratio in pairs}
+        curve.append({"speed": each.speed, **errors})
     return {
         f"tolerance_{unit}": allowed,
         "retime": fastest.retime,
