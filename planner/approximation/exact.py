@@ -73,7 +73,7 @@ def halves_of(levels: Levels) -> list[Levels]:
     widest = int(np.argmax([level.size for level in levels]))
     middle = levels[widest].size // 2
     halves = []
-    for part in (levels[widest][:middle], levels[widest][middle:]):
+    for part in np.split(levels[widest], [middle]):
         half = [*levels[:widest], part, *levels[widest + 1 :]]
         for t in range(1, len(half)):
             half[t] = half[t][half[t] > half[t - 1][0]] if half[t - 1].size else half[t - 1]

@@ -257,14 +257,14 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     fewest = None
     if question.knots is not None:
         curve = best_values(scaled, question.knots)
-    elif question.max_error is not None:
-        search = KnotSearch(scaled)
-        bound = question.max_error / unit
-        curve, fewest = within_largest_error(search.unrounded, bound, question.segments, unit)
-        curve = search.restored(curve)
     else:
-        search = KnotSearch(scaled)
-        curve = search.restored(_search_curve(search, question, unit))
+        search, most = KnotSearch(scaled), question.segments
+        if question.max_error is None:
+            curve = _search_curve(search, question, unit)
+        else:
+            bound = question.max_error / unit
+            curve, fewest = within_largest_error(search.unrounded, bound, most, unit)
+        curve = search.restored(curve)
     knots = np.array(curve.knots)
     for place in problem.required:
         knots[np.abs(knots - place) < SAME_PLACE] = place

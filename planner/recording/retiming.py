@@ -310,7 +310,7 @@ class _Search:
         return low, 2.0 * low
 
     def doubled(self, low: float, too_fast: Callable[[float], Any]) -> tuple[float, float]:
-        """The factor doubled until twice it is ``too_fast``, and that, or the same again."""
+        """A factor, doubled until twice it is ``too_fast``, and twice it; itself if none is."""
         while 2.0 * low <= FASTEST and self.has_rows(2.0 * low):
             if too_fast(2.0 * low):
                 return low, 2.0 * low
