@@ -23,39 +23,26 @@ def _answer(seed=0):
     return requests, angles + np.random.default_rng(seed).normal(0.0, 1e-3, len(angles))
 
 
-def _write_csv(path, **columns):
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(path, table, delimiter=",", fmt="%.9g", header=",".join(columns), comments="")
-
-
 def _write_csvs(folder):
-    requests, angles = _answer()
+    requests, angles = answer = _answer()
     time = JOINT.period * np.arange(len(requests))
-    degrees = np.degrees([requests, angles])
-    _write_csv(folder / "run.csv", t_s=time, requested_deg=degrees[0], actual_deg=degrees[1])
-    switched_on = np.ones(len(time))
-    _write_csv(
-        folder / "other.csv", clock=1e3 * time, u=degrees[0], y=degrees[1], power=switched_on
-    )
-    _write_csv(
-        folder / "arm.csv",
-        time_s=time,
-        goal_Wrist=requests,
-        present_Wrist=angles,
-        goal_Jaw=requests,
-        present_Jaw=angles,
-    )
-    _write_csv(
-        folder / "demo.csv",
-        t_s=time,
-        goal_wrist_rad=requests,
-        present_wrist_rad=angles,
-        goal_jaw_range=0.5 * requests,
-        present_jaw_range=0.5 * angles,
-    )
+    degrees, ticks = np.degrees(answer), np.round(np.array(answer) * 4096 / (2 * np.pi))
+    arm = {"goal_Wrist": requests, "present_Wrist": angles}
+    arm |= {"goal_Jaw": requests, "present_Jaw": angles}
+    demo = {"goal_wrist_rad": requests, "present_wrist_rad": angles}
+    demo |= {"goal_jaw_range": 0.5 * requests, "present_jaw_range": 0.5 * angles}
+    other = {"u": degrees[0], "y": degrees[1], "power": np.ones(len(time))}
+    for name, columns in {
+        "run": {"t_s": time, "requested_deg": degrees[0], "actual_deg": degrees[1]},
+        "other": {"clock": 1e3 * time, **other},
+        "arm": {"time_s": time, **arm},
+        "demo": {"t_s": time, **demo},
+        "servo": {"time_s": time, "goal": ticks[0], "position": ticks[1]},
+    }.items():
+        table, header = np.column_stack(list(columns.values())), ",".join(columns)
+        form = {"delimiter": ",", "fmt": "%.9g", "header": header, "comments": ""}
+        np.savetxt(folder / f"{name}.csv", table, **form)
     JOINT.to_toml(folder / "arm.toml")
-    ticks = np.round(np.array([requests, angles]) * 4096 / (2 * np.pi))
-    _write_csv(folder / "servo.csv", time_s=time, goal=ticks[0], position=ticks[1])
 
 
 def _write_bam(folder):

@@ -32,56 +32,36 @@ class Forks:
     """The process that forks, with threads for its linear algebra and a seed for its hashes."""
 
     def __init__(self, *, threads: int = 1, seed: int = 0) -> None:
-        environment = {
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join(each for each in sys.path if each),
-            "OMP_NUM_THREADS": str(threads),
-            "OPENBLAS_NUM_THREADS": str(threads),
-            "PYTHONHASHSEED": str(seed),
-            "MPLBACKEND": "agg",
-        }
+        path = os.pathsep.join(filter(None, sys.path))
+        environment = {"PYTHONPATH": path, "PYTHONHASHSEED": str(seed), "MPLBACKEND": "agg"}
+        environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), str(threads))
         self._process = subprocess.Popen(
             [sys.executable, __file__],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env=environment,
+            env=os.environ | environment,
         )
 
-    def run(
-        self,
-        folder: Path,
-        *arguments: str,
-        environment: dict[str, str] | None = None,
-        watch: bool = False,
-        die_at: int | None = None,
-        memory: int | None = None,
-        seconds: int | None = None,
-        room: int | None = None,
-    ) -> Run:
-        """Run the program in a folder; ``room`` is how long a file can become [bytes]."""
+    def run(self, folder: Path, *arguments: str, **asked: Any) -> Run:
+        """Run the program in a folder.
+
+        It may be asked for an ``environment``, to ``watch`` what is done, to ``die_at`` a change,
+        for so much ``memory`` [bytes], so many ``seconds`` of processor time, and for files of at
+        most so much ``room`` [bytes].
+        """
         with tempfile.TemporaryDirectory() as kept:
-            order = {
-                "folder": str(folder),
-                "arguments": arguments,
-                "environment": environment or {},
-                "watch": watch or die_at is not None,
-                "die_at": die_at,
-                "memory": memory,
-                "seconds": seconds,
-                "room": room,
-                "kept": kept,
-            }
-            print(json.dumps(order), file=self._process.stdin, flush=True)
-            status = int(self._process.stdout.readline())
+            status = self._order(folder=str(folder), arguments=arguments, kept=kept, **asked)
             said = [(Path(kept) / name).read_text() for name in ("stdout", "stderr")]
             report = Path(kept) / "report"
             return Run(status, *said, json.loads(report.read_text()) if report.exists() else None)
 
     def warm(self, folder: Path, *arguments: str) -> int:
         """Run the program in the process that forks, which later runs find as it was left."""
-        print(json.dumps({"warm": arguments, "folder": str(folder)}), file=self._process.stdin)
-        self._process.stdin.flush()
+        return self._order(folder=str(folder), warm=arguments)
+
+    def _order(self, **order: Any) -> int:
+        print(json.dumps(order), file=self._process.stdin, flush=True)
         return int(self._process.stdout.readline())
 
     def close(self) -> None:
@@ -129,27 +109,27 @@ def _run(order: dict[str, Any]) -> NoReturn:
     from planner.cli import main
 
     os.chdir(order["folder"])
-    os.environ.update(order["environment"])
+    os.environ.update(order.get("environment", {}))
     kept = Path(order["kept"])
     for descriptor, place in ((0, Path(os.devnull)), (1, kept / "stdout"), (2, kept / "stderr")):
         opened = os.open(place, os.O_RDONLY if descriptor == 0 else os.O_WRONLY | os.O_CREAT)
         os.dup2(opened, descriptor)
         os.close(opened)
     sys.stdin = open(0, closefd=False)  # noqa: SIM115
-    for kind, most in (
-        (resource.RLIMIT_AS, order["memory"]),
-        (resource.RLIMIT_CPU, order["seconds"]),
-        (resource.RLIMIT_FSIZE, order["room"]),
+    for kind, name in (
+        (resource.RLIMIT_AS, "memory"),
+        (resource.RLIMIT_CPU, "seconds"),
+        (resource.RLIMIT_FSIZE, "room"),
     ):
-        if most is not None:
-            resource.setrlimit(kind, (most, most))
+        if name in order:
+            resource.setrlimit(kind, (order[name], order[name]))
     sys.argv = ["request-planner", *order["arguments"]]
-    watch = Watch(order["die_at"])
-    if order["watch"]:
+    watch, watched = Watch(order.get("die_at")), "watch" in order or "die_at" in order
+    if watched:
         sys.addaudithook(watch)
     status = 1
     try:
-        watch.on = order["watch"]
+        watch.on = watched
         main()
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 1 if end.code else 0
@@ -161,7 +141,7 @@ def _run(order: dict[str, Any]) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError):
             stream.flush()
-    if order["watch"]:
+    if watched:
         (kept / "report").write_text(watch.report())
     os._exit(status)
 

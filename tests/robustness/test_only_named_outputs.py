@@ -13,7 +13,6 @@ from planner.cli import cli
 from tests.robustness.forks import Forks
 
 EVIL = "__import__('os').system('touch hacked')"  # what a file of data may hold, and nobody may run
-PATH = "t_s,hip_deg,knee_deg\n" + "".join(f"{0.008 * k:.3f},{k % 5},{-k % 7}\n" for k in range(20))
 LOG = "t_s,requested_deg,actual_deg\n" + "".join(
     f"{0.01 * k:.2f},{20 * (k // 30 % 2)},{18 * (k // 30 % 2)}\n" for k in range(180)
 )
@@ -61,13 +60,12 @@ HOSTILE = {
 
 
 @pytest.fixture
-def folder(tmp_path):
-    (tmp_path / "desired.csv").write_text(PATH)
-    (tmp_path / "log.csv").write_text(LOG)
-    (tmp_path / "run.toml").write_text(RUN)
-    (tmp_path / "out").mkdir()
-    (tmp_path / "temporary").mkdir()
-    return tmp_path
+def folder(folder):
+    (folder / "log.csv").write_text(LOG)
+    (folder / "run.toml").write_text(RUN)
+    (folder / "out").mkdir()
+    (folder / "temporary").mkdir()
+    return folder
 
 
 @pytest.fixture
@@ -75,15 +73,9 @@ def watched(forks, folder):
     """A run of the program in the folder: its status, what it says in lines, and what it did."""
 
     def watched(*arguments):
-        done = forks.run(
-            folder,
-            *arguments,
-            environment={
-                "TMPDIR": str(folder / "temporary"),
-                "MPLCONFIGDIR": str(folder / "temporary" / "matplotlib"),
-            },
-            watch=True,
-        )
+        temporary = folder / "temporary"
+        own = {"TMPDIR": str(temporary), "MPLCONFIGDIR": str(temporary / "matplotlib")}
+        done = forks.run(folder, *arguments, environment=own, watch=True)
         return done.returncode, done.stderr.splitlines(), done.report
 
     return watched
@@ -164,13 +156,11 @@ def other_world():
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_threads_and_seeds_change_no_byte(name, tmp_path, monkeypatch, other_world):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "desired.csv").write_text(PATH)
-    (tmp_path / "log.csv").write_text(LOG)
-    arguments = [*COMMANDS[name], "--report" if name == "compare" else "-o", "out"]
+def test_threads_and_seeds_change_no_byte(name, folder, monkeypatch, other_world):
+    monkeypatch.chdir(folder)
+    arguments = [*COMMANDS[name], "--report" if name == "compare" else "-o", "out/it"]
     here = CliRunner().invoke(cli, arguments, catch_exceptions=False)
-    first = (tmp_path / "out").read_bytes()
-    there = other_world.run(tmp_path, *arguments)
+    first = (folder / "out/it").read_bytes()
+    there = other_world.run(folder, *arguments)
     assert (here.exit_code, here.stdout) == (there.returncode, there.stdout), there.stderr
-    assert first == (tmp_path / "out").read_bytes() != b""
+    assert first == (folder / "out/it").read_bytes() != b""
