@@ -93,10 +93,8 @@ def compare(
         origins = [*origins_of(run), ("bounds up to", level)]
         return about.html(place, origins, inputs_of(desired))
 
-    def print_table(_: str) -> None:
-        with fitted_to(terminal_width(sys.stdout)):
-            click.echo(f"{model_words(run.model)}\n{comparison_text(check)}")
-
+    with fitted_to(terminal_width(sys.stdout)):
+        table = f"{model_words(run.model)}\n{comparison_text(check)}"
     verdict, words = verdict_line(check), []
     if unreachable:
         words.append(f"{unreachable} samples were out of the leg's reach")
@@ -105,7 +103,7 @@ def compare(
     return Answer(
         {**check.to_dict(), "unreachable_samples": unreachable},
         "\n".join(words),
-        print_table,
+        lambda _: click.echo(table),
         page,
         failure="" if check.passed else verdict,
     )

@@ -109,13 +109,12 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
         )
     (model,) = models_of(run, [joint])
     centre, rate, duration = (choices[name] for name in ("centre_deg", "rate_hz", "duration_s"))
-    if duration is None:
-        duration = 60.0 if kind == "combined" else 20.0
+    usual = 60.0 if kind == "combined" else 20.0
     excitation = make(
         kind.replace("-", "_"),
         limits=(math.radians(low), math.radians(high)),
         period=model.period if rate is None else 1.0 / rate,
-        duration=duration,
+        duration=usual if duration is None else duration,
         centre=None if centre is None else math.radians(centre),
         amplitudes=[math.radians(height) for height in choices["amplitude_deg"]] or None,
         cycles=choices["cycles"],

@@ -98,9 +98,9 @@ def servo_ranges(arm: Arm, angles: Mapping[str, float], reach: float) -> dict[st
         ends = [arm.bus.read(servo.id, f"{end}_position") for end in ("least", "largest")]
         if ends[0] >= ends[1]:  # no limits are set
             ends = [0, 2 * arm.bus.protocol.middle - 1]
-        own = np.sort([servo.angle(count) for count in ends])
+        least, largest = sorted(map(servo.angle, ends))
         here = angles[name]
-        ranges[name] = np.array([max(own[0], here - reach), min(own[1], here + reach)])
+        ranges[name] = np.array([max(least, here - reach), min(largest, here + reach)])
     return ranges
 
 
