@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -249,24 +249,6 @@ class Grid:
         return arrays
 
 
-def runs_of(
-    logs: Sequence[Log], burn_in: float, settled: Collection[Place] = ()
-) -> Iterator[tuple[int, slice]]:
-    """Rows in a row with torque, of which log: a joint is simulated through them without a break.
-
-    Where earlier requests are unknown the first ``burn_in`` [s] is left out. Torque that returns
-    starts a run as well, but there the requests before it are in the log.
-    """
-    for number, log in enumerate(logs):
-        for piece in pieces_of(log):
-            unknown = 0.0 if (number, piece.start) in settled else burn_in * (1.0 - ON_A_TICK)
-            usable = log.torque_on & (log.times >= log.times[piece.start] + unknown)
-            usable[: piece.start] = usable[piece.stop :] = False
-            for rows in stretches(usable):
-                if rows.stop - rows.start >= FEWEST_USED:
-                    yield number, rows
-
-
 def glitches(angles: Array) -> Mask:
     """Rows that are no position of the joint: single or double jumps away and back.
 
@@ -387,31 +369,40 @@ def resampled(
     burn_in: float,
     settled: Collection[Place] = (),
 ) -> Grid:
-    """Put the runs of the logs on ticks: see :class:`Grid`; without runs it has no ticks."""
+    """Put the runs of the logs on ticks: see :class:`Grid`; without runs it has no ticks.
+
+    A joint is simulated without a break through rows in a row with torque. Where earlier requests
+    are unknown the first ``burn_in`` [s] is left out. Torque that returns starts a run as well, but
+    there the requests before it are in the log.
+    """
     edges, requests, shifted = _axis(logs, reach)
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
     firsts: list[Place] = []
     runs = []  # ticks, torques there, tick before each row, share after it, time of the row
-    for number, rows in runs_of(logs, burn_in, settled):
-        kept = np.flatnonzero(logs[number].measured[rows]) + rows.start
-        if len(kept) < FEWEST_USED:
-            continue
-        used[number][kept] = True
-        firsts.append((number, int(kept[0])))
-        times = shifted[number][kept]
-        places: Array = (times - times[0]) / tick
-        whole = np.round(places)
-        places = np.where(
-            np.abs(places - whole) <= ON_A_TICK * np.maximum(1.0, whole), whole, places
-        )
-        count = int(np.ceil(places[-1]))
-        below = np.minimum(np.floor(places).astype(int), count - 1)
-        ticks = times[0] + tick * np.arange(1, count + 1)
-        torque = load_by_period(logs[number].load, cyclic=False)
-        ending = np.searchsorted(shifted[number], ticks - ON_A_TICK * tick)  # the row of a torque
-        ending = np.minimum(ending, len(shifted[number]) - 1)
-        torques = np.zeros(count) if torque is None else torque[ending]
-        runs.append((ticks, torques, below, places - below, times))
+    for number, (log, every) in enumerate(zip(logs, shifted, strict=True)):
+        torque = load_by_period(log.load, cyclic=False)
+        for piece in pieces_of(log):
+            unknown = 0.0 if (number, piece.start) in settled else burn_in * (1.0 - ON_A_TICK)
+            usable = log.torque_on & (log.times >= log.times[piece.start] + unknown)
+            usable[: piece.start] = usable[piece.stop :] = False
+            for rows in stretches(usable):
+                kept = np.flatnonzero(log.measured[rows]) + rows.start
+                if len(kept) < FEWEST_USED:
+                    continue
+                used[number][kept] = True
+                firsts.append((number, int(kept[0])))
+                times = every[kept]
+                places: Array = (times - times[0]) / tick
+                whole = np.round(places)
+                on_a_tick = np.abs(places - whole) <= ON_A_TICK * np.maximum(1.0, whole)
+                places = np.where(on_a_tick, whole, places)
+                count = int(np.ceil(places[-1]))
+                below = np.minimum(np.floor(places).astype(int), count - 1)
+                ticks = times[0] + tick * np.arange(1, count + 1)
+                ending = np.searchsorted(every, ticks - ON_A_TICK * tick)  # the row of a torque
+                ending = np.minimum(ending, len(every) - 1)
+                torques = np.zeros(count) if torque is None else torque[ending]
+                runs.append((ticks, torques, below, places - below, times))
     states = np.cumsum([0, *(len(run[0]) + 1 for run in runs)])
     starts = states[:-1]
     run = np.repeat(np.arange(len(runs)), [len(run[2]) for run in runs])
