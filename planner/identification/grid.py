@@ -375,22 +375,28 @@ def resampled(
     are unknown the first ``burn_in`` [s] is left out. Torque that returns starts a run as well, but
     there the requests before it are in the log.
     """
-    edges, requests, shifted = _axis(logs, reach)
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
     firsts: list[Place] = []
+    edges: list[Array] = []
+    requests: list[Array] = []
     runs = []  # ticks, torques there, tick before each row, share after it, time of the row
-    for number, (log, every) in enumerate(zip(logs, shifted, strict=True)):
+    now = 0.0
+    for number, log in enumerate(logs):
         torque = load_by_period(log.load, cyclic=False)
         for piece in pieces_of(log):
+            now += 2.0 * reach
+            every = log.times[piece] + (now - log.times[piece.start])
+            edges += [np.array([now - 2.0 * reach]), every]
+            requests += [log.requests[piece][:1], log.requests[piece]]
+            now = float(every[-1])
             unknown = 0.0 if (number, piece.start) in settled else burn_in * (1.0 - ON_A_TICK)
-            usable = log.torque_on & (log.times >= log.times[piece.start] + unknown)
-            usable[: piece.start] = usable[piece.stop :] = False
-            for rows in stretches(usable):
-                kept = np.flatnonzero(log.measured[rows]) + rows.start
+            known = log.times[piece] >= log.times[piece.start] + unknown
+            for rows in stretches(log.torque_on[piece] & known):
+                kept = np.flatnonzero(log.measured[piece][rows]) + rows.start
                 if len(kept) < FEWEST_USED:
                     continue
-                used[number][kept] = True
-                firsts.append((number, int(kept[0])))
+                used[number][piece][kept] = True
+                firsts.append((number, piece.start + int(kept[0])))
                 times = every[kept]
                 places: Array = (times - times[0]) / tick
                 whole = np.round(places)
@@ -401,16 +407,18 @@ def resampled(
                 ticks = times[0] + tick * np.arange(1, count + 1)
                 ending = np.searchsorted(every, ticks - ON_A_TICK * tick)  # the row of a torque
                 ending = np.minimum(ending, len(every) - 1)
-                torques = np.zeros(count) if torque is None else torque[ending]
+                torques = np.zeros(count) if torque is None else torque[piece][ending]
                 runs.append((ticks, torques, below, places - below, times))
+    every, values = _joined(edges), _joined(requests)
+    changes = np.concatenate([[True], np.diff(values) != 0.0])
     states = np.cumsum([0, *(len(run[0]) + 1 for run in runs)])
     starts = states[:-1]
     run = np.repeat(np.arange(len(runs)), [len(run[2]) for run in runs])
     return Grid(
         tick=tick,
         reach=reach,
-        edges=edges,
-        requests=requests,
+        edges=every[changes],
+        requests=values[changes],
         ticks=_joined([run[0] for run in runs]),
         states=np.delete(np.arange(states[-1]), starts),
         starts=starts,
@@ -433,30 +441,6 @@ def resampled(
 def resampled_like(grid: Grid, logs: Sequence[Log], tick: float) -> Grid:
     """Other rows, or ticks [s], with the reach, burn-in and settled pieces of a grid."""
     return resampled(logs, tick=tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled)
-
-
-def _axis(logs: Sequence[Log], reach: float) -> tuple[Array, Array, list[Array]]:
-    """One axis of time for all pieces of all logs.
-
-    Returns:
-        When requests change on it [s], the requests from then on, the times of each log's rows.
-    """
-    edges: list[Array] = []
-    requests: list[Array] = []
-    times: list[Array] = []
-    now = 0.0
-    for log in logs:
-        shifted = np.array(log.times)
-        for piece in pieces_of(log):
-            now += 2.0 * reach
-            shifted[piece] += now - log.times[piece.start]
-            edges += [np.array([now - 2.0 * reach]), shifted[piece]]
-            requests += [log.requests[piece][:1], log.requests[piece]]
-            now = float(shifted[piece][-1])
-        times.append(shifted)
-    every, values = _joined(edges), _joined(requests)
-    changes = np.concatenate([[True], np.diff(values) != 0.0])
-    return every[changes], values[changes], times
 
 
 def _joined(arrays: Sequence[npt.NDArray[Any]]) -> Array:
