@@ -68,10 +68,6 @@ def _pose(value: Any) -> dict[str, float] | None:
     return {joint: math.radians(angle) for joint, angle in value.items()}
 
 
-def _one_of(names: Sequence[str]) -> Callable[[Any], str | None]:
-    return lambda value: value if is_one_of(value, names) else None
-
-
 PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
 """The unit of every parameter."""
 
@@ -112,7 +108,7 @@ MODEL = {
     **TESTED,
     "correlations": Key(_tuples, comment="of the intervals above"),
     "verdict": Key(
-        _one_of(get_args(Verdict)),
+        lambda value: value if is_one_of(value, get_args(Verdict)) else None,
         f"one of {', '.join(map(repr, get_args(Verdict)))}",
         f"to plan with only if {' or '.join(map(toml_value, ACCEPTED))}",
     ),

@@ -70,8 +70,6 @@ def v21(root, names=NAMES["flat"]):
     folder.mkdir(parents=True)
     (root / "meta").mkdir()
     (root / "meta" / "info.json").write_text(json.dumps(info("v2.1", names)))
-    lines = [json.dumps({"episode_index": e, "length": n}) for e, n in enumerate(LENGTHS)]
-    (root / "meta" / "episodes.jsonl").write_text("\n".join(lines))
     for episode in range(len(LENGTHS)):
         parquet.write_table(rows(episode, fixed=True), folder / f"episode_{episode:06d}.parquet")
     return root
