@@ -74,7 +74,7 @@ def compare(
             limits=limits_of_each(desired.limits, desired.names) if desired.limits else None,
             segments=run.plan.segments,
             leg=whole,
-            norm=run.plan.norm or "rms",
+            norm=run.plan.norm,
             level=level,
             names=desired.names,
             load=load,

@@ -138,7 +138,7 @@ class Declared:
         purpose: Its purpose, in a sentence.
         help: The same after the methods, or formats, of ``only``.
         default: Its default; ``...`` where it has to be set. A key that may be None is None by
-            default, with the effect of a value that is ``implied``, and a dict is empty.
+            default, and a dict is empty.
         otherwise: The effect of leaving it unset, in words, if the default does not show it.
         example: An example value, if there is no default.
         set_to: Its value in a template, if that is not the default.
@@ -158,7 +158,6 @@ class Declared:
         self,
         *,
         default: Any = ...,
-        implied: Any = None,
         otherwise: str = "",
         example: Any = None,
         set_to: Any = None,
@@ -168,9 +167,8 @@ class Declared:
         **click: Any,
     ) -> None:
         self.default, self.set_to = default, set_to
-        self.otherwise = otherwise if implied is None else toml_value(implied)
-        self.example = example if implied is None else implied
-        self.option, self.by_joint, self.only, self.click = option, by_joint, only, click
+        self.otherwise, self.example, self.only = otherwise, example, only
+        self.option, self.by_joint, self.click = option, by_joint, click
 
     def bind(self, name: str, annotation: Any, purpose: str) -> Declared:
         """Take the name, the type and the purpose of the field."""
@@ -243,8 +241,8 @@ class Settings:
         """Refuse keys of this ``table`` without effect on what its key ``chooser`` is set to."""
         choice = getattr(self, chooser)
         for name, key in self.keys.items():
-            value = getattr(self, name)
-            if key.only and choice not in key.only and value is not None and value is not False:
+            is_set = name in self.keys_set and getattr(self, name) is not False
+            if is_set and key.only and choice not in key.only:
                 words = f"{marked(f'{table}.{chooser}', choice)}, only with {', '.join(key.only)}"
                 raise BadSetting(f"‹{table}.{name}› has no effect with {words}")
 
@@ -327,7 +325,7 @@ def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
 def flat(settings: Settings, place: Place = ()) -> dict[str, tuple[Any, bool]]:
     """Every key that has a name of its own, such as ``plan.method``: value, and whether it is set.
 
-    The keys of a table that is missing are None.
+    The keys of a table that is missing are None, and those that are not set of a few methods only.
     """
     names = dict[str, tuple[Any, bool]]()
     for name, key in settings.keys.items():
@@ -337,7 +335,8 @@ def flat(settings: Settings, place: Place = ()) -> dict[str, tuple[Any, bool]]:
         elif key.kind.is_table:
             names |= dict.fromkeys(flat(key.kind.type(), at), (None, False))
         else:
-            names[key_name(at)] = _plain(value), name in settings.keys_set
+            is_set = name in settings.keys_set
+            names[key_name(at)] = _plain(value) if is_set or not key.only else None, is_set
     return names
 
 
@@ -420,12 +419,12 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
             lines.append(f"{'# ' if table.free else ''}{table.header}")
         for name, key in table.keys.items():
             value = key.default if key.set_to is None else key.set_to
-            is_set = value not in (None, ...)
+            is_set = value not in (None, ...) and not key.only
             words, expected = key.help, key.kind.expected
             words += f" {expected.capitalize()}." if expected.startswith("one of") else ""
             if key.default_in_words and not (is_set and key.set_to is None):
                 words += f" Default: {key.default_in_words}."
-            example = toml_value(value if is_set else key.example)
+            example = toml_value(value if is_set or key.example is None else key.example)
             lines += [*comment.wrap(words), f"{'' if is_set else '# '}{name} = {example}"]
         if table.free:
             lines.append(f"# knee = {toml_value(table.free.example)}")

@@ -133,10 +133,9 @@ def rows_of(export: Export, schedule: Schedule) -> tuple[Schedule, int]:
 
 def check_rows(export: Export, rows: Schedule, servos: Mapping[str, Servo] | None = None) -> None:
     """Refuse rows that the format cannot hold, as far as that does not depend on the angles."""
-    from planner.files.exports import TOPIC, check_format
+    from planner.files.exports import check_format
 
-    lead, topic = export.lead_s or 0.0, export.topic or TOPIC
-    check_format(export.format, rows, lead=lead, topic=topic)
+    check_format(export.format, rows, lead=export.lead_s, topic=export.topic)
     if servos is None:
         servos_of(export, rows)
 
@@ -170,21 +169,19 @@ def write_rows(
 
     if export.format == "csv":
         servos = servos or servos_of(export, rows)
-        exports.write_controller_csv(file, rows, unit=export.unit or "rad", servos=servos)
+        exports.write_controller_csv(file, rows, unit=export.unit, servos=servos)
     elif export.format == "lerobot":
         rate = exports.frame_rate(rows.period)
         layout = exports.Layout(features={"action": rows.names}, rate=rate)
         with exports.lerobot_dataset(file, layout) as add:
-            add({"action": rows.requests}, export.task or exports.LEROBOT_TASK)
+            add({"action": rows.requests}, export.task)
     else:
-        velocities = bool(export.velocities)
-        message = exports.joint_trajectory(rows, lead=export.lead_s or 0.0, velocities=velocities)
+        message = exports.joint_trajectory(rows, lead=export.lead_s, velocities=export.velocities)
         if export.format == "yaml":
             exports.write_trajectory_yaml(file, message)
         else:
             storage: Literal["mcap", "sqlite3"] = "mcap" if export.format == "mcap" else "sqlite3"
-            topic = export.topic or exports.TOPIC
-            exports.write_bag(file, message, storage=storage, topic=topic)
+            exports.write_bag(file, message, storage=storage, topic=export.topic)
 
 
 def servos_of(export: Export, rows: Schedule) -> dict[str, Servo] | None:

@@ -77,8 +77,8 @@ def plan_of(
                 task_of(desired),
                 load=desired.load,
                 method=method,
-                solver=chosen.solver or "gauss-newton",
-                lines={"segments": chosen.segments, "rule": chosen.rule or "paper"},
+                solver=chosen.solver,
+                lines={"segments": chosen.segments, "rule": chosen.rule},
                 progress=progress,
             )
     for each in plan.inversions:
@@ -156,7 +156,7 @@ def task_of(desired: Desired, *, by_joint: bool = False, in_limits: bool = True)
     options["cyclic"] = desired.cyclic
     options["load"] = None if callable(desired.load) else desired.load
     if chosen.method == "foot-optimal" and desired.foot is not None and not by_joint:
-        options["weights"] = chosen.weights or (1.0, 1.0, 1.0)
+        options["weights"] = chosen.weights
         options["limits"] = tuple(zip(*(limits[name] for name in desired.names), strict=True))
         return Task.of(desired.models, desired.foot, leg=checked_leg(leg), **options)
     if in_limits and chosen.method != "closed-form":

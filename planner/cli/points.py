@@ -62,7 +62,7 @@ class Space:
     def most_points(self) -> int:
         """How many points are planned at most."""
         if self.settings.sweep.method == "cma":
-            return self.settings.sweep.evaluations or 200
+            return self.settings.sweep.evaluations
         return math.prod(map(len, self.values.values()))
 
     def grid(self) -> Iterator[Point]:
@@ -223,7 +223,7 @@ def planned_points(
             [(each[0], each[-1]) for each in space.values.values()],
             most=space.most_points,
             requirement=space.requirement,
-            seed=search_settings.seed or 0,
+            seed=search_settings.seed,
         )
     return Swept(
         file=space.settings.source.path,

@@ -85,7 +85,7 @@ class ReplayTask:
         path = _with_load(run.plan, replace(path, name=self.recording.name), arm)
         units = {each.name: LOG_UNITS[each.unit][1] for each in path.planned}
         options = search_options(run.plan, path.period, units)
-        options |= {"solver": run.plan.solver or "gauss-newton", "progress": progress}
+        options |= {"solver": run.plan.solver, "progress": progress}
         if not replay.fastest:
             return replay_at(path, path.moments(speed), speed=speed, **options), None
         fastest = fastest_at(path, self.measure(path), retime=replay.retime, **options)
@@ -225,7 +225,7 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
 def missed(task: ReplayTask, replay: Replay) -> list[str]:
     """Messages about the tolerances that a replay misses, in the plan's norm."""
     tolerance = task.settings.tolerance
-    norm = "max" if task.settings.replay.fastest else task.settings.plan.norm or "rms"
+    norm = "max" if task.settings.replay.fastest else task.settings.plan.norm
     errors: list[tuple[str, float, str, float]] = []  # of what, how large, in which unit, allowed
     if tolerance.deg is not None:
         for joint in replay.planned:

@@ -221,7 +221,7 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False)
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
     if of_foot:  # what its joints were to do there, not the executed requests
         task = replace(task, desired=plan_of(desired, bounded=False).predicted)
-    plan = Plan(task=task, requests=requests, solver=chosen.solver or "gauss-newton")
+    plan = Plan(task=task, requests=requests, solver=chosen.solver)
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}
 
 

@@ -181,25 +181,23 @@ class Plan(Settings):
         otherwise="yes, unless its ends are far apart", example=True, option="--cyclic/--no-cyclic"
     )
     load: Load | None = option(otherwise="none", example="urdf")
-    norm: Literal["rms", "max"] | None = option(only=("shift", *OPTIMISED), implied="rms")
-    solver: Literal["gauss-newton", "ipopt"] | None = option(
-        only=("optimal",), implied="gauss-newton"
-    )
+    norm: Literal["rms", "max"] = option(only=("shift", *OPTIMISED), default="rms")
+    solver: Literal["gauss-newton", "ipopt"] = option(only=("optimal",), default="gauss-newton")
     max_step_deg: Positive | None = option(only=OPTIMISED, otherwise="none", example=5.0)
     max_request_speed_deg_s: Positive | None = option(
         only=OPTIMISED, otherwise="none", example=600.0, metavar="DEG/S"
     )
-    smoothness: Share | None = option(only=OPTIMISED, implied=0.005, metavar="SHARE")
+    smoothness: Share = option(only=OPTIMISED, default=0.005, metavar="SHARE")
     robust: Literal["mean", "worst"] | None = option(
         only=OPTIMISED, otherwise="the model alone", example="worst"
     )
-    weights: Weights | None = option(
-        only=("foot-optimal",), implied=[1.0, 1.0, 1.0], nargs=3, metavar="X Y Z"
+    weights: Weights = option(
+        only=("foot-optimal",), default=(1.0, 1.0, 1.0), nargs=3, metavar="X Y Z"
     )
     segments: Count | None = option(
         only=("closed-form",), otherwise="as many as reduce the error", example=6
     )
-    rule: Literal["paper", "exact"] | None = option(only=("closed-form",), implied="paper")
+    rule: Literal["paper", "exact"] = option(only=("closed-form",), default="paper")
 
 
 SEARCH = ("norm", "smoothness", "robust")
@@ -307,11 +305,11 @@ class Export(Settings):
     file: Written = setting(example="controller.csv", set_to="controller.csv")
     cycles: Count = option(default=1)
     rate_hz: Positive | None = option(otherwise="one row per request", example=125.0)
-    between: Literal["hold", "linear"] | None = option(implied="hold")
+    between: Literal["hold", "linear"] | None = option(otherwise='"hold"', example="hold")
     joint_names: JointNames | None = option(
         otherwise="those of the path", example=["lf_1", "lf_2", "lf_3"]
     )
-    unit: Literal["rad", "deg", "ticks", "us"] | None = option(only=("csv",), implied="rad")
+    unit: Literal["rad", "deg", "ticks", "us"] = option(only=("csv",), default="rad")
     ticks_per_turn: Annotated[int, within(ge=2, le=10**9 - 1)] | None = option(
         only=("csv",), otherwise="4096, or 4000 us", example=4096
     )
@@ -322,12 +320,12 @@ class Export(Settings):
         only=("csv",), example={"knee": 2048}
     )
     reverse: JointNames | None = option(only=("csv",), otherwise="none", example=["knee"])
-    lead_s: NotNegative | None = option(only=ROS, otherwise="0.0", example=2.0)
-    velocities: bool | None = option(only=ROS, implied=False)
-    topic: Annotated[Text | None, Expected("the name of a topic")] = option(
-        only=("bag", "mcap"), implied="/joint_trajectory_controller/joint_trajectory"
+    lead_s: NotNegative = option(only=ROS, default=0.0, example=2.0)
+    velocities: bool = option(only=ROS, default=False)
+    topic: Annotated[Text, Expected("the name of a topic")] = option(
+        only=("bag", "mcap"), default="/joint_trajectory_controller/joint_trajectory"
     )
-    task: Text | None = option(only=("lerobot",), implied="follow the planned requests")
+    task: Text = option(only=("lerobot",), default="follow the planned requests")
 
 
 class Replay(Settings):
@@ -443,10 +441,8 @@ class Search(Settings):
 
     method: Literal["grid", "cma"] = setting(default="grid")
     steps: Count | None = setting(only=("grid",), otherwise="the values as they are", example=5)
-    evaluations: Annotated[int, within(ge=20, le=10**6)] | None = setting(
-        only=("cma",), implied=200
-    )
-    seed: Annotated[int, within(ge=0, le=10**9)] | None = setting(only=("cma",), implied=0)
+    evaluations: Annotated[int, within(ge=20, le=10**6)] = setting(only=("cma",), default=200)
+    seed: Annotated[int, within(ge=0, le=10**9)] = setting(only=("cma",), default=0)
     at_error_cm: Positive | None = setting(example=1.0)
     at_error_deg: Positive | None = setting(example=2.0)
     at_speed_cm_s: Positive | None = setting(example=20.0)
