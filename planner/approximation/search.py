@@ -28,13 +28,7 @@ from planner.approximation.problem import (
     segment_capacity,
     with_required,
 )
-from planner.approximation.values import (
-    WINDOW,
-    best_values,
-    descend,
-    descend_by_windows,
-    ideal_of,
-)
+from planner.approximation.values import WINDOW, best_values, descend, descend_by_windows, ideal_of
 from planner.trajectory import Array
 
 # The effects of half and twice were measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40.

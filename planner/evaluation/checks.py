@@ -130,10 +130,14 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     model, start, load = plan.models[column], plan.task.starts[column], plan.task.loads[column]
     requests, predicted = plan.requests[:, column].copy(), plan.predicted[:, column]
     run = _symbolic_run(model, requests, load, cyclic=plan.cyclic)
+    torque = 0.0 if load is None else load[0]
+
+    def at_rest(angle: float) -> Array:
+        return np.array([angle, 0.0, float(model.rest_integral(angle, torque))])
+
     if not plan.cyclic:
-        torque = 0.0 if load is None else load[0]
         rest = float(model.rest(requests[0], torque)) if start is None else start
-        angles = run(np.array([rest, 0.0, float(model.rest_integral(rest, torque))]))[0]
+        angles = run(at_rest(rest))[0]
         apart = float(np.max(np.abs(predicted - angles)))
         return Answer(apart, abs(float(predicted[0]) - rest), 0.0)
     acting_load = load_by_period(load, cyclic=True)
@@ -141,13 +145,10 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     following = run(np.array([predicted[-1], *last[1:]]))[0]
     closure = abs(float(following[-1] - predicted[-1]))
     apart = max(float(np.max(np.abs(predicted - following))), closure)
-    ends = [end + model.offset for end in (requests.min(), requests.max())]
-    torque = 0.0 if load is None else load[0]
-    rests = [np.array([end, 0.0, float(model.rest_integral(end, torque))]) for end in ends]
-    cycles = [_settled(run, rest) for rest in rests]
-    elsewhere = max(
-        (float(np.max(np.abs(c - predicted))) for c in cycles if c is not None), default=0.0
-    )
+    ends = (requests.min() + model.offset, requests.max() + model.offset)
+    cycles = (_settled(run, at_rest(end)) for end in ends)
+    away = (float(np.max(np.abs(each - predicted))) for each in cycles if each is not None)
+    elsewhere = max(away, default=0.0)
     same = elsewhere <= AGREEMENT.value or apart > AGREEMENT.value
     return Answer(apart, closure, 0.0 if same else elsewhere)
 

@@ -51,15 +51,7 @@ from planner.planning.plan import Plan
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.search import known_errors
 from planner.planning.task import Norm, Task, checked_leg
-from planner.trajectory import (
-    Array,
-    Distance,
-    as_rows,
-    error_norm,
-    relative_gap,
-    rms,
-    size,
-)
+from planner.trajectory import Array, Distance, as_rows, error_norm, relative_gap, rms, size
 from planner.validation import Summarised, Summary, check_choice, shown
 
 METHODS: Mapping[str, str] = {
