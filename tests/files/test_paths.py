@@ -120,24 +120,17 @@ ANGLES = arrays(
 )
 
 
-@given(angles=ANGLES)
-def test_a_written_joint_path_is_read_back(tmp_path_factory, angles):
-    file = tmp_path_factory.mktemp("paths") / "path.csv"
-    write_joint_path(file, ["rotator", "abductor", "knee"], angles, period=0.008)
-    path = read_joint_path(file)
-    assert path.names == ("rotator", "abductor", "knee")
-    assert np.max(np.abs(path.values - angles)) <= WRITTEN
-    assert path.times == pytest.approx(0.008 * np.arange(len(angles)), abs=WRITTEN)
-    path.check_period(0.008)
-
-
-@given(positions=ANGLES)
-def test_a_written_foot_path_is_read_back(tmp_path_factory, positions):
-    file = tmp_path_factory.mktemp("paths") / "foot.csv"
-    write_foot_path(file, positions, period=0.008)
-    path = foot_path(path_table(file))
-    assert path.times == pytest.approx(0.008 * np.arange(len(positions)), abs=WRITTEN)
-    assert np.max(np.abs(path.values - positions)) <= WRITTEN
+@given(values=ANGLES)
+def test_written_paths_are_read_back(tmp_path_factory, values):
+    file = tmp_path_factory.getbasetemp() / "path.csv"
+    write_joint_path(file, ["rotator", "abductor", "knee"], values, period=0.008)
+    joints = read_joint_path(file)
+    assert joints.names == ("rotator", "abductor", "knee")
+    write_foot_path(file, values, period=0.008)
+    for path in (joints, foot_path(path_table(file))):
+        assert np.max(np.abs(path.values - values)) <= WRITTEN
+        assert path.times == pytest.approx(0.008 * np.arange(len(values)), abs=WRITTEN)
+        path.check_period(0.008)
 
 
 READ = {
