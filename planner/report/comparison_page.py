@@ -51,7 +51,12 @@ def comparison_page(
         for joint in joints
         if joint.limits is not None
     }
-    methods = [method for method in (SHOWN, "optimal", SECOND) if method in check.methods]
+    gaps: dict[str, dict[str, Any]] = {}  # from smallest to largest, or the error of a bound of 0
+    for method in (each for each in (SHOWN, "optimal", SECOND) if each in check.methods):
+        errors = [joint.plans[method].error for joint in joints if not joint.bound]
+        ends = [percent(end(joint.gap(method) for joint in joints)) for end in (min, max)]
+        gap = ends[0] if ends[0] == ends[1] else f"{ends[0].removesuffix(' %')} – {ends[1]}"
+        gaps[method] = {"degrees": math.degrees(max(errors)) if errors else None, "gap": gap}
     expected = [joint.plans["optimal"].expected.error for joint in joints]
     feet = foot and [foot.plans[method].distances for method in ("optimal", "foot_optimal")]
     moving, pictures = figures_of(check, leg)
@@ -62,7 +67,7 @@ def comparison_page(
         leg=leg,
         good=check.passed,
         zero=not all(joint.bound for joint in joints),
-        gaps={method: above_bound(check, method) for method in methods},
+        gaps=gaps,
         apart=max(math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in joints),
         failures=[*map(failure_words, check.failures)],
         unreachable=unreachable,
@@ -83,17 +88,6 @@ def comparison_page(
         reasons=tolerance_reasons(check.checks),
         models=models_table(names, [joint.model for joint in joints]),
     )
-
-
-def above_bound(check: CrossCheck, method: str) -> dict[str, Any]:
-    """The joints' gaps, from the smallest to the largest; the error [deg] of a bound of zero."""
-    errors = [joint.plans[method].error for joint in check.joints if not joint.bound]
-    if errors:
-        return {"degrees": math.degrees(max(errors)), "gap": ""}
-    gaps = [joint.gap(method) for joint in check.joints]
-    least, most = percent(min(gaps)), percent(max(gaps))
-    gap = least if least == most else f"{least.removesuffix(' %')} – {most}"
-    return {"degrees": None, "gap": gap}
 
 
 # The tables, and the text of a terminal.

@@ -253,6 +253,8 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     planned, constants = outcome.planned, outcome.constants
     identified = zip(planned.walk.joint_names, outcome.identifications, strict=True)
     models = zip(planned.walk.joint_names, planned.models, strict=True)
+    learnt = outcome.learnt_foot
+    trials = [{**_norms(each.mean), "std": {"L2": each.deviation.rms}} for each in learnt]
     own = {
         "robot": {
             "name": "virtual",
@@ -268,10 +270,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
             for name, identification in identified
         },
         "learning": {
-            "trials": [
-                {**_norms(each.mean), "std": {"L2": each.deviation.rms}}
-                for each in outcome.learnt_foot
-            ],
+            "trials": trials,
             "cycles_of_each": MEASURED_CYCLES,
             "noise": 100.0 * outcome.learning.floor[1],
             "stopped": outcome.learning.stopped or None,

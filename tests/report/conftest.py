@@ -6,14 +6,8 @@ import pytest
 
 
 @pytest.fixture(scope="session")
-def printed(reproduced):
-    """The folder that `reproduce` wrote, and what it printed."""
-    return reproduced.folder, reproduced.printed
-
-
-@pytest.fixture(scope="session")
-def folder(printed):
-    return printed[0]
+def folder(reproduced):
+    return reproduced.folder
 
 
 @pytest.fixture(scope="session")
