@@ -204,10 +204,11 @@ def commanded_speed(parameters: Parameters, response: Response) -> float:
 def with_observed_speed(fit: Fit) -> Fit:
     """The fit with a top speed no higher than anything the log called for.
 
-    Beyond that every top speed predicts the same; this one is the lowest.
+    Beyond that every top speed predicts the same; this one is the lowest. Of a joint that friction
+    holds throughout the log calls for none.
     """
     shown = peak_command(fit)
-    if fit.parameters.v_max * (1.0 - abs(fit.parameters.asymmetry)) <= shown:
+    if not 0.0 < shown < fit.parameters.v_max * (1.0 - abs(fit.parameters.asymmetry)):
         return fit
     return replace(fit, parameters=fit.parameters._replace(v_max=JUST_ABOVE * shown))
 
