@@ -444,9 +444,7 @@ def foot_function(leg: Leg) -> Any:
         raise InvalidInput(f"leg: got {type(leg).__name__}, expected a kinematics.Leg")
     angles = casadi.SX.sym("angles", len(leg.joint_names))
     each = casadi.vertsplit(angles)
-    cosines = [casadi.cos(angle) for angle in each]
-    sines = [casadi.sin(angle) for angle in each]
-    foot = leg.chain.foot(cosines, sines)
+    foot = leg.chain.foot(map(casadi.cos, each), map(casadi.sin, each))
     return casadi.Function(
         "foot", [angles], [foot, casadi.jacobian(foot, angles)], ["angles"], ["foot", "jacobian"]
     )
