@@ -231,6 +231,7 @@ def test_what_is_left_turns_deeply_only_and_stays_near(cyclic, path, least):
     turns = turning_points(left, 1e-12)
     deep = turning_points(path, least)
     assert len(turns) <= len(deep) + 2  # a cycle may turn at its first sample too
+    np.testing.assert_array_equal(without_small_reversals(path, 0.0, cyclic=cyclic), path)
 
 
 def test_turning_points_are_the_extrema_of_a_zigzag():

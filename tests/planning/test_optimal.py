@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from planner import JointModel, invert_closed_form, invert_optimal, simulate
 from planner.model.evidence import ENCODER_STEP
 from planner.planning.line_inverse import RULES
+from planner.trajectory import rms
 from tests.instances import (
     ERS210A,
     REFERENCE_JOINTS,
@@ -72,12 +73,11 @@ def closed_forms_do_no_better(plan, *, segments=(None, None)):
     """Clipped to the limits of the plan, by each rule with so many lines."""
     limits = plan.plan.task.limits[0] or (-math.inf, math.inf)
     for rule, lines in zip(RULES, segments, strict=True):
-        other = invert_closed_form(
-            plan.model, plan.desired, cyclic=plan.cyclic, segments=lines, rule=rule
-        )
+        options = {"cyclic": plan.cyclic, "segments": lines, "rule": rule}
+        other = invert_closed_form(plan.model, plan.desired, **options)
         requests = np.clip(other.requests, *limits)
         angles = simulate(plan.model, requests, cyclic=plan.cyclic, start=other.plan.task.starts[0])
-        assert plan.rms <= math.sqrt(np.mean((angles - plan.desired) ** 2)) + NO_WORSE
+        assert plan.rms <= rms(angles - plan.desired) + NO_WORSE
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
@@ -127,8 +127,7 @@ def test_what_the_joint_can_do_is_reached_to_a_hundredth_of_a_degree(seed, sampl
 @pytest.mark.parametrize("seed", range(2))
 def test_shift_mirror_rotation_and_an_offset_of_the_joint_change_nothing_else(seed, cyclic):
     desired = saturating(np.random.default_rng(seed), ERS210A)
-    rms = invert_optimal(ERS210A, desired, cyclic=cyclic).rms
-    same = pytest.approx(rms, rel=SAME_QUALITY)
+    same = pytest.approx(invert_optimal(ERS210A, desired, cyclic=cyclic).rms, rel=SAME_QUALITY)
     for other in (desired + 2.0, -desired, *([np.roll(desired, 31)] if cyclic else [])):
         assert invert_optimal(ERS210A, other, cyclic=cyclic).rms == same
     sagging = replace(ERS210A, offset=(-2.0, -0.5, 0.5)[seed])

@@ -10,6 +10,7 @@ import pytest
 from planner import InvalidInput, JointModel, Log, identify, invert_optimal, plan, simulate
 from planner.model.evidence import Evidence
 from planner.planning.candidate_models import drawn_models
+from planner.trajectory import error_norm
 from tests.instances import ERS210A
 
 SINE = 0.3 * np.sin(2.0 * np.pi * np.arange(60) / 60)
@@ -50,8 +51,8 @@ def identified():
 
 def errors(models, requests, desired, *, norm="rms", **options):
     """Errors of the models under requests [rad]."""
-    distances = [np.abs(simulate(each, requests, **options) - desired) for each in models]
-    return np.array([np.sqrt(np.mean(d**2)) if norm == "rms" else np.max(d) for d in distances])
+    off = (simulate(each, requests, **options) - desired for each in models)
+    return np.array([error_norm(each, norm) for each in off])
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
