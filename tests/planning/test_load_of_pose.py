@@ -13,16 +13,8 @@ from planner.exceptions import SolverFailed
 from planner.gait.stride import stride
 from planner.planning.inversion import MOVED, settled
 
-SOFT = planner.JointModel(
-    v_max=4.8,
-    theta_0=0.33,
-    lag=0.01,
-    acceleration_time=0.06,
-    tick=0.02,
-    dead_band=0.03,
-    compliance=0.11,
-    speed_per_torque=1.7,
-)
+FOUR = {"v_max": 4.8, "theta_0": 0.33, "lag": 0.01, "acceleration_time": 0.06}
+SOFT = planner.JointModel(**FOUR, tick=0.02, dead_band=0.03, compliance=0.11, speed_per_torque=1.7)
 """A servo that sags by 0.06 rad under the load below."""
 
 PHASE = 2.0 * np.pi * np.arange(40) / 40
@@ -48,12 +40,9 @@ def test_the_load_is_that_of_the_predicted_angles(kind, too_fast):
     if kind != "too fast":
         method = "closed_form" if kind == "closed form" else "optimal"
         made = planner.plan(SOFT, PATH, load=pendulum, method=method, cyclic=cyclic)
-    (inversion,) = made.inversions
     load = pendulum(made.predicted[:, 0])
-    np.testing.assert_allclose(
-        inversion.plan.task.loads[inversion.column], load, rtol=0.0, atol=ROUNDING
-    )
-    start = None if cyclic else inversion.plan.task.starts[inversion.column]
+    np.testing.assert_allclose(made.task.loads[0], load, rtol=0.0, atol=ROUNDING)
+    start = None if cyclic else made.task.starts[0]
     simulated = planner.simulate(SOFT, made.requests[:, 0], load=load, cyclic=cyclic, start=start)
     np.testing.assert_allclose(simulated, made.predicted[:, 0], rtol=0.0, atol=ROUNDING)
 
@@ -67,13 +56,10 @@ def test_where_the_joint_can_follow_one_more_plan_settles_the_load():
 
 
 def test_where_it_cannot_the_plan_is_made_for_the_angles_that_it_reaches(too_fast):
-    made = too_fast
-    fixed = planner.plan(SOFT, TOO_FAST, load=made.task.loads[0])
-    assert made.rms[0] <= 1.01 * fixed.rms[0]  # rounding decides between local minima
-    naive = planner.plan(SOFT, TOO_FAST, load=pendulum(TOO_FAST)).under(
-        made.task.loads[0][:, np.newaxis]
-    )
-    assert made.rms[0] < naive.rms[0]
+    load = too_fast.task.loads[0]
+    fixed, naive = (planner.plan(SOFT, TOO_FAST, load=each) for each in (load, pendulum(TOO_FAST)))
+    assert too_fast.rms[0] <= 1.01 * fixed.rms[0]  # rounding decides between local minima
+    assert too_fast.rms[0] < naive.under(load[:, np.newaxis]).rms[0]
 
 
 def test_a_load_of_the_pose_has_no_lower_bound(too_fast):
@@ -90,14 +76,10 @@ def test_a_leg_carries_itself():
     foot_path = stride(leg).foot
     model = replace(planner.JointModel.ers210a(), compliance=0.3, speed_per_torque=0.5)
     joints = planner.plan(model, leg.joint_angles(foot_path), load=leg.load_torques)
-    expected = leg.load_torques(joints.predicted)
-    loads = np.column_stack(joints.task.loads)
-    np.testing.assert_allclose(loads, expected, rtol=0.0, atol=ROUNDING)
     foot = planner.invert_foot(model, leg, foot_path, load=leg.load_torques)
-    expected = leg.load_torques(foot.predicted)
-    np.testing.assert_allclose(
-        np.column_stack(foot.plan.task.loads), expected, rtol=0.0, atol=ROUNDING
-    )
+    for plan in (joints, foot.plan):
+        loads, expected = np.column_stack(plan.task.loads), leg.load_torques(plan.predicted)
+        np.testing.assert_allclose(loads, expected, rtol=0.0, atol=ROUNDING)
     assert foot.lower_bound == 0.0
 
 

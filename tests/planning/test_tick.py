@@ -53,21 +53,10 @@ class Plan:
         self.samples["resting"] = self.resting
         self.requests = np.clip(rng.normal(0.0, 0.4, self.past + SAMPLES), LOWER, UPPER)
         joints = np.zeros(1, dtype=JOINT)
-        for name, value in (
-            ("lower", LOWER),
-            ("upper", UPPER),
-            ("max_step", RATE),
-            ("smoothing", SMOOTHING),
-        ):
-            joints[name] = value
-        problem = Problem(
-            joints[0],
-            model.law,
-            weights_by_tick(model)[0],
-            self.samples,
-            State(self.angle, self.speed),
-            begins,
-        )
+        joints["lower"], joints["upper"] = LOWER, UPPER
+        joints["max_step"], joints["smoothing"] = RATE, SMOOTHING
+        before, weights = State(self.angle, self.speed), weights_by_tick(model)[0]
+        problem = Problem(joints[0], model.law, weights, self.samples, before, begins)
         self.step = np.zeros(SAMPLES)
         self.cost = gauss_newton_step(problem, self.requests, DAMPING, self.step)
         self.exact_cost = cost(problem, self.requests, np.inf)
