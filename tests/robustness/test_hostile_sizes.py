@@ -11,15 +11,6 @@ MEMORY = 2 * 2**30  # address space that a command gets [bytes]: its libraries t
 SECONDS = 20  # processor time that a command gets [s], its imports done
 
 
-def _repeated(folder, name, start, piece, size):
-    """A file that is one piece over and over, up to some size [bytes]."""
-    with (folder / name).open("wb") as stream:
-        stream.write(start)
-        block = piece * (2**20 // len(piece))
-        for _ in range(size // len(block) + 1):
-            stream.write(block)
-
-
 def _sparse(folder, name, start, size):
     """A file that claims a size, but takes no room on the disk."""
     with (folder / name).open("wb") as stream:
@@ -51,23 +42,13 @@ def _parquet_bomb(folder):
     from pyarrow import parquet
 
     (folder / "meta").mkdir()
-    (folder / "meta" / "info.json").write_text(
-        json.dumps(
-            {
-                "codebase_version": "v2.1",
-                "features": {key: {"shape": [30]} for key in ("action", "observation.state")},
-            }
-        )
-    )
+    features = dict.fromkeys(("action", "observation.state"), {"shape": [30]})
+    info = {"codebase_version": "v2.1", "features": features}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
     row = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(30 * 10**6)), 30)
     times = pa.array(np.zeros(10**6))
-    table = pa.table(
-        {"action": row, "observation.state": row, "timestamp": times, "episode_index": times}
-    )
-    with parquet.ParquetWriter(
-        folder / "bomb.parquet", table.schema, compression="zstd", use_dictionary=True
-    ) as writer:
-        writer.write_table(table)
+    columns = dict.fromkeys(features, row) | {"timestamp": times, "episode_index": times}
+    parquet.write_table(pa.table(columns), folder / "bomb.parquet", compression="zstd")
 
 
 def _json_bomb(folder):
@@ -82,7 +63,7 @@ HOSTILE = {
         "x.csv: longer than 64 MiB; is it the right file?",
     ),
     "a header of a million columns": (
-        lambda folder: _repeated(folder, "x.csv", b"knee_deg", b",a_deg", 6 * 2**20),
+        lambda folder: (folder / "x.csv").write_bytes(b"knee_deg" + 2**20 * b",a_deg"),
         ("plan", "x.csv"),
         "columns, expected at most 10000",
     ),
