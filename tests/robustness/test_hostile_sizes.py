@@ -42,7 +42,7 @@ def _parquet_bomb(folder):
     from pyarrow import parquet
 
     (folder / "meta").mkdir()
-    features = dict.fromkeys(("action", "observation.state"), {"shape": [30]})
+    features = {key: {"shape": [30]} for key in ("action", "observation.state")}
     info = {"codebase_version": "v2.1", "features": features}
     (folder / "meta" / "info.json").write_text(json.dumps(info))
     row = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(30 * 10**6)), 30)
