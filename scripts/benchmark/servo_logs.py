@@ -9,8 +9,7 @@ import numpy as np
 import planner
 from tests.identification.made import measured
 
-PERIODS = (0.01, 0.02)
-"""Periods of the logs [s]."""
+PERIODS = (0.01, 0.02)  # of the logs [s]
 
 
 def random_servo(seed, *, kinds=("steps", "sines", "mixed"), seconds=30.0, **defects):
@@ -21,11 +20,9 @@ def random_servo(seed, *, kinds=("steps", "sines", "mixed"), seconds=30.0, **def
     """
     random = np.random.default_rng(seed)
     period = float(random.choice(PERIODS))
-    speed = random.uniform(2.5, 6.0)
     known = {
+        "top": random.uniform(2.5, 6.0),
         "gain": random.uniform(8.0, 20.0),
-        "up": speed,
-        "down": speed,
         "delay": random.uniform(0.005, 0.03),
         "constant": random.uniform(0.01, 0.05),
         "friction": math.radians(random.choice([0.0, random.uniform(0.5, 2.0)])),
@@ -33,48 +30,33 @@ def random_servo(seed, *, kinds=("steps", "sines", "mixed"), seconds=30.0, **def
     noise = math.radians(random.uniform(0.02, 0.2))
     quantum = math.radians(float(random.choice([0.0, 0.09, 0.3])))
     requests = random_motion(random, period, kind=str(random.choice(kinds)), seconds=seconds)
-    angles = servo(requests, period, **known, **defects, fine=round(period / 0.001))
-    return planner.Log(
-        times=period * np.arange(len(requests)),
-        requests=requests,
-        angles=measured(angles, random, noise=noise, quantum=quantum),
-        name=f"servo {seed}",
-    )
+    angles = servo(requests, period, **known, **defects)
+    rows = {"times": period * np.arange(len(requests)), "requests": requests}
+    rows["angles"] = measured(angles, random, noise=noise, quantum=quantum)
+    return planner.Log(**rows, name=f"servo {seed}")
 
 
 def servo(
-    requests,
-    period,
-    *,
-    gain,
-    up,
-    down,
-    delay,
-    constant,
-    most=math.inf,
-    sag=0.0,
-    friction=0.0,
-    play=0.0,
-    behind=False,
-    fine=10,
+    requests, period, *, top, gain, delay, constant, friction, most=math.inf, play=0.0, behind=False
 ):
-    """Angles of a servo that is not the model, in ``fine`` steps a period [rad].
+    """Angles of a servo that is not the model, in steps of a millisecond [rad].
 
     The speed that it is called to follows the error of ``delay`` before; it gains that speed with a
     time constant and at most ``most`` [rad/s^2]. Coulomb friction, which holds an error of
-    ``friction``, opposes the speed; ``up`` and ``down`` are the top speeds that it leaves.
+    ``friction``, opposes the speed; ``top`` is the top speed that it leaves.
     Between motor and joint is play; the error is that of the joint, or of the motor where the
     sensor of its loop is before the play and the joint is measured behind it.
     """
+    fine = round(period / 0.001)
     step, half = period / fine, play / 2.0
     late = np.concatenate([np.full(round(delay / step), requests[0]), np.repeat(requests, fine)])
-    motor = angle = requests[0] + sag
+    motor = angle = requests[0]
     speed, angles = 0.0, []
     for k, request in enumerate(late[: fine * len(requests)].tolist()):
         if k % fine == 0:
             angles.append(angle)
-        error = request + sag - (motor if behind else angle)
-        called = min(max(gain * error, -down - gain * friction), up + gain * friction)
+        error, most_called = request - (motor if behind else angle), top + gain * friction
+        called = min(max(gain * error, -most_called), most_called)
         speed += step * min(max((called - speed) / constant, -most), most)
         held = step / constant * gain * friction
         speed -= min(max(speed, -held), held)
