@@ -1,6 +1,6 @@
 from planner._version import __version__ as __version__
 from planner.approximation.curve import CurveStack as CurveStack, PiecewiseLinear as PiecewiseLinear
-from planner.approximation.fit import fit_pwl as fit_pwl
+from planner.approximation.fit_pwl import fit_pwl as fit_pwl
 from planner.evaluation.cross_check import cross_check as cross_check
 from planner.exceptions import (
     BusError as BusError,
@@ -44,7 +44,7 @@ from planner.planning.inversion import (
 )
 from planner.planning.line_inverse import line_offset as line_offset
 from planner.planning.plan import Plan as Plan
-from planner.planning.result import (
+from planner.planning.views import (
     FootInversion as FootInversion,
     Inversion as Inversion,
     Learning as Learning,

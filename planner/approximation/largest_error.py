@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.approximation.fewest import Course, Gates, fewest_links, fewest_links_around
-from planner.approximation.problem import (
+from planner.approximation.fit_problem import (
     BARELY,
     SHORTEST,
     Candidate,

@@ -2,7 +2,7 @@
 
     minimise  Σ_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
 
-Few values are found by the compiled dense QP of the descents (:mod:`planner.approximation.kernel`),
+Few values are found by the compiled dense QP of the descents (``inner_loops.py``),
 many by OSQP. A descent moves knots and values together by sequential quadratic programming, damped
 as Levenberg and Marquardt do (Nocedal and Wright, Numerical Optimization, 2006, Chapter 18). The
 bounds on slopes and lengths are linear in both, so every iterate keeps them. A fit takes 100 to 600
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.approximation.problem import (
+from planner.approximation.fit_problem import (
     Candidate,
     Problem,
     candidate,
@@ -154,21 +154,21 @@ def descend(
 ) -> Candidate:
     """Move knots and values downhill from a curve of at most :data:`WINDOW` knots; never worse.
 
-    See :func:`planner.approximation.kernel.descend`. With ``values_only`` all knots stay: a convex
+    See ``descend`` of ``inner_loops.py``. With ``values_only`` all knots stay: a convex
     QP, of which few evaluations find the optimum.
     """
-    from planner.approximation import kernel
+    from planner.approximation import inner_loops
 
     size, free = start.knots.size, free_variables(problem, start.knots)
     free[:size] &= not values_only
     curve = np.concatenate([start.knots, start.values])
-    curve, error = kernel.descend(problem, curve, free, rounds, progress)
+    curve, error = inner_loops.descend(problem, curve, free, rounds, progress)
     return Candidate(curve[:size], curve[size:], error)
 
 
 def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
     """Move one window of many knots after the other, each between knots that stay; never worse."""
-    from planner.approximation import kernel
+    from planner.approximation import inner_loops
 
     size, n = start.knots.size, problem.samples
     free = free_variables(problem, start.knots).reshape(2, size)
@@ -185,7 +185,7 @@ def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Ca
         moves[0, [0, -1]] = False
         moves[1, 0] &= first == 0 and not problem.cyclic
         moves[1, -1] &= last == size - 1 and not problem.cyclic
-        curve, _ = kernel.descend(
+        curve, _ = inner_loops.descend(
             inside, np.append(places - low, values[number]), moves.ravel(), rounds, 1e-7
         )
         places, values[number] = np.split(curve, 2)
@@ -223,7 +223,7 @@ def slope_bounded(
     """
     if float(np.max(np.abs(steps(desired, cyclic=cyclic)), initial=0.0)) <= step:
         return desired.copy()
-    from planner.approximation.kernel import open_ended
+    from planner.approximation.inner_loops import open_ended
 
     weights = np.ones(desired.size) if weights is None else weights
     if not cyclic:

@@ -97,7 +97,7 @@ def calibrate(
         request-planner play requests.csv --bus virtual --model arm.toml -o log.csv
     """  # noqa: D301
     from planner.files.joint_model import BUS, models_text
-    from planner.report.calibration import (
+    from planner.report.calibration_text import (
         calibration_page,
         calibration_results,
         calibration_text,
@@ -265,7 +265,7 @@ def check(
     from tempfile import TemporaryDirectory
 
     from planner.files.joint_model import read_model_file, read_servos
-    from planner.report.calibration import recheck_answer
+    from planner.report.calibration_text import recheck_answer
     from planner.robot import calibration
 
     servos = read_servos(model)

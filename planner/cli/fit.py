@@ -74,7 +74,7 @@ def fit(
     """  # noqa: D301
     import numpy as np
 
-    from planner.approximation.fit import choices, fit_pwl
+    from planner.approximation.fit_pwl import choices, fit_pwl
     from planner.cli.desired import check_angles, load_joints, model_words
     from planner.cli.planning import files_of
     from planner.files.paths import write_curve

@@ -40,7 +40,7 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
     from planner.cli.planning import plan_of, prepare
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate_joints
-    from planner.report.scene import import_meshcat, scene_page
+    from planner.report.meshcat_scene import import_meshcat, scene_page
 
     place = find_leg(run)
     if place is None:

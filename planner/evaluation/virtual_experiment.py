@@ -26,9 +26,9 @@ from planner.identification.log import Log
 from planner.identification.result import Identification
 from planner.learning.refine import refine
 from planner.planning.plan import Plan
-from planner.planning.result import Learning
+from planner.planning.views import Learning
 from planner.trajectory import Array, rms
-from planner.virtual.robot import CONSTANTS, Constants, VirtualRobot
+from planner.virtual.virtual_robot import CONSTANTS, Constants, VirtualRobot
 
 AMPLITUDES = (20.0, 40.0, 70.0)
 """Heights of the step tests [degrees]: small to large within the range that the walk needs."""

@@ -10,20 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.fit import (
-    commanded_speed,
-    errors_of,
-    fit_joint,
-    moving,
-    never_saturating,
-    peak_command,
-    refitted,
-    simple_fits,
-    starts_of,
-    with_even_rows,
-    with_observed_speed,
-    with_speed_of,
-)
 from planner.identification.grid import (
     Timing,
     fine_hold,
@@ -44,6 +30,20 @@ from planner.identification.intervals import (
     over_top_speeds,
     speed_bounded,
     uncertainty_of,
+)
+from planner.identification.joint_fit import (
+    commanded_speed,
+    errors_of,
+    fit_joint,
+    moving,
+    never_saturating,
+    peak_command,
+    refitted,
+    simple_fits,
+    starts_of,
+    with_even_rows,
+    with_observed_speed,
+    with_speed_of,
 )
 from planner.identification.judgement import (
     notes_on,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from planner.identification.fit import peak_command
+from planner.identification.joint_fit import peak_command
 from planner.identification.least_squares import (
     PROFILE,
     Fit,

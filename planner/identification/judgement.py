@@ -13,9 +13,9 @@ from functools import partial
 
 import numpy as np
 
-from planner.identification.fit import delayed_errors, peak_command
 from planner.identification.grid import Grid, Timing, unequal
 from planner.identification.intervals import at_edge
+from planner.identification.joint_fit import delayed_errors, peak_command
 from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import GAP, Log
 from planner.identification.result import Finding, HeldOut, Interval, Topic, told

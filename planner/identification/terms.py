@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.identification.fit import peak_command
 from planner.identification.grid import Grid, resampled, resampled_like
 from planner.identification.intervals import (
     Uncertainty,
@@ -31,6 +30,7 @@ from planner.identification.intervals import (
     structure_of,
     uncertainty_of,
 )
+from planner.identification.joint_fit import peak_command
 from planner.identification.least_squares import (
     PROFILE,
     TERM,

@@ -41,7 +41,7 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate, simulate_joints
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan, joined
-from planner.planning.result import UNFORESEEN, FootInversion, Inversion, Learning, Trial
+from planner.planning.views import UNFORESEEN, FootInversion, Inversion, Learning, Trial
 from planner.trajectory import Array, rms
 from planner.validation import as_flag, as_number, freeze, shown
 

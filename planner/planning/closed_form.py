@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_force
-from planner.approximation.fit import fit_pwl
+from planner.approximation.fit_pwl import fit_pwl
 from planner.exceptions import InvalidInput, about, angle_text
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_load
@@ -25,8 +25,8 @@ from planner.planning.line_inverse import (
     slopes_text,
 )
 from planner.planning.plan import Plan
-from planner.planning.result import Inversion
 from planner.planning.task import Task
+from planner.planning.views import Inversion
 from planner.trajectory import Array
 from planner.validation import as_flag
 

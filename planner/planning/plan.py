@@ -15,8 +15,8 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds, path_speeds
-from planner.planning.result import ErrorsOfModels, FootInversion, Inversion, Learning
 from planner.planning.task import Solver, Task, columns_of
+from planner.planning.views import ErrorsOfModels, FootInversion, Inversion, Learning
 from planner.trajectory import Array, error_norm, relative_gap, reversals, steps
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 

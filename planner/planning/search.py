@@ -44,8 +44,8 @@ from planner.planning.ideal import (
     without_small_reversals,
 )
 from planner.planning.problem import Problem, problem_of
-from planner.planning.result import UNFORESEEN
 from planner.planning.task import Solver, Task
+from planner.planning.views import UNFORESEEN
 from planner.trajectory import Array, Mask, reversals, rms
 
 NARROW = (

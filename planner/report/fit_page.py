@@ -13,7 +13,7 @@ from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, LOWER_BOUN
 from planner.report.wording import Table, by_columns, words_of
 
 if TYPE_CHECKING:
-    from planner.approximation.fit import Choices, PiecewiseLinearFit
+    from planner.approximation.fit_pwl import Choices, PiecewiseLinearFit
 
 
 def fit_page(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choices]) -> Page:

@@ -19,7 +19,6 @@ from planner.model.evidence import (
 )
 from planner.model.joint import JointModel
 from planner.planning.plan import DEGREE, Plan, RequestMotion
-from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import (
     CLEARLY,
     has_refused,
@@ -27,6 +26,7 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
+from planner.planning.views import ErrorsOfModels, FootInversion, Inversion
 from planner.report.wording import Column, Row, Table, by_columns, number, percent, thousandths
 from planner.trajectory import Array, Distance, error_norm, rms, size
 

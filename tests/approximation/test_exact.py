@@ -11,8 +11,8 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from planner import Infeasible, fit_pwl
-from planner.approximation.exact import PROVED, Relaxation, first_multipliers, proved_best
-from planner.approximation.problem import Problem
+from planner.approximation.exact_fit import PROVED, Relaxation, first_multipliers, proved_best
+from planner.approximation.fit_problem import Problem
 from planner.approximation.values import best_values
 from tests.approximation.samples import KINDS, oracle_instance, oracle_instances, samples_of
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import Infeasible, fit_pwl, lower_bound
-from planner.approximation.fit import choices
+from planner.approximation.fit_pwl import choices
 from tests.approximation.samples import (
     EXACT_KNOTS,
     EXACT_VALUES,

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from planner import Infeasible, fit_pwl
+from planner.approximation.fit_problem import Problem
 from planner.approximation.largest_error import minimum_link
-from planner.approximation.problem import Problem
 from planner.approximation.values import attainable_error
 from tests.approximation.samples import KINDS, problems, samples_of
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.approximation import kernel
-from planner.approximation.kernel import segment_costs
-from planner.approximation.problem import Problem, candidate
+from planner.approximation import inner_loops
+from planner.approximation.fit_problem import Problem, candidate
+from planner.approximation.inner_loops import segment_costs
 from planner.approximation.values import (
     attainable_error,
     best_values,
@@ -22,7 +22,7 @@ from planner.trajectory import steps
 from tests.approximation.samples import KINDS, samples_of
 from tests.from_python import from_python
 
-minimise_damped = from_python(kernel.minimise_damped)
+minimise_damped = from_python(inner_loops.minimise_damped)
 
 
 def on_the_reference_of(problem, knots):
@@ -85,8 +85,8 @@ def test_the_small_qp_is_solved_like_an_independent_solver_does(seed):
     assert 0.5 * step @ hessian @ step + gradient @ step == pytest.approx(expected, abs=1e-7)
 
 
-constraints = from_python(kernel.constraints)
-evaluate = from_python(kernel.evaluate)
+constraints = from_python(inner_loops.constraints)
+evaluate = from_python(inner_loops.evaluate)
 
 SAME = 1e-9  # rounding of sums over some 60 samples of unit size, and of a few steps of Newton's
 

@@ -15,7 +15,7 @@ import pytest
 import planner
 from kinematics import UnsupportedLeg
 from planner import JointModel
-from planner.approximation.fit import fit_pwl
+from planner.approximation.fit_pwl import fit_pwl
 from planner.cli.desired import repeats
 from planner.exceptions import (
     InvalidInput,
@@ -25,7 +25,7 @@ from planner.exceptions import (
     SolverFailed,
 )
 from planner.files.paths import foot_path, path_table, read_joint_path, write_joint_path
-from planner.report import scene as report
+from planner.report import meshcat_scene as report
 from tests.cli.test_servos import ARM
 
 ENDS = {
@@ -76,7 +76,7 @@ def test_every_failure_has_its_status_and_one_line(run, desired, monkeypatch, er
     def fails(*_, **__):
         raise error() if callable(error) else error
 
-    monkeypatch.setattr("planner.approximation.fit.fit_pwl", fails)
+    monkeypatch.setattr("planner.approximation.fit_pwl.fit_pwl", fails)
     result = run("fit", desired)
     assert (result.exit_code, result.stdout) == (status, "")
     assert result.stderr.strip() == ("" if said is None else f"request-planner: {said}")
@@ -92,7 +92,7 @@ def test_each_warning_is_said_once(run, desired, monkeypatch):
         warnings.warn(OutsideEquation13("the rule"), stacklevel=1)  # from another line
         return fit(*given, **more)
 
-    monkeypatch.setattr("planner.approximation.fit.fit_pwl", warns)
+    monkeypatch.setattr("planner.approximation.fit_pwl.fit_pwl", warns)
     result = run("fit", desired, "--segments", "4", "-q")
     assert result.stderr == (
         "request-planner: warning: the rule\nrequest-planner: warning: another\n"

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.fit import fit_joint, with_observed_speed
 from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
     correlation_time,
@@ -22,6 +21,7 @@ from planner.identification.intervals import (
     structure_of,
     uncertainty_of,
 )
+from planner.identification.joint_fit import fit_joint, with_observed_speed
 from planner.identification.least_squares import least_squares
 from planner.identification.parameters import Parameters, only
 from planner.identification.result import Interval

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.fit import evenly_timed
 from planner.identification.grid import timing_of
+from planner.identification.joint_fit import evenly_timed
 from planner.identification.log import TURN, unwrapped
 from tests.identification.made import AIBO, NOISE, changed, measured, rich_log
 

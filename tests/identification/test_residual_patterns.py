@@ -9,8 +9,8 @@ import pytest
 
 import planner
 from planner.identification.excitation import excite, expect
-from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
+from planner.identification.joint_fit import fit_joint
 from planner.identification.residual_patterns import (
     Held,
     _contradiction,

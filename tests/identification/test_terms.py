@@ -10,8 +10,8 @@ import pytest
 
 import planner
 from planner.identification.excitation import excite
-from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
+from planner.identification.joint_fit import fit_joint
 from planner.identification.result import Interval, Term
 from planner.identification.terms import with_motor
 from tests.identification.made import AIBO, measured, rich_log, swung

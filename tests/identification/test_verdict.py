@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.intervals import intervals_of, uncertainty_of
+from planner.identification.joint_fit import fit_joint
 from planner.identification.judgement import verdict_on
 from planner.identification.result import HeldOut, angle_in
 from planner.report.identification_text import next_step

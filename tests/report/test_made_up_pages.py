@@ -11,7 +11,7 @@ import pytest
 from kinematics import Leg, urdf_path
 from planner import Log, plan, replay, simulate
 from planner.model.evidence import Evidence
-from planner.report.calibration import calibration_page, calibration_text
+from planner.report.calibration_text import calibration_page, calibration_text
 from planner.report.plan_page import plan_page
 from planner.report.plan_results import PlanAnswer
 from planner.report.replay_page import replay_page

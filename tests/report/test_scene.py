@@ -11,7 +11,7 @@ import pytest
 
 from kinematics import Leg, urdf_path
 from kinematics.scene import Scene
-from planner.report.scene import scene_page
+from planner.report.meshcat_scene import scene_page
 from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL
 
 PERIOD = 0.008

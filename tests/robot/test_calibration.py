@@ -12,7 +12,7 @@ import pytest
 from planner import BusError, JointModel, Log, invert_optimal
 from planner.files.joint_model import read_model_file
 from planner.model.evidence import Evidence
-from planner.report.calibration import WORDS, candidates_table
+from planner.report.calibration_text import WORDS, candidates_table
 from planner.robot import calibration
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus

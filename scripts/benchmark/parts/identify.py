@@ -14,8 +14,8 @@ import planner
 from benchmark.parts import Options, recordings
 from benchmark.servo_logs import random_servo
 from benchmark.table import Table
-from planner.identification.fit import fit_joint, with_observed_speed
 from planner.identification.grid import timing_of
+from planner.identification.joint_fit import fit_joint, with_observed_speed
 from planner.identification.terms import backlash_of, with_motor, with_terms
 from planner.trajectory import rms
 from tests.identification.made import (

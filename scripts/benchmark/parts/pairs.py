@@ -16,8 +16,8 @@ from benchmark.parts import Options, recordings
 from benchmark.plants import random_path
 from benchmark.table import Table
 from planner.identification.excitation import excite
-from planner.identification.fit import fit_joint
 from planner.identification.grid import Grid, resampled, timing_of
+from planner.identification.joint_fit import fit_joint
 from planner.identification.least_squares import respond
 from planner.identification.parameters import Parameters
 from planner.identification.result import Identification

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from planner.approximation.problem import Problem
+from planner.approximation.fit_problem import Problem
 from planner.compilation import compiled, inner
 from planner.trajectory import Array, Indices, Mask
 

@@ -16,7 +16,7 @@ from heapq import heapify, heappop, heappush
 
 import numpy as np
 
-from planner.approximation.problem import (
+from planner.approximation.fit_problem import (
     SHORTEST,
     Candidate,
     Problem,
@@ -287,7 +287,7 @@ def cheapest_knots(problem: Problem, ideal: Array, segments: int, first: int) ->
 
     The chain of a cycle begins and ends at sample ``first``, and has no knot at its end.
     """
-    from planner.approximation import kernel
+    from planner.approximation import inner_loops
 
     n, cyclic = problem.samples, problem.cyclic
     last = n if cyclic else n - 1
@@ -296,8 +296,8 @@ def cheapest_knots(problem: Problem, ideal: Array, segments: int, first: int) ->
     even = np.round(np.linspace(0, last, min(last, NODES) + 1)).astype(np.intp)
     grid, around = np.union1d(even, required), np.arange(first, first + last + 1) % n
     ideal, stays = ideal[around][grid], np.isin(grid, required)
-    costs = kernel.segment_costs(problem.desired[around], problem.step, grid, ideal, stays)
-    way = kernel.cheapest_chain(costs, segments)
+    costs = inner_loops.segment_costs(problem.desired[around], problem.step, grid, ideal, stays)
+    way = inner_loops.cheapest_chain(costs, segments)
     if not way.size:
         return None
     knots = grid[way].astype(np.float64) + first

@@ -1,14 +1,14 @@
 """Automated piecewise-linear approximation with bounded slopes: paper, Section 4.1.
 
 The values at the knots are those of least squares, a convex QP ((5) of docs/math.md). The knots are
-sought, not proved best (:mod:`planner.approximation.search`), in O(n) up to 32 segments and
+sought, not proved best (:mod:`planner.approximation.knot_search`), in O(n) up to 32 segments and
 O(n log n) beyond; at n = 88, in 5 to 25 ms for 2 to 12 segments. One segment more is hardly ever
 worse: of 840 pairs at n = 60 and 88 seven were, by 0.2 to 0.4 %, all of a single impulse. The same
 samples shifted, mirrored, reversed or scaled give the same curve.
 
-With ``exact`` the answer is proved best of all with knots on samples
-(:mod:`planner.approximation.exact`): exponential at worst, 0.06 s in the median and less than 1.5 s
-at most over 300 random instances at n = 88 with up to 7 segments.
+With ``exact`` the answer is proved best of all with knots on samples, by ``exact_fit.py``:
+exponential at worst, 0.06 s in the median and less than 1.5 s at most over 300 random instances at
+n = 88 with up to 7 segments.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.exact import MOST_SAMPLES, proved_best
-from planner.approximation.largest_error import within_largest_error
-from planner.approximation.problem import (
+from planner.approximation.exact_fit import MOST_SAMPLES, proved_best
+from planner.approximation.fit_problem import (
     BARELY,
     SAME_PLACE,
     SMALLEST,
@@ -41,7 +40,8 @@ from planner.approximation.problem import (
     positive,
     with_pins,
 )
-from planner.approximation.search import KnotSearch
+from planner.approximation.knot_search import KnotSearch
+from planner.approximation.largest_error import within_largest_error
 from planner.approximation.values import best_values, slope_bounded, within_slopes
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 from planner.trajectory import Array, as_trajectory

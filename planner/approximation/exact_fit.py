@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from planner.approximation.problem import Candidate, Problem, nearest_samples, residuals
+from planner.approximation.fit_problem import Candidate, Problem, nearest_samples, residuals
 from planner.approximation.values import best_values, ideal_of
 from planner.exceptions import SolverFailed
 from planner.trajectory import Array, Indices
