@@ -34,7 +34,7 @@ def initial_guess(problem: Problem) -> tuple[Array, Array]:
     if problem.start is not None:
         ideal = within_attainable_range(model, ideal, float(problem.start[0]), torques)
     torques = np.roll(torques, -1)  # on the way to the next
-    low, high = (limit * model.period for limit in model.speed_limits(torques, ideal))
+    low, high = np.multiply(model.speed_limits(torques, ideal), model.period)
     to_next = steps(np.append(ideal, ideal[:1] if cyclic else ideal[-1:]), cyclic=False)
     to_next = np.clip(to_next, low, high)
     samples = np.arange(count)
@@ -45,14 +45,6 @@ def initial_guess(problem: Problem) -> tuple[Array, Array]:
     offsets = interpolated_offset(model, slopes, rule="exact", load=torques[at], angle=ideal[at])
     requests = ideal[at] + to_next[at] * (samples - knots) + offsets - model.pose_sag(ideal[at])
     return problem.admissible(requests[:, np.newaxis]), ideal[:, np.newaxis]
-
-
-def early_and_late(problem: Problem) -> list[Array]:
-    """The desired angles as requests, l + a/2 early and as they are [rad], (n, 1)."""
-    (model,), count = problem.models, len(problem.resting)
-    later = np.arange(count) + round(model.switching_time / model.period)
-    later = later % count if problem.cyclic else np.minimum(later, count - 1)
-    return [problem.admissible(problem.resting[later]), problem.resting]
 
 
 def nearest_within_speeds(
@@ -80,8 +72,8 @@ def within_attainable_range(
 ) -> Array:
     """Angles clipped to the attainable range of a joint at rest at the start [rad], (n,)."""
     moving = np.arange(len(angles)) > request_ages(model).youngest  # the second request acts
-    limits = model.speed_limits(torques, angles)
-    low, high = (np.cumsum(limit * model.period * moving) for limit in limits)
+    limits = np.multiply(model.speed_limits(torques, angles), model.period)
+    low, high = np.cumsum(limits * moving, axis=1)
     return np.clip(angles, start + low, start + high)
 
 
@@ -89,7 +81,7 @@ def below_top_speed(problem: Problem, ideal: Array) -> int:
     """Number of samples that the ideal [rad], (n, 1), reaches below the joint's top speeds."""
     (model,) = problem.models
     limits = model.speed_limits(problem.torques[0], ideal[:, 0])
-    low, high = ((1.0 - BARELY_SLOWER) * limit * model.period for limit in limits)
+    low, high = np.multiply(limits, (1.0 - BARELY_SLOWER) * model.period)
     before = ideal[-1:, 0] if problem.cyclic else ideal[:1, 0]
     moved = np.diff(ideal[:, 0], prepend=before)
     resting = 0 if problem.cyclic else request_ages(model).youngest + 1

@@ -156,9 +156,9 @@ def interpolated_offset(
         by_load = 0.0 if model.has_integral else model.compliance * np.asarray(load)
         return np.asarray(np.interp(slope, *table) - by_load)
     limits = model.speed_limits(load) if angle is None else _limits_at(model, load, angle)
-    pairs = zip(limits, model.speed_limits(), strict=True)
-    down, up = (under / without for under, without in pairs)
-    scale, band = np.where(slope < 0.0, down, up), np.sign(slope) * model.dead_band
+    down, up = model.speed_limits()
+    scale = np.where(slope < 0.0, limits[0] / down, limits[1] / up)
+    band = np.sign(slope) * model.dead_band
     beyond = np.interp(slope / scale, *table) + model.offset - band
     return np.asarray(band + scale * beyond - model.sag(load))
 

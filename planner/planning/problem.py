@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -138,7 +139,7 @@ class Problem:
     @cached_property
     def spec(self) -> Spec:
         """The problem as arrays, for the compiled search."""
-        parts = max(model.law.states for model in self.models)
+        parts = max(map(attrgetter("law.states"), self.models))
         periods, drives = np.empty((2, len(self.models), len(self.desired))), []
         for number, (model, torque) in enumerate(zip(self.models, self.torques, strict=True)):
             periods[0, number] = model.compliance * torque
@@ -152,7 +153,7 @@ class Problem:
         near, centring = self.near, NEARNESS
         if near is None:
             near = np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints]))
-            centring = CENTRING if any(model.dead_band for model in self.models) else 0.0
+            centring = CENTRING if any(map(attrgetter("dead_band"), self.models)) else 0.0
         foot, samples = self.foot, np.arange(len(self.desired))[:, np.newaxis]
         each, bending = np.empty((2, len(samples), 3))
         each[:], bending[:] = (1.0, 0.0, 0.0), (1.0, -2.0, 1.0)
@@ -227,11 +228,6 @@ class Problem:
     def exact_error(self, requests: Array) -> float:
         """Error of the exact models; inf where a joint has no steady cycle."""
         return self.error(self.exact_angles(requests))
-
-    def distances(self, angles: Array) -> Array:
-        """Weighted root of the squared errors over the scenarios [rad], (n,)."""
-        values = self.errors(angles)[0]
-        return np.asarray(np.sqrt(np.einsum("kcm,kcm,c->k", values, values, self.weights)))
 
     @property
     def unlimited(self) -> Problem:

@@ -15,9 +15,10 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from operator import itemgetter
+from functools import partial
+from operator import attrgetter, itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +39,6 @@ from planner.planning.gauss_newton import (
 )
 from planner.planning.ideal import (
     below_top_speed,
-    early_and_late,
     initial_guess,
     time_accelerating,
     without_small_reversals,
@@ -124,12 +124,11 @@ def solve(
         SolverFailed: No requests were found that lead to a steady cycle.
     """
     if task.disturbance is not None:  # the models' errors are measured, except for their changes
-        sizes = [UNFORESEEN * rms(column) for column in task.disturbance.T]
-        models = (
-            tuple(each.with_evidence(Evidence(size)) for each in candidates)
-            for candidates, size in zip(task.models, sizes, strict=True)
+        models = tuple(
+            tuple(each.with_evidence(Evidence(UNFORESEEN * rms(column))) for each in candidates)
+            for candidates, column in zip(task.models, task.disturbance.T, strict=True)
         )
-        task = replace(task, models=tuple(models))
+        task = replace(task, models=models)
     if task.goal == "foot":
         return solve_foot(task, executed)
     requests, nominal = np.empty_like(task.desired), np.empty_like(task.desired)
@@ -139,7 +138,7 @@ def solve(
             near = None if executed is None else executed[:, j : j + 1]
             own, alone = solve_joint(task.joint(j), solver=solver, executed=near)
             requests[:, j : j + 1], nominal[:, j : j + 1] = own, own if alone is None else alone
-    return requests, nominal if any(len(models) > 1 for models in task.models) else None
+    return requests, nominal if len(task.scenarios) > 1 else None
 
 
 def solve_joint(
@@ -154,30 +153,19 @@ def solve_joint(
         # Of 374 random joints a closed form is better for 12, all with friction, by up to 57 %.
         requests = min(requests, best_closed_form(problem), key=problem.exact_error)
 
-    def candidates() -> Iterator[Array]:
-        if band:
-            # Over 36 sines, holds and squares of a servo with 2 degrees of dry friction, half of
-            # them with noise of 0.06 degrees, half and twice of 0.2 change nothing; without,
-            # requests change direction 15 % more often, at holds 75 %.
-            path = without_small_reversals(problem.desired[:, 0], 0.2 * band, cyclic=task.cyclic)
-            yield best_requests(replace(problem, desired=path[:, np.newaxis]), solver)
-        if math.isfinite(models[0].max_acceleration):
-            yield minimise(problem, *initial_guess(problem), SMOOTH)[0]
-
-    requests = smoothed(problem, requests, best=best, candidates=candidates())
+    others = []
+    if band and problem.smoothness > 0.0:
+        # Over 36 sines, holds and squares of a servo with 2 degrees of dry friction, half of them
+        # with noise of 0.06 degrees, half and twice of 0.2 change nothing; without, requests change
+        # direction 15 % more often, at holds 75 %.
+        path = without_small_reversals(problem.desired[:, 0], 0.2 * band, cyclic=task.cyclic)
+        others.append(best_requests(replace(problem, desired=path[:, np.newaxis]), solver))
+    if problem.smoothness > 0.0 and math.isfinite(models[0].max_acceleration):
+        others.append(minimise(problem, *initial_guess(problem), SMOOTH)[0])
+    requests = smoothed(problem, requests, best=best, others=others)
     if executed is not None:
         requests = nearer(problem, requests, executed)
     return for_all_models(task, problem, requests, NARROW)
-
-
-def best_requests(problem: Problem, solver: Solver) -> Array:
-    """Requests of least error for one joint, by a solver [rad], (n, 1)."""
-    requests, ideal = initial_guess(problem)
-    if solver == "gauss-newton":
-        return best_of_searches(problem, requests, ideal)
-    from planner.planning.direct_transcription import transcribed_requests  # slow to import
-
-    return transcribed_requests(problem, requests, ideal)
 
 
 FAR = 1.03
@@ -204,8 +192,8 @@ encoder's step of the ideal. Of 160 joints with such a limit one in ten ends clo
 by 65 % at most; all are above 0.2. It takes 0.1 to 0.8 s."""
 
 
-def best_of_searches(problem: Problem, requests: Array, ideal: Array) -> Array:
-    """The best requests of the searches for one joint, from those of :func:`initial_guess`, (n, 1).
+def best_requests(problem: Problem, solver: Solver) -> Array:
+    """Requests of least error for one joint [rad], (n, 1).
 
     A joint that is at top speed, or accelerates as fast as it can, for much of the time may follow
     fitted lines better than anything that the search finds: it starts from these as well. Where
@@ -215,6 +203,11 @@ def best_of_searches(problem: Problem, requests: Array, ideal: Array) -> Array:
     overshoot, where derivatives help little, further ones start from the desired angles, as they
     are and as early as the joint is late.
     """
+    requests, ideal = initial_guess(problem)
+    if solver == "ipopt":
+        from planner.planning.direct_transcription import transcribed_requests  # slow to import
+
+        return transcribed_requests(problem, requests, ideal)
     (model,), error = problem.models, itemgetter(1)
     starts, best = [requests], minimise(problem, requests, ideal, NARROW)
     near = FAR * problem.error(ideal)
@@ -227,9 +220,11 @@ def best_of_searches(problem: Problem, requests: Array, ideal: Array) -> Array:
         other = minimise(problem, requests, ideal, NARROW, through_rms=True)
         best = min(best, other, key=error)
     if best[1] > near + NEGLIGIBLE * model.theta_0:
-        short = len(problem.desired) <= 2 * problem.ages.oldest
-        if short or model.v_max_per_tick > model.theta_0:
-            further = early_and_late(problem)
+        count = len(problem.desired)
+        if count <= 2 * problem.ages.oldest or model.v_max_per_tick > model.theta_0:
+            later = np.arange(count) + round(model.switching_time / model.period)
+            later = later % count if problem.cyclic else np.minimum(later, count - 1)
+            further = [problem.admissible(problem.resting[later]), problem.resting]
             answers = [minimise(problem, start, ideal, NARROW) for start in further]
             best = min(best, *answers, key=error)
             starts += further
@@ -259,20 +254,15 @@ def minimise(
     response to them, (n, A). Where the largest error counts, with ``through_rms`` the plan for the
     root mean square comes first, and the stages that turn to the largest error start from it.
     """
-    first, then = (stages, ()) if through_rms else ((), stages)
+    if problem.norm == "max":
+        wide = [stage for stage in stages if stage.radius >= LARGEST[0].radius]
+        stages = [*(stages if through_rms else wide), *LARGEST]
     search, least = search_from(problem, requests, angles), problem.exact_error(requests)
-    ends, _, figures = descend(problem, search, [*first, *stages_for(problem, then)])
+    ends, _, figures = descend(problem, search, stages)
     best = int(np.argmin(figures[:, 0]))
     if figures[best, 0] < least:
         return ends[best], float(figures[best, 0])
     return requests, least
-
-
-def stages_for(problem: Problem, stages: Sequence[Stage]) -> Sequence[Stage]:
-    """The stages; where the largest error counts, also the stages that approach it."""
-    if problem.norm == "rms":
-        return stages
-    return [*(stage for stage in stages if stage.radius >= LARGEST[0].radius), *LARGEST]
 
 
 def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
@@ -516,6 +506,9 @@ class Motion(NamedTuple):
     mean: float  # root mean square, whichever norm counts
     model_error: float  # known error of the models, rms: at least an encoder's step
     unseen: float  # error that an encoder's step of each joint makes, rms
+    # error allowed in any case: ``unseen`` for a foot and with dry friction, as many requests then
+    # lead to nearly the same motion; else 0
+    negligible: float
 
     @property
     def shown(self) -> float:
@@ -528,7 +521,7 @@ def judged(problem: Problem, requests: Array, angles: Array | None = None) -> Mo
     if angles is None:
         angles = problem.exact_angles(requests)
     if math.isnan(angles[0, 0]):
-        return Motion(requests, angles, *(math.inf,) * 4)
+        return Motion(requests, angles, *(math.inf,) * 5)
     weights = np.asarray(problem.weights)
     shares = np.repeat(weights, problem.joints)  # mean squared error for a radian of each model
     if problem.foot is not None:
@@ -539,7 +532,9 @@ def judged(problem: Problem, requests: Array, angles: Array | None = None) -> Mo
     model_error = math.sqrt(float(shares @ known**2))
     unseen = ENCODER_STEP * math.sqrt(float(np.sum(shares)))
     error, errors = problem.errors_of_models(angles)
-    return Motion(requests, angles, error, float(errors[-1]), model_error, unseen)
+    alike = problem.foot is not None or any(map(attrgetter("dead_band"), problem.models))
+    negligible = unseen if alike else 0.0
+    return Motion(requests, angles, error, float(errors[-1]), model_error, unseen, negligible)
 
 
 def known_errors(models: Sequence[JointModel], angles: Array, *, cyclic: bool) -> Array:
@@ -553,21 +548,15 @@ def known_errors(models: Sequence[JointModel], angles: Array, *, cyclic: bool) -
     return np.maximum(errors, ENCODER_STEP)
 
 
-def many_alike(problem: Problem) -> bool:
-    """Whether many requests lead to nearly the same motion, so that a larger error is allowed."""
-    return problem.foot is not None or any(model.dead_band for model in problem.models)
-
-
 def allowed(problem: Problem, motion: Motion, best: Motion) -> bool:
     """Whether a motion is allowed beside the best one, by (12b) of ``docs/math.md``.
 
-    With a smoothness of 0 no rise of the error is. For a foot and with dry friction an error up to
-    an encoder's step is in any case.
+    With a smoothness of 0 no rise of the error is.
     """
     if problem.smoothness == 0.0:
         return motion.error <= best.error
-    unseen = best.unseen if many_alike(problem) else 0.0
-    return motion.shown <= (1.0 + problem.smoothness) * best.shown or motion.error <= unseen
+    rise = motion.shown <= (1.0 + problem.smoothness) * best.shown
+    return rise or motion.error <= best.negligible
 
 
 class Allowance(NamedTuple):
@@ -606,9 +595,7 @@ def smoothed(
     requests: Array,  # a good plan [rad], shape (n, J)
     *,
     best: Motion | None = None,  # the best plan, if it is another one
-    # requests [rad], (n, J), to start from as well where their error is allowed; they are computed
-    # only where requests may be smoothed
-    candidates: Iterable[Array] = (),
+    others: Iterable[Array] = (),  # requests [rad], (n, J), to start from too, if they are allowed
     at_most: float = math.inf,  # upper limit of the error in any case
 ) -> Array:
     """Smoother requests whose shown error is within the limits of :func:`allowed`.
@@ -622,26 +609,28 @@ def smoothed(
     if smoothness == 0.0 or (given := judged(problem, requests)).error == math.inf:
         return requests
     best = best or given
-    others = (judged(problem, candidate) for candidate in candidates)
-    starts = [given, *(other for other in others if allowed(problem, other, best))]
-    alike, mean = best.unseen if many_alike(problem) else 0.0, math.inf
+    motions = map(partial(judged, problem), others)
+    starts = [given, *filter(partial(allowed, problem, best=best), motions)]
+    mean = math.inf
     if problem.norm == "max":
         mean = (1.0 + MEAN * smoothness) * math.hypot(given.mean, given.model_error)
-        mean = max(math.sqrt(max(mean**2 - given.model_error**2, 0.0)), alike)
+        mean = max(math.sqrt(max(mean**2 - given.model_error**2, 0.0)), best.negligible)
     relative = Allowance(
         shown=(1.0 + smoothness) * best.shown, growth=1.0 + smoothness, at_most=at_most, mean=mean
     )
-
-    def absolute(error: float) -> Allowance:
-        most, heaviest = min(error, at_most), HEAVIEST * smoothness
-        return Allowance(heaviest=heaviest, at_most=most, mean=max(mean, error))
-
-    answers = [smoothest(problem, start, given.error, relative) for start in starts]
-    shaking = any(shakes(problem, each) for each in answers)
-    allowance = absolute(best.unseen if shaking else alike)
-    answers += [smoothest(problem, start, given.error, allowance) for start in starts]
+    absolute = Allowance(
+        heaviest=HEAVIEST * smoothness,
+        at_most=min(best.unseen, at_most),
+        mean=max(mean, best.unseen),
+    )
+    smoothed_within = partial(smoothest, problem, error=given.error)
+    answers = list(map(partial(smoothed_within, allowance=relative), starts))
+    allowance = absolute
+    if not any(map(partial(shakes, problem), answers)):
+        allowance = absolute._replace(at_most=min(best.negligible, at_most), mean=mean)
+    answers += map(partial(smoothed_within, allowance=allowance), starts)
     answer = min(answers, key=problem.roughness)
-    return resting_at_rests(problem, answer, given.error, (relative, absolute(best.unseen)))
+    return resting_at_rests(problem, answer, given.error, (relative, absolute))
 
 
 # Half and twice each of these, up to LARGE_GAIN, change the sum of squared second differences by at
@@ -669,7 +658,7 @@ large in the mean, with it and one of the others a fifth or more larger."""
 def smoothest(problem: Problem, start: Motion, error: float, allowance: Allowance) -> Array:
     """The smoothest requests found whose errors are within the allowance: see :func:`smoother`."""
     kept = KEPT if problem.norm == "max" else KEPT[:1]
-    each = (smoother(problem, start, error, allowance, share) for share in kept)
+    each = map(partial(smoother, problem, start, error, allowance), kept)
     return min(each, key=problem.roughness)
 
 
@@ -686,17 +675,19 @@ def smoother(
     error counts, J has the sum of squares as well, so weighted that with ``kept`` = 1 the smoothing
     costs about as much of it as the root mean square may rise.
     """
-    power = stages_for(problem, NARROW)[-1].power
+    power = LARGEST[-1].power if problem.norm == "max" else 2.0
     best, least = start.requests, problem.roughness(start.requests)
     most, factor, motion, squares = allowance.error(start), 1.0, start, 0.0
     if least <= STRAIGHT or most <= error:
         return best
     search, now, cost = search_from(problem, start.requests, start.angles), least, 0.0
-    evidence = [model.evidence for model in problem.nominal]
     varying = problem.foot is not None
-    varying |= any(each is not None and each.depends_on_motion for each in evidence)
+    for model in problem.nominal:
+        varying |= model.evidence is not None and model.evidence.depends_on_motion
     if power != 2.0 and error:  # the sum of the powers at the start, in units of the error
-        shares = np.minimum(problem.distances(start.angles) / error, LARGEST_SHARE)
+        values = problem.errors(start.angles)[0]
+        squares_of_each = np.einsum("kcm,kcm,c->k", values, values, problem.weights)
+        shares = np.minimum(np.sqrt(squares_of_each) / error, LARGEST_SHARE)
         cost = float(np.sum(shares**power))
     for radius in RADII:
         before, share = now, min(most / error, LARGEST_SHARE) if error else 1.0
@@ -801,10 +792,9 @@ def without_effect_on_motion(problem: Problem, margin: int) -> Mask:
 
 def shakes(problem: Problem, requests: Array) -> bool:
     """Whether requests of a joint, (n, 1), change direction much more often than its path does."""
-    turns, of_path = (
-        reversals(each[:, 0], cyclic=problem.cyclic) for each in (requests, problem.desired)
-    )
-    return turns - of_path > SHAKING * len(requests) * problem.models[0].period
+    turns = reversals(requests[:, 0], cyclic=problem.cyclic)
+    turns -= reversals(problem.desired[:, 0], cyclic=problem.cyclic)
+    return turns > SHAKING * len(requests) * problem.models[0].period
 
 
 def shakes_within(problem: Problem, requests: Array, resting: Mask) -> bool:

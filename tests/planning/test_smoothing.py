@@ -287,13 +287,16 @@ def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion
 
 def test_more_is_allowed_where_nearly_the_same_motion_follows_from_many_requests():
     """For a foot and with dry friction an encoder's step in any case."""
-    best = Motion(np.zeros((5, 1)), np.zeros((5, 1)), 0.3, 0.2, 0.4, 0.05)
     desired = np.zeros(5)
     plain = track(ERS210A, desired, cyclic=True)
     sticky = track(replace(ERS210A, dead_band=0.01), desired, cyclic=True)
     foot, _ = foot_problem()
     for problem, unseen in ((plain, False), (sticky, True), (foot, True)):
         smooth, plan = replace(problem, smoothness=0.1), replace(problem, smoothness=0.0)
+        motion = judged(problem, problem.resting)
+        assert motion.negligible == (motion.unseen if unseen else 0.0)
+        allowance = 0.05 if motion.negligible else 0.0
+        best = Motion(motion.requests, motion.angles, 0.3, 0.2, 0.4, 0.05, allowance)
         assert allowed(smooth, best._replace(error=0.37), best)  # hypot(0.37, 0.4) is 0.545
         assert not allowed(smooth, best._replace(error=0.39), best)
         assert allowed(smooth, best._replace(error=0.04, model_error=2.0), best) == unseen
