@@ -138,7 +138,7 @@ def solve(
             near = None if executed is None else executed[:, j : j + 1]
             own, alone = solve_joint(task.joint(j), solver=solver, executed=near)
             requests[:, j : j + 1], nominal[:, j : j + 1] = own, own if alone is None else alone
-    return requests, nominal if len(task.scenarios) > 1 else None
+    return requests, nominal if max(map(len, task.models)) > 1 else None
 
 
 def solve_joint(
