@@ -13,7 +13,7 @@ from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_load, checked_start
 from planner.planning.bounds.exact import exact_bound
 from planner.planning.bounds.multipliers import linear_bound
-from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level, proved_level
+from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.planning.bounds.saturation_relaxation import without_load
 from planner.planning.inversion import planned
 from planner.planning.task import NORMS, Norm, Task
@@ -142,7 +142,9 @@ def certified(
 ) -> Certificate:
     """:func:`certify` of arguments that have been checked."""
     began = perf_counter()
-    level = proved_level(problem.model, level)
+    model = problem.model
+    if level == "exact" and (model.dead_band or model.most_pose_sag or model.has_inertia):
+        level = "envelope"  # its speed is not the sum of the requests' contributions
     if level == "exact":
         without_load(problem)  # refused before anything is computed
     bound, gap = linear_bound(problem, level), 0.0

@@ -22,14 +22,13 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import least_squares
 
-from planner.planning.bounds.multipliers import Cones, ConicSolver
+from planner.planning.bounds.multipliers import conic_solutions
 from planner.planning.bounds.reachable_set import BoundProblem
 from planner.planning.bounds.saturation_relaxation import (
     UNBOUNDED,
     VIOLATION,
     Cut,
     Intervals,
-    Ranges,
     RelaxedSolution,
     ScaledProblem,
     nearest_request,
@@ -74,7 +73,7 @@ class Node(NamedTuple):
 
     bound: float  # lower bound on their error [v_max ticks]
     intervals: Intervals  # intervals of the requests that were branched on
-    ranges: Ranges  # ranges of angles and speeds
+    ranges: Array  # ends of the ranges of angles and speeds, (4, ticks)
     cuts: list[Cut]  # the active cuts
     solution: RelaxedSolution  # the nearest point of the node's relaxation
 
@@ -98,7 +97,10 @@ def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -
         node = nodes[0][2]
         if scaled.start is None and not scaled.cyclic:
             scaled.incumbent = min(scaled.incumbent, response_error(scaled, node))
-            node = node._replace(ranges=node.ranges.within(scaled.initial_ranges()))
+            known, ranges = scaled.initial_ranges(), node.ranges.copy()
+            np.maximum(ranges[0], known[0], out=ranges[0])
+            np.minimum(ranges[1], known[1], out=ranges[1])
+            node = node._replace(ranges=ranges)
         children = branch(scaled, node)
         if not children:
             break
@@ -176,7 +178,7 @@ def branch(problem: ScaledProblem, node: Node) -> list[Node]:
         intervals = {**node.intervals, request: side}
         child = cut_off(problem, node._replace(intervals=intervals, ranges=node.ranges.copy()))
         if node.bound * (1.0 + GAIN) < child.bound < problem.incumbent:
-            child = _tightened(problem, child, problem.windows[request].angles)
+            child = _tightened(problem, child, problem.windows[request][1])
         children.append(child)
     return children
 
@@ -258,7 +260,7 @@ def _response_errors(problem: ScaledProblem, unknowns: Array) -> Array:
 
 
 def tighten(
-    problem: ScaledProblem, ranges: Ranges, solution: RelaxedSolution, ticks: Iterable[int]
+    problem: ScaledProblem, ranges: Array, solution: RelaxedSolution, ticks: Iterable[int]
 ) -> bool:
     """Narrow the ranges in place, tick by tick; False where no such response remains.
 
@@ -271,17 +273,25 @@ def tighten(
     for tick in ticks:
         if problem.exhausted:
             break
-        chosen, matrix, limits, cones = local_conditions(problem, solution, columns, lengths, tick)
+        chosen, matrix, limits, equations, balls = local_conditions(
+            problem, solution, columns, lengths, tick
+        )
         angle = (chosen == tick).astype(np.float64)
         speed = angle - (chosen == problem.before[tick])
         undecided = tick >= problem.first and slowest[tick] < 0.0 < fastest[tick]
         objectives = [angle, -angle, speed, -speed] if undecided else [angle, -angle]
         problem.work += matrix.nnz * len(objectives)
-        solver = ConicSolver(matrix, limits, cones, tolerance=1e-5)  # ranges are valid at any
+        answers = conic_solutions(
+            matrix,
+            limits,
+            objectives,
+            equations=equations,
+            balls=balls,
+            tolerance=1e-5,  # ranges are valid at any
+        )
         middle, room = (each[chosen] for each in problem.box(ranges))
         proved = []
-        for objective in objectives:
-            multipliers = solver.solve(objective).multipliers
+        for objective, (_, multipliers, *_) in zip(objectives, answers, strict=True):
             gradient = objective + matrix.T @ multipliers
             loose = float(np.abs(gradient) @ room + multipliers @ limits)
             proved.append(float(gradient @ middle) - loose)
@@ -301,14 +311,15 @@ def local_conditions(
     columns: sparse.csc_array,  # its matrix, by columns
     lengths: Indices,  # entries in each of its rows
     tick: int,  # the tick in the middle
-) -> tuple[Indices, sparse.csr_array, Array, Cones]:
+) -> tuple[Indices, sparse.csr_array, Array, int, tuple[int, ...]]:
     """The conditions around one tick that every response better than the incumbent meets.
 
     They are the relaxation's rows that concern the ticks around it alone, and (9b) restricted to
     them.
 
     Returns:
-        The problem's unknowns that occur, (m,), and matrix, limits and cones of conditions on them.
+        The problem's unknowns that occur, (m,), and matrix and limits of conditions on them, the
+        number of equations among these and the sizes of second-order cones.
     """
     around = np.arange(tick - NEIGHBOURHOOD, tick + NEIGHBOURHOOD + 1)
     around = around % problem.ticks if problem.cyclic else np.clip(around, 0, problem.ticks - 1)
@@ -320,17 +331,15 @@ def local_conditions(
     kept = np.flatnonzero((entries == lengths) & (entries > 0))
     matrix, limits = sparse.csr_array(inside[kept]), solution.limits[kept]
     equations = int(np.searchsorted(kept, problem.equations))
-    cones = Cones(equations, len(kept) - equations)
     multipliers = solution.multipliers[kept].copy()
     multipliers[:equations] = 0.0  # equations leave no slack
     # lambda (b - G z) of the kept rows is at most the spare; weighted @ z + spare remains.
     weighted, spare = matrix.T @ multipliers, -float(multipliers @ limits)
     less = sparse.csr_array(-weighted[np.newaxis])
-    gradient = solution.gradient
+    gradient, balls = solution.gradient, tuple[int, ...]()
     if problem.norm == "max":
         spare += problem.incumbent * float(np.abs(gradient).sum()) - solution.dual_value
         rows, right = [less], np.array([spare])
-        cones = cones._replace(at_most=cones.at_most + 1)
     else:
         # |x - c|^2 <= weighted @ z + spare as a second-order cone: |2 (x - c), s - 1| <= s + 1.
         spare += len(problem.desired) * problem.incumbent**2 - solution.dual_value
@@ -341,6 +350,6 @@ def local_conditions(
         distances = -2.0 * sparse.eye_array(len(chosen), format="csr")[at]
         rows = [less, less, distances]
         right = np.concatenate([[spare + 1.0, spare - 1.0], -2.0 * centre])
-        cones = cones._replace(balls=(len(sampled) + 2,))
+        balls = (len(sampled) + 2,)
     matrix = sparse.csr_array(sparse.vstack([matrix, *rows]))
-    return chosen, matrix, np.concatenate([limits, right]), cones
+    return chosen, matrix, np.concatenate([limits, right]), equations, balls

@@ -23,7 +23,7 @@ from scipy import sparse
 from planner.model.joint import JointModel
 from planner.model.response import Loads, rest_angles
 from planner.planning.bounds.foot_minima import Distance, minima
-from planner.planning.bounds.multipliers import Cones, ConicSolver
+from planner.planning.bounds.multipliers import conic_solutions
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
     ReachableSet,
@@ -200,7 +200,6 @@ def gauss_newton_step(
     # The proximal weight is small beside the mean square of the foot's Jacobian.
     proximal = 0.04 * float(np.mean(np.sum(jacobians**2, axis=1))) / samples
     curvature[sampled], slope[sampled] = proximal, -proximal * angles.ravel()
-    cones = Cones(3 * samples, len(relaxation.limits) + 2 * len(sampled))
     if relaxation.norm == "rms":
         curvature[ticks:] = 2.0 / samples
     else:
@@ -209,22 +208,22 @@ def gauss_newton_step(
         blocks = [[*block, None] for block in blocks] + [[None, lengths, largest]]
         limits.append(np.zeros(4 * samples))
         curvature, slope = np.append(curvature, 0.0), np.append(slope, 1.0)
-        cones = cones._replace(balls=(4,) * samples)
-    solver = ConicSolver(
+    (answer,) = conic_solutions(
         sparse.csr_array(sparse.block_array(blocks)),
         np.concatenate(limits),
-        cones,
+        [slope],
+        equations=3 * samples,
+        balls=() if relaxation.norm == "rms" else (4,) * samples,
         curvature=curvature,
         tolerance=1e-8,
     )
-    answer = solver.solve(slope)
     if not answer.solved:
         return None
     inside = np.clip(answer.unknowns[relaxation.sampled], distance.lower, distance.upper)
-    conditions = answer.multipliers[cones.zero :][: len(relaxation.limits)]
+    conditions = answer.multipliers[3 * samples :][: len(relaxation.limits)]
     if relaxation.norm == "rms":
         return inside, relaxation.unconditional._replace(conditions=conditions)
-    weights = _normalised(answer.multipliers[cones.zero + cones.at_most :: 4])
+    weights = _normalised(answer.multipliers[-4 * samples :: 4])
     # of the squared distance, whose slope is twice that of the distance, times it
     return inside, Multipliers(weights, 2.0 * float(answer.unknowns[-1]) * conditions)
 
@@ -284,9 +283,14 @@ def bundle_step(
     proximal = np.repeat([0.0, by_terms, 0.0, 0.0, by_weights], counts)
     nothing = np.zeros(len(between) + samples)
     near = np.concatenate([np.zeros(conditions), around, nothing, centre.weights])
-    cones = Cones(zeros, len(limits) - zeros)
-    solver = ConicSolver(matrix, limits, cones, curvature=proximal, tolerance=1e-8)
-    answer = solver.solve(slope - proximal * near)
+    (answer,) = conic_solutions(
+        matrix,
+        limits,
+        [slope - proximal * near],
+        equations=zeros,
+        curvature=proximal,
+        tolerance=1e-8,
+    )
     if not answer.solved:
         return centre, 0.0
     weights = centre.weights if fixed else _normalised(answer.unknowns[-samples:])

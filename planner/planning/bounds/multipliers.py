@@ -7,6 +7,7 @@ it is valid for any multipliers at all, and at the optimal ones it equals the di
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,19 +53,17 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
 
 def bound_of(reachable: ReachableSet, problem: BoundProblem) -> float:
     """The distance of the desired angles from a reachable set [rad], proved by (9) or (9c)."""
-    desired, norm = problem.desired, problem.norm
-    if not np.any(reachable.matrix @ interpolated(desired, problem) > reachable.limits):
+    if not np.any(reachable.matrix @ interpolated(problem) > reachable.limits):
         return 0.0
-    slack = farthest_per_period(problem.model, problem.load)
-    answer = nearest_motion(reachable, desired, norm=norm, speed=slack / problem.model.hold)
+    answer = nearest_motion(reachable, problem)
     if not answer.has_multipliers:
         raise SolverFailed("lower bound", answer.status)
-    return certified_error(reachable, desired, answer.multipliers, norm=norm, slack=slack)
+    return certified_error(reachable, problem, answer.multipliers)
 
 
-def interpolated(desired: Array, problem: BoundProblem) -> Array:
+def interpolated(problem: BoundProblem) -> Array:
     """A smooth motion through the desired angles at every tick, cubic in between, (ticks,)."""
-    hold, cyclic = problem.model.hold, problem.cyclic
+    hold, cyclic, desired = problem.model.hold, problem.cyclic, problem.desired
     ends = np.append(desired, desired[0]) if cyclic else desired
     slopes = np.gradient(ends)
     if cyclic:
@@ -77,18 +76,17 @@ def interpolated(desired: Array, problem: BoundProblem) -> Array:
     return ticks if cyclic else np.append(ticks, desired[-1])
 
 
-def nearest_motion(
-    reachable: ReachableSet, desired: Array, *, norm: Norm, speed: float
-) -> ConicSolution:
+def nearest_motion(reachable: ReachableSet, problem: BoundProblem) -> ConicSolution:
     """The motion of a set whose samples are nearest to the desired angles.
 
     The unknowns are the angles that are sampled or that a condition is about, and the speeds, in
-    units of ``speed``, the largest one per tick. In the angles of all ticks alone the conditions
+    units of the largest one per tick. In the angles of all ticks alone the conditions
     are second differences: motions of 100 to 2,000 samples with inertia took 70 to 200 iterations,
     now 16 to 39. The answer has a multiplier for each row of the set.
     """
     (of_angles, of_speeds), steps = reachable.parts, reachable.steps
-    sampled = reachable.sampled
+    sampled, desired = reachable.sampled, problem.desired
+    speed = farthest_per_period(problem.model, problem.load) / problem.model.hold
     speeds, ticks = steps.shape
     knots = np.union1d(sampled, of_angles.indices)
     # The speeds between two knots sum to the difference of their angles.
@@ -110,7 +108,7 @@ def nearest_motion(
         np.concatenate([np.zeros(equations), limits]),
         np.searchsorted(knots, sampled),
         (desired - middle) / unit,
-        norm=norm,
+        norm=problem.norm,
         equations=equations,
     )
     angles, own = np.split(answer.unknowns, [len(knots)])
@@ -136,24 +134,29 @@ def nearest_point(
     origin = np.zeros(unknowns)  # unknowns are counted from D, so that no digits cancel
     origin[sampled] = desired
     right = limits - matrix @ origin
-    cones = Cones(equations, rows - equations)
     if norm == "rms":
         curvature = np.zeros(unknowns)
         curvature[sampled] = 2.0
-        answer = ConicSolver(
-            matrix, right, cones, curvature=curvature, tolerance=BOUND_TOLERANCE
-        ).solve(np.zeros(unknowns))
+        (answer,) = conic_solutions(
+            matrix,
+            right,
+            [np.zeros(unknowns)],
+            equations=equations,
+            curvature=curvature,
+            tolerance=BOUND_TOLERANCE,
+        )
         return answer._replace(unknowns=origin + answer.unknowns)
     # One more unknown, the largest error, is at least each of them.
     picked = sparse.eye_array(unknowns, format="csr")[sampled]
     largest = sparse.csr_array(-np.ones((len(sampled), 1)))
     blocks: list[list[Any]] = [[matrix, None], [picked, largest], [-picked, largest]]
-    answer = ConicSolver(
+    (answer,) = conic_solutions(
         sparse.csr_array(sparse.block_array(blocks)),
         np.concatenate([right, np.zeros(2 * len(sampled))]),
-        cones._replace(at_most=cones.at_most + 2 * len(sampled)),
+        [np.append(np.zeros(unknowns), 1.0)],
+        equations=equations,
         tolerance=BOUND_TOLERANCE,
-    ).solve(np.append(np.zeros(unknowns), 1.0))
+    )
     return answer._replace(
         unknowns=origin + answer.unknowns[:-1], multipliers=answer.multipliers[:rows]
     )
@@ -173,57 +176,39 @@ def dual_value(
     return value, gradient
 
 
-def certified_error(
-    reachable: ReachableSet,
-    desired: Array,  # desired angles D, shape (n,)
-    multipliers: Array,  # lambda >= 0, shape (rows,)
-    *,
-    norm: Norm,
-    slack: float,  # largest distance of an angle between two samples from the sample before it
-) -> float:
+def certified_error(reachable: ReachableSet, problem: BoundProblem, multipliers: Array) -> float:
     """The lower bound that any multipliers prove by (9), or with linearised conditions by (9c).
 
-    Returns:
-        Lower bound on the error of every trajectory of the set, at least 0.
+    For multipliers of at least 0, shape (rows,): a bound on the error of every trajectory of the
+    set, at least 0.
     """
-    matrix, sampled = reachable.matrix, reachable.sampled
-    ticks = matrix.shape[1]
-    before = np.repeat(desired, np.diff(sampled, append=ticks))
-    between = np.ones(ticks, dtype=np.bool_)
-    between[sampled] = False
-    # An angle between samples is within the error and the slack of the desired one before it.
-    room = np.where(between, slack, 0.0)
-    value, gradient = dual_value(matrix, reachable.limits, multipliers, before, room)
-    at_samples, rest = gradient[sampled], float(np.sum(np.abs(gradient[between])))
-    of_error: Array = np.zeros(len(desired))
-    quadratic = 0.0
-    if reachable.curvature is not None:
-        rows, factors, samples, between_samples = reachable.curvature
-        weights = multipliers[rows] * factors
-        value -= float(weights @ between_samples**2)
-        of_error += np.bincount(samples, 2.0 * weights * between_samples, len(desired))
-        of_square = np.bincount(samples, weights, len(desired))
-        quadratic = float(len(desired) * np.max(of_square) if norm == "rms" else of_square.sum())
-    if norm == "rms":
-        size = np.sqrt(len(desired)) * (np.linalg.norm(at_samples) + rest)
-        size += np.sqrt(len(desired)) * np.linalg.norm(of_error)
+    matrix, samples = reachable.matrix, len(problem.desired)
+    farthest = farthest_per_period(problem.model, problem.load)
+    speeds, ticks = reachable.steps.shape
+    sample, after = np.divmod(np.arange(ticks), problem.model.hold)
+    between = after > 0
+    # An angle between samples is within the error and the farthest move of the desired one before.
+    room = np.where(between, farthest, 0.0)
+    desired = problem.desired[sample]
+    value, gradient = dual_value(matrix, reachable.limits, multipliers, desired, room)
+    at_samples, rest = gradient[~between], float(np.sum(np.abs(gradient[between])))
+    of_error, of_square = np.zeros(samples), np.zeros(samples)
+    if reachable.curvature > 0.0:
+        at = np.arange(ticks - speeds, ticks) - 1  # before the ticks, in a cycle the last one too
+        weights = multipliers[-2 * speeds :].reshape(2, speeds).sum(axis=0) * reachable.curvature
+        away = after[at] * (farthest / problem.model.hold)
+        value -= float(weights @ away**2)
+        of_error += np.bincount(sample[at], 2.0 * weights * away, samples)
+        of_square += np.bincount(sample[at], weights, samples)
+    if problem.norm == "rms":
+        size = np.linalg.norm(at_samples) + rest + np.linalg.norm(of_error)
+        size, quadratic = np.sqrt(samples) * size, float(samples * np.max(of_square))
     else:
-        size = np.abs(at_samples).sum() + rest + of_error.sum()
+        size, quadratic = np.abs(at_samples).sum() + rest + of_error.sum(), float(of_square.sum())
     if value <= 0.0 or size + quadratic <= 0.0:
         return 0.0
-    if quadratic == 0.0:
-        return float(value / float(size))
     # value <= size * error + quadratic * error^2
     return 2.0 * value / float(size + np.sqrt(size**2 + 4.0 * quadratic * value))
-
-
-class Cones(NamedTuple):
-    """Numbers of rows of ``limits - matrix @ unknowns`` in each cone, in order."""
-
-    zero: int  # rows that vanish
-    at_most: int  # rows that are at least zero
-    # rows of second-order cones: the first of each is at least the length of the rest
-    balls: tuple[int, ...] = ()
 
 
 class ConicSolution(NamedTuple):
@@ -240,50 +225,43 @@ class ConicSolution(NamedTuple):
         return self.status in ("Solved", "AlmostSolved")
 
 
-class ConicSolver:
-    """Minimises ``linear @ z + z @ (curvature * z) / 2`` over ``limits - matrix @ z`` in the cones.
+def conic_solutions(
+    matrix: sparse.csr_array,  # G, shape (rows, unknowns)
+    limits: Array,  # b, shape (rows,)
+    objectives: Sequence[Array],  # linear parts c of the problems, each (unknowns,)
+    *,
+    equations: int = 0,  # the first so many rows of b - G z vanish; others are 0 or more
+    balls: Sequence[int] = (),  # sizes of second-order cones, the last rows; first >= |the others|
+    curvature: Array | None = None,  # q, shape (unknowns,), 0 or more; None for none
+    tolerance: float,  # Clarabel's absolute and relative gap, and its feasibility
+) -> list[ConicSolution]:
+    """Minimise ``c @ z + z @ (q * z) / 2`` with ``b - G z`` in the cones, for every objective c.
 
-    Set-up takes several times as long as the solution of a small problem: problems that differ in
-    their linear part alone share a solver.
+    Set-up takes several times as long as the solution of a small problem: the problems share it.
+    Multipliers outside the dual cones are projected on them; those not finite become zero.
     """
+    import clarabel
 
-    def __init__(
-        self,
-        matrix: sparse.csr_array,  # matrix of the conditions, shape (rows, unknowns)
-        limits: Array,  # their right-hand sides, shape (rows,)
-        cones: Cones,  # cones of the rows of ``limits - matrix @ z``
-        *,
-        curvature: Array | None = None,  # shape (unknowns,), 0 or more; None for none
-        tolerance: float,  # Clarabel's absolute and relative gap, and its feasibility
-    ) -> None:
-        """Set up problems."""
-        import clarabel
-
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.presolve_enable = False
-        settings.direct_solve_method = "qdldl"
-        # Refined steps take 1.6 times as long; of 293 bounds none is 2e-5 of itself better.
-        settings.iterative_refinement_enable = False
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-        kinds: list[Any] = [
-            clarabel.ZeroConeT(cones.zero),
-            clarabel.NonnegativeConeT(cones.at_most),
-        ]
-        kinds += map(clarabel.SecondOrderConeT, cones.balls)
-        flat = np.zeros(matrix.shape[1])
-        curved = sparse.diags_array(flat if curvature is None else curvature).tocsc()
-        self._cones = cones
-        self._solver = clarabel.DefaultSolver(curved, flat, matrix.tocsc(), limits, kinds, settings)
-
-    def solve(self, linear: Array) -> ConicSolution:
-        """The answer for a linear part, shape (unknowns,).
-
-        Multipliers outside the dual cones are projected on them; multipliers that are not finite
-        become zero.
-        """
-        self._solver.update(q=linear)
-        solution, cones = self._solver.solve(), self._cones
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.presolve_enable = False
+    settings.direct_solve_method = "qdldl"
+    # Refined steps take 1.6 times as long; of 293 bounds none is 2e-5 of itself better.
+    settings.iterative_refinement_enable = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    end = len(limits) - sum(balls)
+    kinds: list[Any] = [
+        clarabel.ZeroConeT(equations),
+        clarabel.NonnegativeConeT(end - equations),
+        *map(clarabel.SecondOrderConeT, balls),
+    ]
+    flat = np.zeros(matrix.shape[1])
+    curved = sparse.diags_array(flat if curvature is None else curvature).tocsc()
+    solver = clarabel.DefaultSolver(curved, flat, matrix.tocsc(), limits, kinds, settings)
+    answers = []
+    for objective in objectives:
+        solver.update(q=objective)
+        solution = solver.solve()
         logging.getLogger(__name__).debug(
             "Clarabel: %s after %d iterations", solution.status, solution.iterations
         )
@@ -291,10 +269,11 @@ class ConicSolver:
         finite = bool(np.all(np.isfinite(multipliers)))
         if not finite:
             multipliers = np.zeros(len(multipliers))
-        end = cones.zero + cones.at_most
-        multipliers[cones.zero : end] = np.maximum(multipliers[cones.zero : end], 0.0)
-        for size in cones.balls:
-            length = float(np.linalg.norm(multipliers[end + 1 : end + size]))
-            multipliers[end] = max(multipliers[end], length)
-            end += size
-        return ConicSolution(unknowns, multipliers, str(solution.status), finite)
+        multipliers[equations:end] = np.maximum(multipliers[equations:end], 0.0)
+        first = end
+        for size in balls:
+            length = float(np.linalg.norm(multipliers[first + 1 : first + size]))
+            multipliers[first] = max(multipliers[first], length)
+            first += size
+        answers.append(ConicSolution(unknowns, multipliers, str(solution.status), finite))
+    return answers

@@ -34,17 +34,20 @@ class BoundProblem(NamedTuple):
     start: float | None
     load: Array | None = None  # torque on the joint at each sample [N m], shape (n,), if any
 
+    @property
+    def ticks(self) -> int:
+        """Number of ticks at which the joint's angle is an unknown."""
+        samples, hold = len(self.desired), self.model.hold
+        return samples * hold if self.cyclic else (samples - 1) * hold + 1
 
-class Curvature(NamedTuple):
-    """By how much trajectories with an error may exceed linearised conditions, (9c).
-
-    Such a condition holds up to ``factor * (|error of the sample| + between)**2``.
-    """
-
-    rows: npt.NDArray[np.int_]  # which conditions, (r,)
-    factors: Array  # half of the largest second derivative [1/rad], (r,)
-    samples: npt.NDArray[np.int_]  # sample whose error counts, (r,)
-    between: Array  # largest distance of the angle from the one at that sample [rad], (r,)
+    @property
+    def torques(self) -> Array:
+        """The torque in the tick that ends in each tick's angle [N m], shape (ticks,)."""
+        by_period = load_by_period(self.load, cyclic=self.cyclic)
+        if by_period is None:
+            return np.zeros(self.ticks)
+        following = -(-np.arange(self.ticks) // self.model.hold)  # the sample that is next
+        return np.asarray(by_period[following % len(by_period)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +61,9 @@ class ReachableSet:
     limits: Array  # b [rad], shape (rows,)
     # indices of the angles that are compared with the desired ones, shape (n,)
     sampled: npt.NDArray[np.int_]
-    # rows that are linearised at the desired angles; None where all hold exactly
-    curvature: Curvature | None = None
+    # 0 where all rows hold exactly; else the last ones, of each speed in either direction, are
+    # linearised at the desired angles: half of the largest second derivative by the angle [1/rad]
+    curvature: float = 0.0
 
     @property
     def parts(self) -> tuple[sparse.csr_array, sparse.csr_array]:
@@ -84,9 +88,7 @@ def reachable_set(
     the sag by the pose, None for any.
     """
     model, start, cyclic = problem.model, problem.start, problem.cyclic
-    level, pose = proved_level(model, level), pose_sags(model, angles)
-    ticks = ticks_of(problem)
-    load = load_by_tick(problem, ticks)
+    ticks, load, pose = problem.ticks, problem.torques, pose_sags(model, angles)
     moved = np.arange(0 if cyclic else 1, ticks)
     every = sparse.eye_array(ticks, format="csr")
     unknowns = sparse.eye_array(ticks + len(moved), format="csr")
@@ -123,33 +125,26 @@ def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
     Without these the bounds of 24 random cycles are 0.3 of what they are, in the median.
     """
     reachable, model = reachable_set(problem, level), problem.model
-    ticks, gain, hold = ticks_of(problem), model.law.gain, model.hold
+    ticks, gain = problem.ticks, model.law.gain
     moved = np.arange(0 if problem.cyclic else 1, ticks)
     before = (moved - 1) % ticks  # the tick whose angle gravity depends on
-    at = problem.desired[before // hold]
+    at = problem.desired[before // model.hold]
     slope = gain * (model.sag_sin * np.cos(at) - model.sag_cos * np.sin(at))
     shift = gain * model.gravity(at) - slope * at
     unknowns = sparse.eye_array(ticks + len(moved), format="csr")
     speeds = unknowns[ticks:] - sparse.diags_array(slope) @ unknowns[before]
     most, friction = gain * model.most_pose_sag, model.law.friction
     rows, limits = [reachable.rows], [reachable.limits]
-    ends = model.speed_limits(load_by_tick(problem, ticks)[moved])
+    ends = model.speed_limits(problem.torques[moved])
     for sign, limit in zip((-1.0, 1.0), ends, strict=True):
         top = sign * model.tick * limit
         rows.append(sign * speeds)
         limits.append(top + np.clip(most - top, 0.0, 2.0 * friction) + sign * shift)
-    farthest = farthest_per_period(model, problem.load) / hold
-    curvature = Curvature(
-        len(reachable.limits) + np.arange(2 * len(moved)),
-        np.full(2 * len(moved), most / 2.0),
-        np.tile(before // hold, 2),
-        np.tile(before % hold * farthest, 2),
-    )
     return replace(
         reachable,
         rows=sparse.csr_array(sparse.vstack(rows)),
         limits=np.concatenate(limits),
-        curvature=curvature,
+        curvature=most / 2.0,
     )
 
 
@@ -169,37 +164,11 @@ def pose_sags(model: JointModel, angles: tuple[float, float] | None = None) -> t
     return least, largest
 
 
-def proved_level(model: JointModel, level: Level) -> Level:
-    """The strongest level, this one at most, whose conditions hold for a joint.
-
-    "exact" needs a speed that is the sum of the requests' contributions. Friction and inertia
-    change that sum, and so does a sag by the angle.
-    """
-    follows = model.dead_band == 0.0 and model.most_pose_sag == 0.0 and not model.has_inertia
-    return level if follows or level != "exact" else "envelope"
-
-
-def ticks_of(problem: BoundProblem) -> int:
-    """Number of ticks at which the joint's angle is an unknown."""
-    samples, hold = len(problem.desired), problem.model.hold
-    return samples * hold if problem.cyclic else (samples - 1) * hold + 1
-
-
 def farthest_per_period(model: JointModel, load: Array | None = None) -> float:
     """Farthest that the joint moves between two requests, in either direction [rad]."""
     low, high = model.speed_limits(0.0 if load is None else load)
     by_pose = model.law.gain * model.most_pose_sag * model.hold
     return float(max(np.max(high), np.max(-low))) * model.period + by_pose
-
-
-def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
-    """The torque in the tick that ends in each tick's angle [N m], shape (ticks,)."""
-    by_period = load_by_period(problem.load, cyclic=problem.cyclic)
-    if by_period is None:
-        return np.zeros(ticks)
-    samples = -(-np.arange(ticks) // problem.model.hold)  # at each tick the sample that is next
-    by_tick: Array = by_period[samples % len(by_period)]
-    return by_tick
 
 
 def speed_ranges(model: JointModel, load: Array, pose: tuple[float, float]) -> tuple[Array, Array]:

@@ -28,7 +28,7 @@ from scipy import sparse
 from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel
 from planner.planning.bounds.multipliers import dual_value, nearest_point
-from planner.planning.bounds.reachable_set import BoundProblem, distance_from_rest, ticks_of
+from planner.planning.bounds.reachable_set import BoundProblem, distance_from_rest
 from planner.trajectory import Array, Indices
 
 Intervals = dict[int, tuple[float, float]]
@@ -81,31 +81,6 @@ def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
     return ActingPairs(tick, request, weights[acts], entry[tick + 1, request])
 
 
-class RequestWindow(NamedTuple):
-    """Ticks of one request: indices of its contributions, and of the angles they depend on."""
-
-    contributions: Indices
-    angles: Indices
-
-
-class Ranges(NamedTuple):
-    """Ends of every angle's and every speed's range, for responses better than the incumbent."""
-
-    lower: Array
-    upper: Array
-    slowest: Array
-    fastest: Array
-
-    def copy(self) -> Ranges:
-        """The same ranges, to be narrowed on their own."""
-        return Ranges(*(each.copy() for each in self))
-
-    def within(self, other: Ranges) -> Ranges:
-        """Intersection of two sets of ranges."""
-        ends = zip((np.maximum, np.minimum) * 2, self, other, strict=True)
-        return Ranges(*(narrower(own, others) for narrower, own, others in ends))
-
-
 def without_load(problem: BoundProblem) -> BoundProblem:
     """The same problem with a constant load as part of the joint's offsets.
 
@@ -146,7 +121,7 @@ class ScaledProblem:
         self.desired = (desired - middle) / unit  # D, (n,)
         self.incumbent = incumbent / unit  # error of a plan, above that of any better response
         self.work, self.most_work = 0, most_work  # in nonzeros; the search stops at the most
-        self.ticks = ticks_of(problem)  # their number
+        self.ticks = problem.ticks  # their number
         self.sampled = np.arange(0, self.ticks, model.hold)  # where D is compared, (n,)
         self.start = None if start is None else (start - middle) / unit
         # From a start the first request holds the joint there.
@@ -155,12 +130,13 @@ class ScaledProblem:
         self.size = self.ticks + len(self.pairs.tick)  # unknowns: angles and contributions
         self.before = (np.arange(self.ticks) - 1) % self.ticks
         self.first = 0 if cyclic else 1  # first tick whose speed is known
-        self.windows = {}  # where each request acts
+        # of each request the indices of its contributions, and of the angles they depend on
+        self.windows: dict[int, tuple[Indices, Indices]] = {}
         for request in range(len(desired)):
             acts = (self.pairs.request == request) & (self.pairs.tick >= self.first)
             group = np.flatnonzero(acts)
             if len(group):
-                self.windows[request] = RequestWindow(group, self.before[self.pairs.tick[group]])
+                self.windows[request] = (group, self.before[self.pairs.tick[group]])
 
     @property
     def exhausted(self) -> bool:
@@ -172,8 +148,12 @@ class ScaledProblem:
         """Number of equations of motion, which are the relaxation's first rows."""
         return self.ticks - self.first
 
-    def initial_ranges(self) -> Ranges:
-        """Ranges that follow from the incumbent, the top speed and the start alone."""
+    def initial_ranges(self) -> Array:
+        """Ranges that follow from the incumbent, the top speed and the start alone.
+
+        Least and greatest angle and least and greatest speed at each tick, (4, ticks), of responses
+        that are better than the incumbent.
+        """
         farthest = self.incumbent * (np.sqrt(len(self.desired)) if self.norm == "rms" else 1.0)
         after = np.arange(self.ticks) % self.model.hold * (1.0 + abs(self.excess))
         nearest = np.repeat(self.desired, self.model.hold)[: self.ticks]
@@ -183,13 +163,13 @@ class ScaledProblem:
             lower[: len(near)] = np.maximum(lower[: len(near)], self.start - near)
             upper[: len(near)] = np.minimum(upper[: len(near)], self.start + near)
         slowest = np.full(self.ticks, self.excess - 1.0)
-        return Ranges(lower, upper, slowest, slowest + 2.0)
+        return np.array([lower, upper, slowest, slowest + 2.0])
 
-    def box(self, ranges: Ranges) -> tuple[Array, Array]:
+    def box(self, ranges: Array) -> tuple[Array, Array]:
         """Centre and half the widths of a box that contains all unknowns."""
         middle, room = np.full(self.size, self.excess), np.ones(self.size)
-        middle[: self.ticks] = (ranges.lower + ranges.upper) / 2.0
-        room[: self.ticks] = (ranges.upper - ranges.lower) / 2.0
+        middle[: self.ticks] = (ranges[0] + ranges[1]) / 2.0
+        room[: self.ticks] = (ranges[1] - ranges[0]) / 2.0
         return middle, room
 
     def requests_at(
@@ -247,7 +227,7 @@ class RelaxedSolution(NamedTuple):
 
 
 def conditions(
-    problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]
+    problem: ScaledProblem, ranges: Array, cuts: list[Cut]
 ) -> tuple[sparse.csr_array, Array]:
     """The relaxation's rows ``matrix @ z <= limits``, of which the first are equations.
 
@@ -256,7 +236,8 @@ def conditions(
     """
     changes, at = problem.changes
     speeds = problem.speeds
-    slow, fast = ranges.slowest[problem.first :], ranges.fastest[problem.first :]
+    lower, upper, slow, fast = ranges
+    slow, fast = slow[problem.first :], fast[problem.first :]
     width = np.maximum(fast - slow, np.finfo(np.float64).tiny)
     back, forth = np.maximum(-slow, 0.0), np.maximum(fast, 0.0)
     # Slope and constant of the chord of max(0, -w), and of max(0, w).
@@ -273,14 +254,14 @@ def conditions(
         (-changes - sparse.diags_array(gain * rising[at]) @ speeds[at], gain * risen[at]),
         (speeds, fast),
         (-speeds, -slow),
-        (angles, ranges.upper),
-        (-angles, -ranges.lower),
+        (angles, upper),
+        (-angles, -lower),
         (contributions, ones + problem.excess),
         (-contributions, ones - problem.excess),
     ]
     if cuts:
         windows = [problem.windows[cut.request] for cut in cuts]
-        row = np.repeat(np.arange(len(cuts)), [2 * len(window.angles) for window in windows])
+        row = np.repeat(np.arange(len(cuts)), [2 * len(angles) for _, angles in windows])
         column = [np.append(problem.ticks + u, x) for u, x in windows]
         value = [np.append(cut.nu, -cut.xi) for cut in cuts]
         entries = np.concatenate(value), (row, np.concatenate(column))
@@ -290,7 +271,7 @@ def conditions(
     return sparse.csr_array(sparse.vstack(blocks)), np.concatenate(limits)
 
 
-def solve_relaxation(problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]) -> RelaxedSolution:
+def solve_relaxation(problem: ScaledProblem, ranges: Array, cuts: list[Cut]) -> RelaxedSolution:
     """The relaxation's nearest point, and the bound on its distance by (9)."""
     matrix, limits = conditions(problem, ranges, cuts)
     problem.work += RELAXATION_WORK + NONZERO_WORK * matrix.nnz
@@ -330,12 +311,12 @@ def _distance(problem: ScaledProblem, value: float, gradient: Array) -> float:
 
 
 def violated_cuts(
-    problem: ScaledProblem, ranges: Ranges, solution: RelaxedSolution, intervals: Intervals
+    problem: ScaledProblem, ranges: Array, solution: RelaxedSolution, intervals: Intervals
 ) -> list[Cut]:
     """A cut for every request whose contributions lie outside of its hull."""
     new_cuts = []
     for request, (own, at) in problem.windows.items():
-        requests = problem.requests_at(request, intervals, ranges.lower[at], ranges.upper[at])
+        requests = problem.requests_at(request, intervals, *ranges[:2, at])
         cut = separate(solution.contributions[own], solution.angles[at], requests)
         if cut is not None:
             new_cuts.append(Cut(request, *cut))

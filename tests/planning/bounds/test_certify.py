@@ -20,7 +20,6 @@ from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.multipliers import bound_of, certified_error, nearest_motion
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
-    farthest_per_period,
     linearised_set,
     pose_sags,
     reachable_set,
@@ -198,11 +197,9 @@ def test_any_multipliers_of_linearised_conditions_prove_a_bound(
     rows = len(reachable.limits)
     for sparsity in (1.0, 0.2, 1.0 / rows):
         multipliers = rng.exponential(size=rows) * (rng.random(rows) < sparsity)
-        if reachable.curvature is not None and rng.random() < 0.5:
-            multipliers[: reachable.curvature.rows[0]] = 0.0
-        proved = certified_error(
-            reachable, desired, multipliers, norm=norm, slack=farthest_per_period(model, load)
-        )
+        if reachable.curvature > 0.0 and rng.random() < 0.5:
+            multipliers[: -2 * reachable.steps.shape[0]] = 0.0
+        proved = certified_error(reachable, problem, multipliers)
         assert 0.0 <= proved <= error_norm(angles - desired, norm) + ROUNDING
 
 
@@ -301,8 +298,9 @@ def test_the_bound_of_a_long_motion_with_inertia_is_attained_by_a_motion_of_the_
     model = JointModel(**four, **terms, tick=0.001, hold=20)
     phase = 2.0 * np.pi * 0.8 * model.period * np.arange(150)
     desired = 0.6 * np.sin(phase) + 0.3 * np.sin(2.4 * phase)
-    reachable = reachable_set(BoundProblem(model, desired, False, norm, None), "envelope")
-    motion = nearest_motion(reachable, desired, norm=norm, speed=model.v_max_per_tick).unknowns
+    problem = BoundProblem(model, desired, False, norm, None)
+    reachable = reachable_set(problem, "envelope")
+    motion = nearest_motion(reachable, problem).unknowns
     angles, speeds = motion[:150], model.v_max_per_tick * motion[150:]
     np.testing.assert_allclose(np.diff(angles), speeds.reshape(-1, 20).sum(axis=1), atol=ROUNDING)
     assert np.max(reachable.parts[1] @ speeds - reachable.limits) <= ROUNDING
