@@ -234,7 +234,7 @@ def files_of(named: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
 def origins_of(run: settings.Run) -> list[tuple[str, str]]:
     """Inputs and settings of the plans that were set, and the model: pairs of name and value."""
     return [
-        (name, toml_value(value).strip('"'))
+        (name.removesuffix(".file"), toml_value(value).strip('"'))
         for name, (value, is_set) in flat(run).items()
         if (is_set and not name.startswith(("out", "export"))) or name == "model.file"
     ]
