@@ -220,8 +220,8 @@ def _by_joint(
 ) -> Array:
     """A function of a model, its column of values and its load, for each joint."""
     torques = [0.0] * len(models) if loads is None else [0.0 if x is None else x for x in loads]
-    columns = zip(models, np.moveaxis(values, -1, 0), torques, strict=True)
-    return np.stack(np.broadcast_arrays(*(of(*each) for each in columns)), axis=-1)
+    each = map(of, models, np.moveaxis(values, -1, 0), torques)
+    return np.stack(np.broadcast_arrays(*each), axis=-1)
 
 
 def load_columns(loads: Loads, samples: int) -> Array | None:
@@ -268,11 +268,12 @@ def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) ->
 
 
 def load_by_period(load: Array | None, *, cyclic: bool) -> Array | None:
-    """The torque in the period that ends in each sample: the mean of those at its ends [N m], (n,).
+    """The torque in the period that ends in each sample [N m], (..., n): the mean at its ends.
 
     From rest the first sample's own load acts before it.
     """
     if load is None:
         return None
-    before = np.append(load[-1 if cyclic else 0], load[:-1])
+    before = np.roll(load, 1, axis=-1)
+    before[..., 0] = load[..., -1 if cyclic else 0]
     return np.asarray((before + load) / 2.0)

@@ -134,7 +134,7 @@ class Problem:
     @cached_property
     def torques(self) -> Array:
         """Torque on each model's joint in the period that ends in each sample [N m], (A, n)."""
-        return np.array([load_by_period(load, cyclic=self.cyclic) for load in self.loads])
+        return np.asarray(load_by_period(self.loads, cyclic=self.cyclic))
 
     @cached_property
     def spec(self) -> Spec:

@@ -209,26 +209,25 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
 
         return transcribed_requests(problem, requests, ideal)
     (model,), error = problem.models, itemgetter(1)
-    starts, best = [requests], minimise(problem, requests, ideal, NARROW)
+    from_start = partial(minimise, problem, angles=ideal, stages=NARROW)
+    starts, best = [requests], from_start(requests)
     near = FAR * problem.error(ideal)
     limited = math.isfinite(model.max_acceleration) and best[1] > near + ENCODER_STEP
     limited = limited and time_accelerating(problem, ideal) > ACCELERATING
     if limited or below_top_speed(problem, ideal) <= COMPARED:
         starts.append(best_closed_form(problem))
-        best = min(best, minimise(problem, starts[1], ideal, NARROW), key=error)
+        best = min(best, from_start(starts[1]), key=error)
     if problem.norm == "max" and best[1] > near:
-        other = minimise(problem, requests, ideal, NARROW, through_rms=True)
-        best = min(best, other, key=error)
+        best = min(best, from_start(requests, through_rms=True), key=error)
     if best[1] > near + NEGLIGIBLE * model.theta_0:
         count = len(problem.desired)
         if count <= 2 * problem.ages.oldest or model.v_max_per_tick > model.theta_0:
             later = np.arange(count) + round(model.switching_time / model.period)
             later = later % count if problem.cyclic else np.minimum(later, count - 1)
             further = [problem.admissible(problem.resting[later]), problem.resting]
-            answers = [minimise(problem, start, ideal, NARROW) for start in further]
-            best = min(best, *answers, key=error)
+            best = min(best, *map(from_start, further), key=error)
             starts += further
-        other = min((minimise(problem, start, ideal, WIDE) for start in starts), key=error)
+        other = min(map(partial(from_start, stages=WIDE), starts), key=error)
         if other[1] < (1.0 - GAIN) * best[1]:
             best = other
     answer, least = best

@@ -209,6 +209,20 @@ class Task(ReadOnly):
                 f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
                 f"added, from 0 to {MOST_SMOOTHNESS:g}; 0.005 is half a per cent"
             )
+        starts = angles[0].copy()  # by default joints rest where their paths begin
+        expected = "a number [rad] or one for each joint"
+        for j, rest in enumerate(of_each("start", start, names, expected=expected)):
+            if rest is None:
+                continue
+            with about(names[j]):
+                starts[j] = checked_start(rest, cyclic=cyclic)
+                far = abs(starts[j] - angles[0, j]) > MOST_TURNS * TURN
+                if far and ANGLE_UNIT.get() == "rad":  # else it is degrees
+                    raise InvalidInput(
+                        f"start: {turns_words(starts[j])}, where the path begins at "
+                        f"{angles[0, j]:.3g} rad; if this is in degrees, convert it with "
+                        "numpy.radians"
+                    )
         added = None if disturbance is None else _finite(disturbance)
         if added is not None and added.shape != angles.shape:
             raise InvalidInput(
@@ -225,7 +239,7 @@ class Task(ReadOnly):
             upper=upper,
             max_step=steps_of_each(max_step, names),
             smoothness=largest_rise,
-            start=_starts(start, names, angles[0], cyclic=cyclic),
+            start=None if cyclic else starts,
             robust=(robust or "mean") if max(map(len, several)) > 1 else None,
             tolerance=None
             if tolerance is None
@@ -273,10 +287,10 @@ class Task(ReadOnly):
 
     def loads_on(self, models: Sequence[JointModel]) -> Array:
         """The loads on one model of each joint [N m], (k, n); 0 where the model feels none."""
-        loads = (
-            np.zeros_like(self.desired.T, order="C") if self.load is None else self.load.T.copy()
-        )
-        loads[[not model.feels_load for model in models]] = 0.0
+        loads = np.zeros_like(self.desired.T, order="C")
+        for j, model in enumerate(models):
+            if self.load is not None and model.feels_load:
+                loads[j] = self.load[:, j]
         return loads
 
     @cached_property
@@ -384,57 +398,59 @@ class Task(ReadOnly):
         self, load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None, *, of_pose: bool = False
     ) -> Task:
         """The same task under another load [N m], also of a pose, checked as in :meth:`of`."""
-        samples, joints = shape = self.desired.shape
-        expected = f"torques [N m] of shape {shape} or ({joints},), one for each joint, or a number"
-        values = of_each("load", load, self.names, expected=expected, shape=shape)
-        loads = list[Array | None]([None] * joints)
-        for j, name in enumerate(self.names):
-            with about(name if self.goal == "angles" else ""):
-                for model in self.models[j]:
-                    felt = checked_load(values[j], model, samples)
-                    loads[j] = felt if loads[j] is None else loads[j]
-        columns = load_columns(loads, samples)
-        task = self
+        task, columns = self, None
+        if load is not None:
+            samples, joints = shape = self.desired.shape
+            expected = (
+                f"torques [N m] of shape {shape} or ({joints},), one for each joint, or a number"
+            )
+            values = of_each("load", load, self.names, expected=expected, shape=shape)
+            loads = list[Array | None]([None] * joints)
+            for j, name in enumerate(self.names):
+                with about(name if self.goal == "angles" else ""):
+                    for model in self.models[j]:
+                        felt = checked_load(values[j], model, samples)
+                        loads[j] = felt if loads[j] is None else loads[j]
+            columns = load_columns(loads, samples)
         if columns is not None or self.load is not None:
             task = replace(self, load=columns, load_of_pose=of_pose and columns is not None)
         if task.goal == "angles":
-            for j, name in enumerate(task.names):
-                with about(name):
-                    task._check_within(j)
+            task._check_within()
         elif not task.cyclic:
             ends = (rest_angles(task.nominal, end, task.loads) for end in (task.lower, task.upper))
             return replace(task, start=np.clip(task.desired, *ends)[0])
         return task
 
-    def _check_within(self, j: int) -> None:
-        """Raise Infeasible where no request can hold the start or a desired angle.
+    def _check_within(self) -> None:
+        """Raise Infeasible where no request can hold the start or a desired angle of a joint.
 
         A negligible sag is ignored: the joint then stays that little short of the limit. Dry
         friction holds the joint wherever the request is within the dead band.
         """
-        lower, upper, model = self.lower[j], self.upper[j], self.models[j][0]
-        if not (np.isfinite(lower) or np.isfinite(upper)):
-            return
-        torques, angles = self.loads_on(self.nominal)[j], self.desired[:, j]
-        count = len(angles)
-        if self.start is not None:
-            angles, torques = np.append(angles, self.start[j]), np.append(torques, torques[0])
-        sags, band = model.sag(torques) + model.pose_sag(angles), model.steady.dead_band
-        beyond = np.maximum(lower - (angles - sags), (angles - sags) - upper) - band
-        negligible = np.minimum(np.abs(sags), NEGLIGIBLE_SAG)
-        worst = int(np.argmax(beyond - negligible))
-        if beyond[worst] > ON_THE_LIMIT + negligible[worst]:
+        for j in np.flatnonzero(np.isfinite(self.lower) | np.isfinite(self.upper)):
+            lower, upper, model = self.lower[j], self.upper[j], self.nominal[j]
+            torques, angles = self.loads_on(self.nominal)[j], self.desired[:, j]
+            count = len(angles)
+            if self.start is not None:
+                angles, torques = np.append(angles, self.start[j]), np.append(torques, torques[0])
+            sags, band = model.sag(torques) + model.pose_sag(angles), model.steady.dead_band
+            beyond = np.maximum(lower - (angles - sags), (angles - sags) - upper) - band
+            negligible = np.minimum(np.abs(sags), NEGLIGIBLE_SAG)
+            worst = int(np.argmax(beyond - negligible))
+            if beyond[worst] <= ON_THE_LIMIT + negligible[worst]:
+                continue
             ends = np.array([lower - band, upper + band])
             least, most = model.rest(ends, torques[worst]).tolist()
             what, remedy = "start: it", "choose a start there"
             if worst < count:
                 what, remedy = f"desired: sample {worst}", "clip the trajectory"
-            raise Infeasible(
-                f"{what} is {angle_text(angles[worst], spelt=True)}, "
-                f"{angle_text(beyond[worst], spelt=True)} beyond the angles "
-                f"{angle_text(least, most, spelt=True)} where the limits on the requests let the "
-                f"joint rest; {remedy}, or widen the limits"
-            )
+            with about(self.names[j]):
+                raise Infeasible(
+                    f"{what} is {angle_text(angles[worst], spelt=True)}, "
+                    f"{angle_text(beyond[worst], spelt=True)} beyond the angles "
+                    f"{angle_text(least, most, spelt=True)} where the limits on the requests let "
+                    f"the joint rest; {remedy}, or widen the limits"
+                )
 
 
 def columns_of(rows: Array) -> list[Array]:
@@ -564,30 +580,6 @@ def steps_of_each(
                     "change from one request to the next; leave it out for no limit"
                 )
     return largest
-
-
-def _starts(
-    start: npt.ArrayLike | Mapping[str, float] | None,
-    names: Sequence[str],
-    begins: Array,
-    *,
-    cyclic: bool,
-) -> Array | None:
-    """From rest: where each joint rests before, by default where its path begins [rad], (k,)."""
-    values = of_each("start", start, names, expected="a number [rad] or one for each joint")
-    starts = begins.copy()
-    for j, rest in enumerate(values):
-        if rest is None:
-            continue
-        with about(names[j]):
-            starts[j] = checked_start(rest, cyclic=cyclic)
-            far = abs(starts[j] - begins[j]) > MOST_TURNS * TURN
-            if far and ANGLE_UNIT.get() == "rad":  # else it is degrees
-                raise InvalidInput(
-                    f"start: {turns_words(starts[j])}, where the path begins at "
-                    f"{begins[j]:.3g} rad; if this is in degrees, convert it with numpy.radians"
-                )
-    return None if cyclic else starts
 
 
 def _finite(values: npt.ArrayLike) -> Array:
