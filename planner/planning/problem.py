@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,9 +39,6 @@ from planner.planning.gauss_newton import (
 from planner.planning.task import Norm, Task
 from planner.trajectory import Array
 
-if TYPE_CHECKING:
-    from kinematics.leg import Leg
-
 NO_LEG = np.empty((0, 10, 3))
 
 RIDGE = 1e-4
@@ -61,15 +57,6 @@ three times it makes the second trial of a servo in three worse."""
 
 LEAST_FOOT_MOTION = 1e-9
 """Movement of the foot per radian that is rounding, relative to the last link's length."""
-
-
-def constants_of(leg: Leg, scale: Array) -> Array:
-    """``Spec.leg`` of a leg whose foot's errors are scaled by axis [rad/m], (3,)."""
-    links = np.zeros((len(leg.chain.links) + 1, 10, 3))
-    for own, link in zip(links, leg.chain.links, strict=False):
-        own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
-    links[-1, 0], links[-1, 1] = leg.chain.tip, scale
-    return links
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -229,6 +216,11 @@ class Problem:
         """Error of the exact models; inf where a joint has no steady cycle."""
         return self.error(self.exact_angles(requests))
 
+    def distances(self, angles: Array) -> Array:
+        """Weighted root of the squared errors over the scenarios [rad], (n,)."""
+        values = self.errors(angles)[0]
+        return np.asarray(np.sqrt(np.einsum("kcm,kcm,c->k", values, values, self.weights)))
+
     @property
     def unlimited(self) -> Problem:
         """The same problem for the root mean square, without limits on the requests."""
@@ -274,7 +266,10 @@ def problem_of(task: Task) -> Problem:
                 "leg: none of its joints moves the foot along an axis that counts; choose another "
                 "foot frame, or give the axis along which it moves a weight"
             )
-        links = constants_of(task.leg, task.axis_scales / moved)
+        links = np.zeros((len(task.leg.chain.links) + 1, 10, 3))
+        for own, link in zip(links, task.leg.chain.links, strict=False):
+            own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
+        links[-1, 0], links[-1, 1] = task.leg.chain.tip, task.axis_scales / moved
         foot = np.hstack([task.desired_foot, added])
     return Problem(
         models=models,

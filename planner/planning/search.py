@@ -257,7 +257,8 @@ def minimise(
         wide = [stage for stage in stages if stage.radius >= LARGEST[0].radius]
         stages = [*(stages if through_rms else wide), *LARGEST]
     search, least = search_from(problem, requests, angles), problem.exact_error(requests)
-    ends, _, figures = descend(problem, search, stages)
+    pattern = pattern_of(problem.spec, smoothing=stages[0].smoothing)
+    ends, _, figures = go_through(problem.spec, pattern, search, np.array(stages, dtype=np.float64))
     best = int(np.argmin(figures[:, 0]))
     if figures[best, 0] < least:
         return ends[best], float(figures[best, 0])
@@ -279,14 +280,6 @@ def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
         states[:, count : 2 * count] = drives[:, COASTING] / drives[:, HOLD] * (angles - before)
     active = np.zeros((2, *requests.shape), dtype=np.int64)
     return Search(np.array(requests, order="C"), states, np.zeros_like(states), active, np.zeros(1))
-
-
-def descend(
-    problem: Problem, search: Search, stages: Sequence[Stage]
-) -> tuple[Array, Array, Array]:
-    """Go through stages, each from the end of the one before: see :func:`go_through`."""
-    pattern = pattern_of(problem.spec, smoothing=stages[0].smoothing)
-    return go_through(problem.spec, pattern, search, np.array(stages, dtype=np.float64))
 
 
 BEGINNING = 20.0
@@ -517,8 +510,7 @@ class Motion(NamedTuple):
 
 def judged(problem: Problem, requests: Array, angles: Array | None = None) -> Motion:
     """Requests and their motion, by default simulated, with its errors."""
-    if angles is None:
-        angles = problem.exact_angles(requests)
+    angles = problem.exact_angles(requests) if angles is None else angles
     if math.isnan(angles[0, 0]):
         return Motion(requests, angles, *(math.inf,) * 5)
     weights = np.asarray(problem.weights)
@@ -538,13 +530,12 @@ def judged(problem: Problem, requests: Array, angles: Array | None = None) -> Mo
 
 def known_errors(models: Sequence[JointModel], angles: Array, *, cyclic: bool) -> Array:
     """Known errors of the models in a motion (n, A) [rad], (A,), at least an encoder's step."""
-    errors = [
-        ENCODER_STEP
-        if model.evidence is None or math.isnan(model.evidence.error)
-        else model.evidence.error_of(column, period=model.period, cyclic=cyclic)
-        for model, column in zip(models, angles.T, strict=True)
-    ]
-    return np.maximum(errors, ENCODER_STEP)
+    errors = np.full(len(models), ENCODER_STEP)
+    for j, model in enumerate(models):
+        if model.evidence is not None and not math.isnan(model.evidence.error):
+            known = model.evidence.error_of(angles[:, j], period=model.period, cyclic=cyclic)
+            errors[j] = max(known, ENCODER_STEP)
+    return errors
 
 
 def allowed(problem: Problem, motion: Motion, best: Motion) -> bool:
@@ -680,13 +671,12 @@ def smoother(
     if least <= STRAIGHT or most <= error:
         return best
     search, now, cost = search_from(problem, start.requests, start.angles), least, 0.0
+    spec, pattern = problem.spec, pattern_of(problem.spec, smoothing=True)
     varying = problem.foot is not None
     for model in problem.nominal:
         varying |= model.evidence is not None and model.evidence.depends_on_motion
     if power != 2.0 and error:  # the sum of the powers at the start, in units of the error
-        values = problem.errors(start.angles)[0]
-        squares_of_each = np.einsum("kcm,kcm,c->k", values, values, problem.weights)
-        shares = np.minimum(np.sqrt(squares_of_each) / error, LARGEST_SHARE)
+        shares = np.minimum(problem.distances(start.angles) / error, LARGEST_SHARE)
         cost = float(np.sum(shares**power))
     for radius in RADII:
         before, share = now, min(most / error, LARGEST_SHARE) if error else 1.0
@@ -699,8 +689,8 @@ def smoother(
         if power != 2.0:
             room = max(allowance.mean**2 - motion.mean**2, 0.02 * allowance.mean**2)
             squares = kept * weight * before / (len(best) * room)
-        stage = Stage(radius, weight, power, 1, smoothing=True, squares=squares)
-        (requests,), (reached,), figures = descend(problem, search, [stage])
+        stages = np.array([Stage(radius, weight, power, 1, smoothing=True, squares=squares)])
+        (requests,), (reached,), figures = go_through(spec, pattern, search, stages)
         ((reached_error, mean, now),) = figures.tolist()
         motion = start._replace(error=reached_error, mean=mean)
         if varying:
