@@ -2,7 +2,8 @@
 
 The foot's distance is not convex in the joints' angles. In a Lagrangian relaxation, multipliers
 replace the conditions that couple a joint's angles, so that the problem separates into samples; a
-leg's few angles at one sample allow a search with proof (``foot_minima.py``).
+leg's few angles at one sample allow a search with proof: a box of angles is cut into cells, and a
+cell is halved along every joint as long as it may contain less than the least value so far (13b).
 The multipliers maximise a concave dual function that is known by its values and subgradients alone.
 They begin at those of a Gauss-Newton search; a proximal bundle method (Lemaréchal 1975, Kiwiel
 1990) improves them and, where that leaves a gap, the responses are split by branch and bound.
@@ -14,19 +15,18 @@ import heapq
 import logging
 import math
 from collections.abc import Sequence
-from itertools import count
+from itertools import count, product
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
 
+from kinematics.chain import Chain
 from planner.model.joint import JointModel
 from planner.model.response import Loads, rest_angles
-from planner.planning.bounds.foot_minima import Distance, minima
 from planner.planning.bounds.multipliers import conic_solutions
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
-    ReachableSet,
     farthest_per_period,
     reachable_set,
 )
@@ -59,6 +59,14 @@ RELUCTANCE = 3.0
 relative to a plan's squared error [-]."""
 
 
+MOST_CELLS = 400_000
+"""Most open cells of a block; beyond it the search stops with their bounds. So many occur only
+where angles far apart are equally good, and take some 100 MB."""
+
+Multipliers = tuple[Array, Array]
+"""Weights of the samples, 0 or more and together 1, (n,), and of the conditions, (rows,)."""
+
+
 def foot_bound(task: Task, angles: Array) -> float:
     """Lower bound on the error of a foot under any requests within the limits [m], at least 0.
 
@@ -73,23 +81,11 @@ def foot_bound(task: Task, angles: Array) -> float:
     attained = plan_error <= 1e-5 * leg.chain.size
     if attained or any(model.exceeds_v_max for model in models):
         return 0.0
-    lower, upper = attainable_angles(
-        models, (task.lower, task.upper), len(angles), start=task.start, loads=task.loads
-    )
+    relaxation = LagrangianRelaxation.of(task, plan_error)
+    lower, upper = relaxation.distance.lower, relaxation.distance.upper
     if task.cyclic:
         turn = 2.0 * math.pi
         angles = angles - turn * np.floor((np.min(angles, axis=0) - lower[0]) / turn)
-    scales = task.axis_scales / plan_error
-    distance = Distance(leg.chain, lower, upper, task.desired_foot, scales)
-    ranges = zip(np.min(lower, axis=0), np.max(upper, axis=0), strict=True)
-    joints = zip(models, angles.T, task.starts, task.loads, ranges, strict=True)
-    sets = [
-        reachable_set(
-            BoundProblem(model, column, task.cyclic, task.norm, start, load), "envelope", ends
-        )
-        for model, column, start, load, ends in joints
-    ]
-    relaxation = LagrangianRelaxation.of(distance, sets, task.norm)
     # How far every joint's angle can be from the one at the middle sample
     apart = np.abs(np.arange(len(angles)) - len(angles) // 2)
     if task.cyclic:
@@ -99,11 +95,32 @@ def foot_bound(task: Task, angles: Array) -> float:
     return plan_error * math.sqrt(min(squared, 1.0))
 
 
-class Multipliers(NamedTuple):
-    """Weights of the samples, 0 or more and together 1, (n,), and of the conditions, (rows,)."""
+class Distance(NamedTuple):
+    """The squared distance of a leg's foot from its desired position, with scaled axes."""
 
-    weights: Array
-    conditions: Array
+    chain: Chain
+    lower: Array  # least angles at each sample [rad], shape (n, k)
+    upper: Array  # greatest angles [rad], shape (n, k)
+    desired: Array  # desired foot positions [m], shape (n, 3)
+    scale: Array  # scale of each axis [1/m], shape (3,)
+
+    def errors(self, angles: Array, samples: Indices | slice) -> tuple[Array, Array]:
+        """Scaled errors at angles (m, k) of samples, (3, m); derivatives [1/rad], (k, 3, m)."""
+        foot, columns = self.chain.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
+        scale = self.scale[:, np.newaxis]
+        return scale * (foot - self.desired[samples].T), scale * np.stack(columns)
+
+    def squared(self, angles: Array) -> Array:
+        """Scaled squared distances at one row of angles per sample, shape (n,)."""
+        errors, _ = self.errors(angles, slice(None))
+        return _dot(errors, errors)
+
+    def linearisation_error(self, half: Array) -> Array:
+        """Largest scaled error of the linearised foot in cells of half widths (n, k), (n,)."""
+        arms = np.linalg.norm(np.vstack([self.chain.translations[1:], self.chain.tip]), axis=1)
+        reach = np.cumsum(arms[::-1])[::-1]  # of the foot from each joint: its move by a radian
+        outer = np.minimum.outer(reach, reach)  # a pair's derivative turns about the outer one
+        return np.asarray(np.sum(half @ outer * half, axis=1) / 2.0 * np.max(self.scale))
 
 
 class LagrangianRelaxation(NamedTuple):
@@ -120,24 +137,37 @@ class LagrangianRelaxation(NamedTuple):
     high: Array  # greatest angles at these [rad], shape (m,)
 
     @classmethod
-    def of(
-        cls, distance: Distance, sets: Sequence[ReachableSet], norm: Norm
-    ) -> LagrangianRelaxation:
-        """From one set of conditions for each of the k joints."""
+    def of(cls, task: Task, unit: float) -> LagrangianRelaxation:
+        """That of a foot's task, in this unit of error [m]."""
+        assert task.leg is not None, "a foot belongs to a leg"
+        models, desired = task.nominal, task.desired_foot
+        lower, upper = attainable_angles(
+            models, (task.lower, task.upper), len(desired), start=task.start, loads=task.loads
+        )
+        low, high = np.min(lower, axis=0), np.max(upper, axis=0)
+        ranges = zip(low.tolist(), high.tolist(), strict=True)
+        joints = zip(models, task.starts, task.loads, ranges, strict=True)
+        anything = np.zeros(len(desired))  # desired angles do not count
+        sets = [
+            reachable_set(
+                BoundProblem(model, anything, task.cyclic, task.norm, start, load), "envelope", ends
+            )
+            for model, start, load, ends in joints
+        ]
         ticks = [each.matrix.shape[1] for each in sets]
         firsts = np.cumsum([0, *ticks[:-1]])
         sampled = np.transpose([first + s.sampled for first, s in zip(firsts, sets, strict=True)])
         between = np.setdiff1d(np.arange(sum(ticks)), sampled)
         joint = np.repeat(np.arange(len(sets)), ticks)[between]
         return cls(
-            distance,
-            norm,
+            Distance(task.leg.chain, lower, upper, desired, task.axis_scales / unit),
+            task.norm,
             sparse.block_diag([each.matrix for each in sets], format="csr"),
             np.concatenate([each.limits for each in sets]),
             sampled,
             between,
-            np.min(distance.lower, axis=0)[joint],
-            np.max(distance.upper, axis=0)[joint],
+            low[joint],
+            high[joint],
         )
 
     @property
@@ -149,20 +179,20 @@ class LagrangianRelaxation(NamedTuple):
     def unconditional(self) -> Multipliers:
         """Multipliers without the joints' conditions: the distance of any configuration."""
         weights = np.full(self.samples, 1.0 / self.samples)
-        return Multipliers(weights, np.zeros(len(self.limits)))
+        return weights, np.zeros(len(self.limits))
 
 
 def dual_function(
     relaxation: LagrangianRelaxation, multipliers: Multipliers, guesses: Array
 ) -> tuple[float, Array]:
     """The lower bound on the squared distance by multipliers, and its minimiser, (n, k)."""
-    conditions = multipliers.conditions
+    weights, conditions = multipliers
     gradient = relaxation.matrix.T @ conditions
     between = gradient[relaxation.between]
     constant = np.sum(np.minimum(between * relaxation.low, between * relaxation.high))
     proved, angles = minima(
         relaxation.distance,
-        multipliers.weights,
+        weights,
         gradient[relaxation.sampled],
         guesses,
         tolerance=TOLERANCE / relaxation.samples,
@@ -222,10 +252,10 @@ def gauss_newton_step(
     inside = np.clip(answer.unknowns[relaxation.sampled], distance.lower, distance.upper)
     conditions = answer.multipliers[3 * samples :][: len(relaxation.limits)]
     if relaxation.norm == "rms":
-        return inside, relaxation.unconditional._replace(conditions=conditions)
+        return inside, (relaxation.unconditional[0], conditions)
     weights = _normalised(answer.multipliers[-4 * samples :: 4])
     # of the squared distance, whose slope is twice that of the distance, times it
-    return inside, Multipliers(weights, 2.0 * float(answer.unknowns[-1]) * conditions)
+    return inside, (weights, 2.0 * float(answer.unknowns[-1]) * conditions)
 
 
 def _normalised(proposed: Array) -> Array:
@@ -249,7 +279,7 @@ def bundle_step(
     """
     samples, sampled, between = relaxation.samples, relaxation.sampled, relaxation.between
     gradients = sparse.csr_array(relaxation.matrix.T)
-    around = (gradients @ centre.conditions)[sampled].T.ravel()
+    weights, around = centre[0], (gradients @ centre[1])[sampled].T.ravel()
     size = float(np.sum(around**2))
     if size == 0.0:
         return centre, 0.0
@@ -273,16 +303,14 @@ def bundle_step(
     matrix = sparse.csr_array(sparse.block_array([*zero, *at_most]))
     zeros = len(around) + of_weights.shape[0]
     limits = np.zeros(matrix.shape[0])
-    limits[len(around) : zeros] = centre.weights if fixed else 1.0
+    limits[len(around) : zeros] = weights if fixed else 1.0
     # The proximal term keeps the linear terms and the weights near those of the centre.
-    by_terms, by_weights = (
-        2.0 * RELUCTANCE / step / each for each in (size, np.sum(centre.weights**2))
-    )
+    by_terms, by_weights = (2.0 * RELUCTANCE / step / each for each in (size, np.sum(weights**2)))
     slope = np.repeat([0.0, 0.0, -1.0, -1.0, 0.0], counts)
     slope[:conditions] = relaxation.limits
     proximal = np.repeat([0.0, by_terms, 0.0, 0.0, by_weights], counts)
     nothing = np.zeros(len(between) + samples)
-    near = np.concatenate([np.zeros(conditions), around, nothing, centre.weights])
+    near = np.concatenate([np.zeros(conditions), around, nothing, weights])
     (answer,) = conic_solutions(
         matrix,
         limits,
@@ -293,9 +321,9 @@ def bundle_step(
     )
     if not answer.solved:
         return centre, 0.0
-    weights = centre.weights if fixed else _normalised(answer.unknowns[-samples:])
-    multipliers = Multipliers(weights, np.maximum(answer.unknowns[:conditions], 0.0))
-    return multipliers, -float(slope @ answer.unknowns)
+    if not fixed:
+        weights = _normalised(answer.unknowns[-samples:])
+    return (weights, np.maximum(answer.unknowns[:conditions], 0.0)), -float(slope @ answer.unknowns)
 
 
 class Node(NamedTuple):
@@ -428,3 +456,78 @@ def attainable_angles(
     lower = np.where(np.isinf(lower), upper - span, lower)
     upper = np.minimum(upper, lower + span)
     return np.tile(lower, (samples, 1)), np.tile(upper, (samples, 1))
+
+
+def minima(
+    distance: Distance, weights: Array, slopes: Array, guesses: Array, *, tolerance: float
+) -> tuple[Array, Array]:
+    """The least of ``weight * squared distance + slope @ angles`` over the box, for every sample.
+
+    For weights of 0 or more, (n,), slopes [1/rad] and guesses of good angles in the box [rad], both
+    (n, k): lower bounds over all angles, (n,), valid however early the search has to stop, the
+    tolerance below the least values where it need not, and angles that come close to them, (n, k).
+    """
+    chain, *rows, scale = distance
+    blocks = []
+    for first in range(0, len(weights), 64):  # each has up to a few thousand first cells
+        part = slice(first, first + 64)
+        lower, upper, desired = (each[part] for each in rows)
+        own = Distance(chain, lower, upper, desired, scale)
+        blocks.append(_block(own, weights[part], slopes[part], guesses[part], tolerance))
+    proved, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
+    return proved, angles
+
+
+def _block(
+    distance: Distance, weights: Array, slopes: Array, guesses: Array, tolerance: float
+) -> tuple[Array, Array]:
+    angles = guesses.copy()
+    least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
+    owner, half, centres = _first_cells(distance)
+    halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
+    for _ in range(40):  # cells are then as small as rounding
+        errors, jacobians = distance.errors(centres, owner)
+        weight, slope = weights[owner], slopes.T[:, owner]
+        values = weight * _dot(errors, errors) + _dot(slope, centres.T)
+        lowest = least.copy()
+        np.minimum.at(lowest, owner, values)
+        best = (values == lowest[owner]) & (values < least[owner])
+        angles[owner[best]], least = centres[best], lowest
+        # How far a cell goes below its centre, (13b): slope times half the width, and a term for
+        # the curvature of the foot's path.
+        wide, curved = half.T[:, owner], distance.linearisation_error(half)[owner]
+        gradients = 2.0 * weight * np.stack([_dot(each, errors) for each in jacobians]) + slope
+        farthest = np.sqrt(_dot(errors, errors)) + _dot(np.sqrt(np.sum(jacobians**2, axis=1)), wide)
+        bounds = values - _dot(np.abs(gradients), wide) - 2.0 * weight * farthest * curved
+        is_open = ~(bounds >= (least - tolerance)[owner])
+        proved = least - tolerance
+        np.minimum.at(proved, owner[is_open], bounds[is_open])
+        if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > MOST_CELLS:
+            break
+        half = half / 2.0
+        owner = np.repeat(owner[is_open], len(halves))
+        centres = np.repeat(centres[is_open], len(halves), axis=0)
+        centres += np.tile(halves, (len(owner) // len(halves), 1)) * half[owner]
+    return proved, angles
+
+
+def _first_cells(distance: Distance) -> tuple[Indices, Array, Array]:
+    """Sample of each cell, (m,), half a cell's width by sample [rad], (n, k), centres, (m, k).
+
+    The samples' boxes are cut alike.
+    """
+    width = distance.upper - distance.lower
+    across, widest = np.max(width, axis=0), np.radians(15.0)
+    while len(width) * np.prod(np.ceil(across / widest) + 1.0) > MOST_CELLS:
+        widest *= 1.5
+    count = np.maximum(np.ceil(across / widest), 1.0).astype(int)
+    half = width / count / 2.0
+    odd = 2.0 * np.array(list(np.ndindex(*count))) + 1.0
+    centres = distance.lower[:, np.newaxis] + odd * half[:, np.newaxis]
+    return np.repeat(np.arange(len(width)), len(odd)), half, centres.reshape(-1, len(count))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Sum over the first axis of the products: faster than over a short last one."""
+    total: Array = np.sum(a * b, axis=0)
+    return total

@@ -13,15 +13,14 @@ from hypothesis import strategies as st
 from planner import JointModel, NoSteadyCycle, invert_foot, reference_walk, simulate
 from planner.gait.stride import stride
 from planner.planning.bounds.foot_bound import (
+    Distance,
     LagrangianRelaxation,
-    Multipliers,
     attainable_angles,
     dual_function,
     foot_bound,
+    minima,
 )
-from planner.planning.bounds.foot_minima import Distance, minima
 from planner.planning.bounds.multipliers import ConicSolution
-from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
 from planner.planning.task import Task
 from planner.trajectory import error_norm
 from tests.instances import ERS210A, random_model
@@ -64,20 +63,6 @@ def limits_of(plan):
     return plan.plan.task.lower, plan.plan.task.upper
 
 
-def relaxation_of(plan):
-    """The relaxation behind a plan's bound, in units of its error; axes count alike."""
-    task, any_path = plan.plan.task, plan.predicted[:, 0]
-    foot = task.desired_foot
-    box = attainable_angles(plan.models, limits_of(plan), len(foot), start=task.start)
-    starts = [None] * 3 if task.start is None else task.start
-    sets = [
-        reachable_set(BoundProblem(model, any_path, plan.cyclic, plan.norm, start), "envelope")
-        for model, start in zip(plan.models, starts, strict=True)
-    ]
-    distance = Distance(task.leg.chain, *box, foot, np.ones(3) / plan.error)
-    return LagrangianRelaxation.of(distance, sets, plan.norm)
-
-
 @pytest.mark.parametrize(
     ("hold", "cyclic", "norm", "friction", "gravity"),
     [
@@ -105,10 +90,10 @@ def test_no_requests_within_the_limits_go_below_it(hold, cyclic, norm, friction,
 def test_whatever_the_multipliers_nothing_is_proved_that_is_not_so(cyclic, norm):
     rng = np.random.default_rng(4)
     plan = short_plan(2, cyclic, norm)
-    task = relaxation_of(plan)
+    task = LagrangianRelaxation.of(plan.plan.task, plan.error)
     for size in (0.0, 0.01, 0.1, 1.0):
         shares = rng.uniform(size=12) if norm == "max" else np.ones(12)
-        guess = Multipliers(shares / np.sum(shares), size * rng.exponential(size=len(task.limits)))
+        guess = shares / np.sum(shares), size * rng.exponential(size=len(task.limits))
         proved, _ = dual_function(task, guess, plan.predicted)
         assert proved <= 1.0 + ROUNDING  # the plan's own squared error
 
