@@ -18,7 +18,7 @@ from planner.planning.line_inverse import (
     AT_TOP_SPEED,
     RULES,
     Rule,
-    advanced_load,
+    advanced,
     check_rule,
     offsets_of,
     slope_limits,
@@ -307,7 +307,7 @@ def requests_of(
         acting += np.take_along_axis(per_sample, line, axis=1) * (since + ahead)
         requests -= model.pose_sag(acting)
     if varies:
-        torques = advanced_load(load, ahead, cyclic=stack.cyclic)
+        torques = advanced(load, ahead, cyclic=stack.cyclic)
         each = np.broadcast_to(torques, line.shape)
         in_force = np.take_along_axis(slopes, line, axis=1)
         requests += offsets_of(model, in_force, rule=rule, load=each, angle=acting)

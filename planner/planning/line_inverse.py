@@ -189,12 +189,15 @@ def slopes_text(low: float, high: float) -> str:
     return f"from {angle_text(low)}/s to {angle_text(high)}/s"
 
 
-def advanced_load(load: Array, ahead: float, *, cyclic: bool) -> Array:
-    """The load ``ahead`` samples later, when each request acts on average [N m], shape (n,)."""
-    samples = np.arange(len(load))
-    period = len(load) if cyclic else None
-    advanced: Array = np.interp(samples + ahead, samples, load, period=period)
-    return advanced
+def advanced(values: Array, ahead: float, *, cyclic: bool) -> Array:
+    """The values ``ahead`` samples later, on straight lines between them, shape (n,).
+
+    Of a load that is when each request acts on average.
+    """
+    samples = np.arange(len(values))
+    period = len(values) if cyclic else None
+    later: Array = np.interp(samples + ahead, samples, values, period=period)
+    return later
 
 
 @lru_cache(maxsize=32)

@@ -25,7 +25,7 @@ from planner.planning.line_inverse import (
     AT_TOP_SPEED,
     LEAST_SHARE,
     Rule,
-    advanced_load,
+    advanced,
     offset_table,
     slope_limits,
 )
@@ -93,7 +93,7 @@ def tracked(
     slopes, offsets = offset_table(model, rule)
     by_load = np.empty((3, 0))
     if load.any():
-        torques = advanced_load(load, ahead, cyclic=curve.cyclic)
+        torques = advanced(load, ahead, cyclic=curve.cyclic)
         scales = np.array(model.speed_limits(torques)) / np.array(model.speed_limits())[:, None]
         by_load = np.vstack([scales, model.sag(torques)])
     lines = Lines(

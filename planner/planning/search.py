@@ -48,6 +48,8 @@ from planner.planning.task import Solver, Task
 from planner.planning.views import UNFORESEEN
 from planner.trajectory import Array, Mask, reversals, rms
 
+LOGGER = logging.getLogger(__name__)
+
 NARROW = (
     Stage(0.5, 1e-2),
     Stage(0.2, 1e-3),
@@ -231,9 +233,9 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
         if other[1] < (1.0 - GAIN) * best[1]:
             best = other
     answer, least = best
-    logging.getLogger(__name__).debug(
-        "joint: best of the searches from %d start(s) %s", len(starts), angle_text(least)
-    )
+    if LOGGER.isEnabledFor(logging.DEBUG):
+        text = angle_text(least)
+        LOGGER.debug("joint: best of the searches from %d start(s) %s", len(starts), text)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
     return answer
@@ -383,7 +385,7 @@ def solve_foot(task: Task, executed: Array | None = None) -> tuple[Array, Array 
         other = minimise(problem, first, angles, FOOT, through_rms=True)
         best = min(best, other, key=itemgetter(1))
     requests, least = best
-    logging.getLogger(__name__).debug("foot: best cost %.4g", least)
+    LOGGER.debug("foot: best cost %.4g", least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
     motion = judged(problem, requests)
@@ -710,9 +712,8 @@ def smoother(
             factor *= max(ENOUGH / used, REDUCTION) * now / before
         if SETTLED < used <= 1.0 and abs(now / before - 1.0) < UNCHANGED:
             break
-    logging.getLogger(__name__).debug(
-        "smoothing: second differences %s", angle_text(math.sqrt(least))
-    )
+    if LOGGER.isEnabledFor(logging.DEBUG):
+        LOGGER.debug("smoothing: second differences %s", angle_text(math.sqrt(least)))
     return best
 
 
@@ -738,14 +739,12 @@ def resting_at_rests(
     times = (model.theta_0 / model.v_max + model.time_constant for model in problem.models)
     margin = math.ceil(max(times) / problem.models[0].period)
     while margin <= len(requests):
-        resting = without_effect_on_motion(problem, margin)
-        if not shakes_within(problem, requests, resting):
+        resting = shaking_rests(problem, requests, margin)
+        if resting is None:
             break
-        most, angles = (
-            ROUGHER_AT_RESTS * problem.roughness(requests),
-            problem.exact_angles(requests),
-        )
+        most = ROUGHER_AT_RESTS * problem.roughness(requests)
         held = holding(problem, resting[:, np.newaxis], problem.resting)
+        angles = problem.exact_angles(requests)
         best, _ = minimise(held, held.admissible(requests), angles, SHARP)
         start, answers = judged(problem, best), []
         for allowance in allowances:
@@ -761,22 +760,31 @@ def resting_at_rests(
     return requests
 
 
-def without_effect_on_motion(problem: Problem, margin: int) -> Mask:
-    """The requests that act only where the path rests, with a margin [samples] both ways, (n,)."""
+def shaking_rests(problem: Problem, requests: Array, margin: int) -> Mask | None:
+    """The requests that act only where the path rests, (n,); None if they change direction little.
+
+    They act there with a margin [samples] both ways.
+    """
     desired, count = problem.desired, len(problem.desired)
     before = np.roll(desired, 1, axis=0)
     if problem.start is not None:
         before[0] = problem.start
     moving = np.any(np.abs(desired - before) > STATIONARY, axis=1)
     if np.all(moving):
-        return np.zeros(count, dtype=np.bool_)
+        return None
     first, last = problem.ages.youngest - margin, problem.ages.oldest + margin
     reach = max(abs(first), last)
     padded = np.pad(moving, reach, mode="wrap" if problem.cyclic else "constant")
     moved = np.concatenate([[0], np.cumsum(padded)])
     samples = np.arange(reach, reach + count)
     resting: Mask = moved[samples + last + 1] == moved[samples + first]
-    return resting
+    rows = np.flatnonzero(resting)
+    if not len(rows):
+        return None
+    rests = np.split(requests[rows], np.flatnonzero(np.diff(rows) > 1) + 1)
+    turns = [[reversals(column, cyclic=False) for column in each.T] for each in rests]
+    most = int(np.max(np.sum(turns, axis=0))) - 1
+    return resting if most > SHAKING * len(rows) * problem.models[0].period else None
 
 
 def shakes(problem: Problem, requests: Array) -> bool:
@@ -784,13 +792,3 @@ def shakes(problem: Problem, requests: Array) -> bool:
     turns = reversals(requests[:, 0], cyclic=problem.cyclic)
     turns -= reversals(problem.desired[:, 0], cyclic=problem.cyclic)
     return turns > SHAKING * len(requests) * problem.models[0].period
-
-
-def shakes_within(problem: Problem, requests: Array, resting: Mask) -> bool:
-    """Whether requests, (n, J), change direction much where a mask, (n,), says that they rest."""
-    rows = np.flatnonzero(resting)
-    if not len(rows):
-        return False
-    rests = np.split(requests[rows], np.flatnonzero(np.diff(rows) > 1) + 1)
-    turns = [[reversals(column, cyclic=False) for column in each.T] for each in rests]
-    return int(np.max(np.sum(turns, axis=0))) - 1 > SHAKING * len(rows) * problem.models[0].period

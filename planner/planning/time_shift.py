@@ -12,6 +12,7 @@ from planner.exceptions import NoSteadyCycle
 from planner.model.evidence import ENCODER_STEP, unproven_gains
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import rest_requests
+from planner.planning.line_inverse import advanced
 from planner.planning.plan import Plan
 from planner.planning.task import Norm, Task
 from planner.planning.views import Inversion
@@ -185,14 +186,10 @@ def early(joint: Task, lead: float) -> Array:
 
     From rest the first request holds the joint where it rests, as in every plan.
     """
-    desired = joint.desired[:, 0]
-    samples = np.arange(len(desired))
-    cycle = len(desired) if joint.start is None else None
-    requests: Array = np.interp(samples + lead, samples, desired, period=cycle)
+    requests = advanced(joint.desired[:, 0], lead, cyclic=joint.start is None)
     requests = np.clip(requests, joint.lower, joint.upper)
-    if joint.start is None:
-        return requests
-    requests[0] = np.atleast_2d(rest_requests(joint.nominal, joint.start, joint.loads))[0, 0]
+    if joint.start is not None:
+        requests[0] = np.atleast_2d(rest_requests(joint.nominal, joint.start, joint.loads))[0, 0]
     return requests
 
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import InvalidInput, JointModel, OutsideEquation13, line_offset
-from planner.planning.line_inverse import advanced_load, interpolated_offset
+from planner.planning.line_inverse import advanced, interpolated_offset
 from tests.independent import windowed
 from tests.instances import ERS210A, TICK, random_model_outside_equation_13
 from tests.strategies import models
@@ -164,5 +164,5 @@ def test_the_table_is_the_offset_of_a_joint_with_friction_and_load(rule):
 
 @pytest.mark.parametrize(("cyclic", "last"), [(True, 1.5), (False, 3.0)])
 def test_each_request_knows_the_load_of_the_time_at_which_it_acts(cyclic, last):
-    load = advanced_load(np.arange(4.0), 0.5, cyclic=cyclic)
+    load = advanced(np.arange(4.0), 0.5, cyclic=cyclic)
     np.testing.assert_allclose(load, [0.5, 1.5, 2.5, last])
