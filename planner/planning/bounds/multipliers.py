@@ -20,7 +20,6 @@ from planner.planning.bounds.reachable_set import (
     Level,
     ReachableSet,
     farthest_per_period,
-    linearised_set,
     reachable_set,
 )
 from planner.planning.task import Norm
@@ -47,7 +46,7 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     sets = [reachable_set(problem, level)]
     if problem.model.most_pose_sag > 0.0 and not problem.model.has_inertia:
         levels: tuple[Level, ...] = ("slope",) if level == "slope" else ("slope", "envelope")
-        sets += [linearised_set(problem, each) for each in levels]
+        sets += [reachable_set(problem, each, linearised=True) for each in levels]
     return max(bound_of(each, problem) for each in sets)
 
 
@@ -134,31 +133,26 @@ def nearest_point(
     origin = np.zeros(unknowns)  # unknowns are counted from D, so that no digits cancel
     origin[sampled] = desired
     right = limits - matrix @ origin
+    objective, curvature = np.zeros(unknowns), np.zeros(unknowns)
     if norm == "rms":
-        curvature = np.zeros(unknowns)
         curvature[sampled] = 2.0
-        (answer,) = conic_solutions(
-            matrix,
-            right,
-            [np.zeros(unknowns)],
-            equations=equations,
-            curvature=curvature,
-            tolerance=BOUND_TOLERANCE,
-        )
-        return answer._replace(unknowns=origin + answer.unknowns)
-    # One more unknown, the largest error, is at least each of them.
-    picked = sparse.eye_array(unknowns, format="csr")[sampled]
-    largest = sparse.csr_array(-np.ones((len(sampled), 1)))
-    blocks: list[list[Any]] = [[matrix, None], [picked, largest], [-picked, largest]]
+    else:  # one more unknown, the largest error, is at least each of them
+        picked = sparse.eye_array(unknowns, format="csr")[sampled]
+        largest = sparse.csr_array(-np.ones((len(sampled), 1)))
+        blocks: list[list[Any]] = [[matrix, None], [picked, largest], [-picked, largest]]
+        matrix = sparse.csr_array(sparse.block_array(blocks))
+        right = np.concatenate([right, np.zeros(2 * len(sampled))])
+        objective, curvature = np.append(objective, 1.0), np.append(curvature, 0.0)
     (answer,) = conic_solutions(
-        sparse.csr_array(sparse.block_array(blocks)),
-        np.concatenate([right, np.zeros(2 * len(sampled))]),
-        [np.append(np.zeros(unknowns), 1.0)],
+        matrix,
+        right,
+        [objective],
         equations=equations,
+        curvature=curvature,
         tolerance=BOUND_TOLERANCE,
     )
     return answer._replace(
-        unknowns=origin + answer.unknowns[:-1], multipliers=answer.multipliers[:rows]
+        unknowns=origin + answer.unknowns[:unknowns], multipliers=answer.multipliers[:rows]
     )
 
 

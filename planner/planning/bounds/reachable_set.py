@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple
 
@@ -79,13 +79,20 @@ class ReachableSet:
 
 
 def reachable_set(
-    problem: BoundProblem, level: Level, angles: tuple[float, float] | None = None
+    problem: BoundProblem,
+    level: Level,
+    angles: tuple[float, float] | None = None,
+    *,
+    linearised: bool = False,
 ) -> ReachableSet:
     """Linear conditions on the angles at every tick that every response of the joint meets.
 
-    The level "slope" has condition 1, others conditions 1 and 2, and from a given start 3. Desired
-    angles do not count; ``angles`` are the least and greatest one that the joint attains [rad], for
-    the sag by the pose, None for any.
+    The level "slope" has condition 1, others conditions 1 and 2, and from a given start 3.
+    ``angles`` are the least and greatest one that the joint attains [rad], for the sag by the pose,
+    None for any. Desired angles count only where condition 1 is ``linearised`` at them, too: (7c)
+    and (9c), for a joint that sags by its pose and has no inertia. Where gravity overcomes it,
+    friction holds or slows it, so that it is faster than its limit. Without these conditions the
+    bounds of 24 random cycles are 0.3 of what they are, in the median.
     """
     model, start, cyclic = problem.model, problem.start, problem.cyclic
     ticks, load, pose = problem.ticks, problem.torques, pose_sags(model, angles)
@@ -109,42 +116,23 @@ def reachable_set(
         near = unknowns[: len(farthest)]
         rows += [near, -near]
         limits += [farthest + start, farthest - start]
+    if linearised:
+        gain, friction, earlier = model.law.gain, model.law.friction, (moved - 1) % ticks
+        there = problem.desired[earlier // model.hold]  # instead of the angles gravity depends on
+        slope = gain * (model.sag_sin * np.cos(there) - model.sag_cos * np.sin(there))
+        shift = gain * model.gravity(there) - slope * there
+        posed = speeds - sparse.diags_array(slope) @ unknowns[earlier]
+        by_pose = gain * model.most_pose_sag
+        for sign, limit in zip((-1.0, 1.0), model.speed_limits(load[moved]), strict=True):
+            top = sign * model.tick * limit
+            rows.append(sign * posed)
+            limits.append(top + np.clip(by_pose - top, 0.0, 2.0 * friction) + sign * shift)
     return ReachableSet(
         sparse.csr_array(sparse.vstack(rows)),
         sparse.csr_array(every[moved] - every[moved - 1]),  # a cycle's first is x[0] - x[-1]
         np.concatenate(limits),
         np.arange(0, ticks, model.hold),
-    )
-
-
-def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
-    """The reachable set, with condition 1 also linearised at the desired angles: (7c) and (9c).
-
-    The further conditions are those of a joint that sags by its pose and has no inertia. Where
-    gravity overcomes the joint, friction holds or slows it, so that it is faster than its limit.
-    Without these the bounds of 24 random cycles are 0.3 of what they are, in the median.
-    """
-    reachable, model = reachable_set(problem, level), problem.model
-    ticks, gain = problem.ticks, model.law.gain
-    moved = np.arange(0 if problem.cyclic else 1, ticks)
-    before = (moved - 1) % ticks  # the tick whose angle gravity depends on
-    at = problem.desired[before // model.hold]
-    slope = gain * (model.sag_sin * np.cos(at) - model.sag_cos * np.sin(at))
-    shift = gain * model.gravity(at) - slope * at
-    unknowns = sparse.eye_array(ticks + len(moved), format="csr")
-    speeds = unknowns[ticks:] - sparse.diags_array(slope) @ unknowns[before]
-    most, friction = gain * model.most_pose_sag, model.law.friction
-    rows, limits = [reachable.rows], [reachable.limits]
-    ends = model.speed_limits(problem.torques[moved])
-    for sign, limit in zip((-1.0, 1.0), ends, strict=True):
-        top = sign * model.tick * limit
-        rows.append(sign * speeds)
-        limits.append(top + np.clip(most - top, 0.0, 2.0 * friction) + sign * shift)
-    return replace(
-        reachable,
-        rows=sparse.csr_array(sparse.vstack(rows)),
-        limits=np.concatenate(limits),
-        curvature=most / 2.0,
+        model.law.gain * model.most_pose_sag / 2.0 if linearised else 0.0,
     )
 
 

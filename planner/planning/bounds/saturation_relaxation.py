@@ -130,6 +130,7 @@ class ScaledProblem:
         self.size = self.ticks + len(self.pairs.tick)  # unknowns: angles and contributions
         self.before = (np.arange(self.ticks) - 1) % self.ticks
         self.first = 0 if cyclic else 1  # first tick whose speed is known
+        self.equations = self.ticks - self.first  # of motion, which are the relaxation's first rows
         # of each request the indices of its contributions, and of the angles they depend on
         self.windows: dict[int, tuple[Indices, Indices]] = {}
         for request in range(len(desired)):
@@ -142,11 +143,6 @@ class ScaledProblem:
     def exhausted(self) -> bool:
         """Whether the allowed work is used up."""
         return self.work >= self.most_work
-
-    @property
-    def equations(self) -> int:
-        """Number of equations of motion, which are the relaxation's first rows."""
-        return self.ticks - self.first
 
     def initial_ranges(self) -> Array:
         """Ranges that follow from the incumbent, the top speed and the start alone.
@@ -234,8 +230,7 @@ def conditions(
     max(0, -w) is convex in w, so between its values at the ends of w's range it is at most the
     chord; the chord is exact where the direction is known.
     """
-    changes, at = problem.changes
-    speeds = problem.speeds
+    (changes, at), speeds, gain = problem.changes, problem.speeds, problem.gain
     lower, upper, slow, fast = ranges
     slow, fast = slow[problem.first :], fast[problem.first :]
     width = np.maximum(fast - slow, np.finfo(np.float64).tiny)
@@ -247,7 +242,6 @@ def conditions(
     unknowns = sparse.eye_array(problem.size, format="csr")
     angles, contributions = unknowns[: problem.ticks], unknowns[problem.ticks :]
     ones = np.ones(contributions.shape[0])
-    gain = problem.gain
     rows: list[tuple[Any, Array]] = [
         (problem.motion, np.zeros(problem.equations)),
         (changes - sparse.diags_array(gain * falling[at]) @ speeds[at], gain * fallen[at]),
@@ -288,26 +282,16 @@ def solve_relaxation(problem: ScaledProblem, ranges: Array, cuts: list[Cut]) -> 
     reference[problem.sampled], room[problem.sampled] = problem.desired, 0.0
     value, slopes = dual_value(matrix, limits, answer.multipliers, reference, room)
     gradient = slopes[problem.sampled]
+    bound = 0.0
+    if value > 0.0:  # the right-hand side of (9); without a gradient the relaxation is empty
+        rms = problem.norm == "rms"
+        size = float(np.linalg.norm(gradient, 2 if rms else 1))
+        size *= math.sqrt(len(problem.desired)) if rms else 1.0
+        bound = value / size if size > 0.0 else math.inf
+    angles, contributions = np.split(answer.unknowns, [problem.ticks])
     return RelaxedSolution(
-        angles=answer.unknowns[: problem.ticks],
-        contributions=answer.unknowns[problem.ticks :],
-        bound=_distance(problem, value, gradient),
-        matrix=matrix,
-        limits=limits,
-        multipliers=answer.multipliers,
-        gradient=gradient,
-        dual_value=value,
+        angles, contributions, bound, matrix, limits, answer.multipliers, gradient, value
     )
-
-
-def _distance(problem: ScaledProblem, value: float, gradient: Array) -> float:
-    """The right-hand side of (9) as an error in the problem's norm."""
-    if value <= 0.0:
-        return 0.0
-    size = float(np.linalg.norm(gradient, 2 if problem.norm == "rms" else 1))
-    if size == 0.0:  # a certificate of infeasibility: the relaxation is empty
-        return math.inf
-    return value / size / (math.sqrt(len(problem.desired)) if problem.norm == "rms" else 1.0)
 
 
 def violated_cuts(

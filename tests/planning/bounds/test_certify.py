@@ -20,7 +20,6 @@ from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.multipliers import bound_of, certified_error, nearest_motion
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
-    linearised_set,
     pose_sags,
     reachable_set,
     speed_conditions,
@@ -193,7 +192,7 @@ def test_any_multipliers_of_linearised_conditions_prove_a_bound(
         reject()
     desired = angles * rng.uniform(1.0, 1.5) + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 0)
     problem = BoundProblem(model, desired, cyclic, norm, None, load)
-    reachable = linearised_set(problem, level)
+    reachable = reachable_set(problem, level, linearised=True)
     rows = len(reachable.limits)
     for sparsity in (1.0, 0.2, 1.0 / rows):
         multipliers = rng.exponential(size=rows) * (rng.random(rows) < sparsity)
