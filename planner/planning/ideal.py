@@ -88,14 +88,6 @@ def below_top_speed(problem: Problem, ideal: Array) -> int:
     return int(np.count_nonzero(((moved > low) & (moved < high))[resting:]))
 
 
-def time_accelerating(problem: Problem, ideal: Array) -> float:
-    """Share of the time that changes of the ideal's speed take at the acceleration limit."""
-    (model,) = problem.models
-    ends = (ideal[-1:], ideal[:1]) if problem.cyclic else (ideal[:1], ideal[-1:])
-    changes = np.diff(np.concatenate([ends[0], ideal, ends[1]]), 2, axis=0)  # [rad/period^2]
-    return float(np.mean(np.abs(changes))) / (model.hold**2 * model.law.acceleration)
-
-
 def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Array:
     """The path made monotone between its deep turning points, by least squares.
 

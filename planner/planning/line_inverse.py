@@ -155,7 +155,7 @@ def interpolated_offset(
     if model.top_speed_per_torque == 0.0 and not by_pose:
         by_load = 0.0 if model.has_integral else model.compliance * np.asarray(load)
         return np.asarray(np.interp(slope, *table) - by_load)
-    limits = model.speed_limits(load) if angle is None else _limits_at(model, load, angle)
+    limits = _limits_at(model, load, angle)
     down, up = model.speed_limits()
     scale = np.where(slope < 0.0, limits[0] / down, limits[1] / up)
     band = np.sign(slope) * model.dead_band
@@ -163,10 +163,10 @@ def interpolated_offset(
     return np.asarray(band + scale * beyond - model.sag(load))
 
 
-def _limits_at(model: JointModel, load: npt.ArrayLike, angle: Array) -> tuple[Array, Array]:
+def _limits_at(model: JointModel, load: npt.ArrayLike, angle: Array | None) -> tuple[Array, Array]:
     """Least and largest speed [rad/s], a share of v_max at least where gravity is stronger."""
     low, high = model.speed_limits(load, angle)
-    if model.most_pose_sag == 0.0:
+    if angle is None or model.most_pose_sag == 0.0:
         return low, high
     least = LEAST_SHARE * model.v_max
     most = 2.0 * model.v_max - least
@@ -177,9 +177,8 @@ def slope_limits(
     model: JointModel, load: Array | None = None, angles: Array | None = None
 ) -> tuple[float, float]:
     """Least and largest slope that the joint can follow at every sample [rad/s], at some angles."""
-    torques = 0.0 if load is None else load
-    limits = model.speed_limits(torques) if angles is None else _limits_at(model, torques, angles)
-    return float(np.max(limits[0])), float(np.min(limits[1]))
+    low, high = _limits_at(model, 0.0 if load is None else load, angles)
+    return float(np.max(low)), float(np.min(high))
 
 
 def slopes_text(low: float, high: float) -> str:

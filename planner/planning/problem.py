@@ -118,6 +118,12 @@ class Problem:
         """The ages of the requests that act on any of the joints between two samples."""
         return request_ages(*self.models)
 
+    @property
+    def settling(self) -> float:
+        """Time in which the slowest of the joints settles [samples]."""
+        times = [model.theta_0 / model.v_max + model.time_constant for model in self.models]
+        return max(times) / self.models[0].period
+
     @cached_property
     def torques(self) -> Array:
         """Torque on each model's joint in the period that ends in each sample [N m], (A, n)."""

@@ -40,7 +40,6 @@ from planner.planning.gauss_newton import (
 from planner.planning.ideal import (
     below_top_speed,
     initial_guess,
-    time_accelerating,
     without_small_reversals,
 )
 from planner.planning.problem import Problem, problem_of
@@ -215,7 +214,10 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
     starts, best = [requests], from_start(requests)
     near = FAR * problem.error(ideal)
     limited = math.isfinite(model.max_acceleration) and best[1] > near + ENCODER_STEP
-    limited = limited and time_accelerating(problem, ideal) > ACCELERATING
+    if limited:  # share of the time that the ideal's changes of speed take at the limit
+        padded = np.pad(ideal[:, 0], 1, mode="wrap" if problem.cyclic else "edge")
+        changes = float(np.mean(np.abs(np.diff(padded, 2))))  # [rad/period^2]
+        limited = changes / (model.hold**2 * model.law.acceleration) > ACCELERATING
     if limited or below_top_speed(problem, ideal) <= COMPARED:
         starts.append(best_closed_form(problem))
         best = min(best, from_start(starts[1]), key=error)
@@ -311,8 +313,7 @@ def first_request_freed(
     assert middle is not None, "from rest a first request holds the joint"
     within = 1.0 - 1e-9  # rounding must not move the joint
     firsts = [middle + edge * model.dead_band for edge in (-within, within)]
-    settled = (model.theta_0 / model.v_max + model.time_constant) / model.period
-    count = math.ceil(BEGINNING * (problem.ages.oldest + settled))
+    count = math.ceil(BEGINNING * (problem.ages.oldest + problem.settling))
     if len(problem.desired) > 2 * count:
         beginning = replace(
             problem, desired=problem.desired[:count], loads=problem.loads[:, :count]
@@ -736,8 +737,7 @@ def resting_at_rests(
     Before and after a motion requests stay free: for the time in which the joints settle, or twice
     as long, and so on until the error is allowed. ``error`` is that of the best plan.
     """
-    times = (model.theta_0 / model.v_max + model.time_constant for model in problem.models)
-    margin = math.ceil(max(times) / problem.models[0].period)
+    margin = math.ceil(problem.settling)
     while margin <= len(requests):
         resting = shaking_rests(problem, requests, margin)
         if resting is None:
