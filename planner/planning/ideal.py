@@ -20,13 +20,10 @@ BARELY_SLOWER = 1e-3
 
 
 def initial_guess(problem: Problem) -> tuple[Array, Array]:
-    """Requests by the closed form of the ideal, and the ideal itself, for one joint.
+    """Requests within the limits by the closed form of the ideal, and the ideal [rad], both (n, 1).
 
     Every sample is a knot: request k is on the line from sample i = floor(k + l + a/2) on, raised
     by its C_m (section 3). From rest the ideal is clipped to the attainable range.
-
-    Returns:
-        Requests within the limits, and angles [rad], both (n, 1).
     """
     (model,), desired, cyclic = problem.models, problem.desired[:, 0], problem.cyclic
     count, torques = len(desired), problem.torques[0]

@@ -347,14 +347,7 @@ def planned(
     # called with the name of each joint before it is planned
     progress: Callable[[str], None] = lambda _: None,
 ) -> Plan:
-    """The plan for a task.
-
-    Raises:
-        InvalidInput: The solver or the rule is unknown, or a joint has several models and the
-            method is not "optimal".
-        SolverFailed: No requests were found that lead to a steady cycle, or the load of the pose
-            does not settle.
-    """
+    """The plan for a task."""
     check_choice("solver", solver, SOLVERS)
     if method != "optimal" and len(task.scenarios) > 1:
         raise InvalidInput("models: got several of a joint, which need method 'optimal'")
@@ -385,6 +378,9 @@ MOVED, MOVED_SHARE = 1e-4, 0.01
 angles, when the load at the angles before is replaced by the load at its own: a fifteenth of a step
 of an encoder with 12 bits; where joints cannot follow, another round brings little."""
 
+BY_POSE, STILL_MOVES = "a load that depends on the pose", "the prediction still moves by"
+"""What does not settle, and how that shows."""
+
 ROUNDS = 50
 """Most plans, and most simulations of one; two plans suffice where the joints can follow."""
 
@@ -405,10 +401,6 @@ def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Arra
     by fixed-point iteration, which converges where a change of the angles changes the sag by less:
     ``kappa |d tau / d q| < 1``. It ends when that simulation agrees with the plan's prediction.
     Torques and angles have shape (n, k).
-
-    Raises:
-        InvalidInput: The load is not a finite array (n, k).
-        SolverFailed: The load does not settle.
     """
     torques, moved = _torques(load, desired), np.inf
     for _ in range(ROUNDS):
@@ -419,7 +411,7 @@ def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Arra
         far = MOVED_SHARE * float(np.max(np.abs(plan.predicted - desired)))
         if moved <= max(MOVED, far):
             return plan
-    raise _unsettled(f"{ROUNDS} plans", moved)
+    raise SolverFailed(BY_POSE, f"{STILL_MOVES} {angle_text(moved)} after {ROUNDS} plans")
 
 
 def _at_simulated_angles(plan: Plan, load: LoadOfPose) -> tuple[Plan, Array]:
@@ -434,7 +426,7 @@ def _at_simulated_angles(plan: Plan, load: LoadOfPose) -> tuple[Plan, Array]:
         if moved > SLOW * before:
             share = max(share / 2.0, LEAST_SHARE)
         angles = angles + share * (plan.predicted - angles)
-    raise _unsettled(f"{ROUNDS} simulations", moved)
+    raise SolverFailed(BY_POSE, f"{STILL_MOVES} {angle_text(moved)} after {ROUNDS} simulations")
 
 
 def _torques(load: LoadOfPose, angles: Array) -> Array:
@@ -450,10 +442,3 @@ def _torques(load: LoadOfPose, angles: Array) -> Array:
     if not np.all(np.isfinite(torques)):
         raise InvalidInput("load: the function answered torques that are not finite")
     return torques
-
-
-def _unsettled(after: str, moved: float) -> SolverFailed:
-    return SolverFailed(
-        "a load that depends on the pose",
-        f"the prediction still moves by {angle_text(moved)} after {after}",
-    )

@@ -253,9 +253,6 @@ def problem_of(task: Task) -> Problem:
     """The problem of a task, for the nominal models: of a joint, or of all joints of a leg.
 
     A foot's errors are scaled by how far a radian of a joint moves it.
-
-    Raises:
-        Infeasible: No joint moves the foot where it counts.
     """
     models, loads = task.nominal, task.loads_on(task.nominal)
     desired, foot, links = task.desired, None, NO_LEG

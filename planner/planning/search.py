@@ -115,14 +115,9 @@ def solve(
     executed: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,  # called with the name of each joint
 ) -> tuple[Array, Array | None]:
-    """The requests for a task: of a foot all at once, of joints one by one.
+    """The requests for a task [rad], (n, k): of a foot all at once, of joints one by one.
 
-    Returns:
-        Requests to the joints [rad], (n, k); with several models of a joint also the requests for
-        the nominal models alone, else None.
-
-    Raises:
-        SolverFailed: No requests were found that lead to a steady cycle.
+    With several models of a joint also those for the nominal models alone, else None.
     """
     if task.disturbance is not None:  # the models' errors are measured, except for their changes
         models = tuple(
@@ -457,9 +452,6 @@ def for_all_models(
 
     Without dead bands the answer's error over all scenarios is no larger than that of the plan for
     the nominal ones, (n, J). Of the stages the ones with small corners are used.
-
-    Raises:
-        SolverFailed: Under no requests all models have a steady cycle.
     """
     scenarios = task.scenarios
     if len(scenarios) == 1:
@@ -593,10 +585,8 @@ def smoothed(
 ) -> Array:
     """Smoother requests whose shown error is within the limits of :func:`allowed`.
 
-    Where requests would shake a joint, an error up to an encoder's step is allowed as well.
-
-    Returns:
-        The smoother requests, or ``requests``: always with a smoothness of 0.
+    Where requests would shake a joint, an error up to an encoder's step is allowed as well. With a
+    smoothness of 0 the answer is ``requests``.
     """
     smoothness = problem.smoothness
     if smoothness == 0.0 or (given := judged(problem, requests)).error == math.inf:
