@@ -267,10 +267,10 @@ class Task(ReadOnly):
 
     @cached_property
     def scenarios(self) -> tuple[tuple[JointModel, ...], ...]:
-        """Models of all joints together, nominal ones first; a single one is in every scenario."""
+        """Models of all joints together, nominal ones first; the last of fewer ones fills up."""
         if (most := max(map(len, self.models))) == 1:
             return (self.nominal,)
-        each = (models if len(models) == most else models * most for models in self.models)
+        each = (models + models[-1:] * (most - len(models)) for models in self.models)
         return tuple(zip(*each, strict=True))
 
     @cached_property

@@ -181,6 +181,8 @@ def test_plan_takes_several_models_of_one_joint_or_of_each(identified):
     both = np.column_stack([SINE, 0.5 * SINE])
     made = plan([MODELS[:2], identified], both)
     assert [len(each) for each in made.task.models] == [2, 9]
-    for method in ("closed_form", "shift"):
+    for j, errors in enumerate(made.errors_of_models):
+        np.testing.assert_array_equal(errors, made.joint(j).errors_of_models[0])
+    for method, other in (("closed_form", MODELS[:3]), ("shift", ERS210A)):
         with pytest.raises(InvalidInput, match="got several of a joint, which need method 'optim"):
-            plan([MODELS[:2], ERS210A], both, method=method)
+            plan([MODELS[:2], other], both, method=method)
