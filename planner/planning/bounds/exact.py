@@ -279,7 +279,7 @@ def tighten(
         angle = (chosen == tick).astype(np.float64)
         speed = angle - (chosen == problem.before[tick])
         undecided = tick >= problem.first and slowest[tick] < 0.0 < fastest[tick]
-        objectives = [angle, -angle, speed, -speed] if undecided else [angle, -angle]
+        objectives = [angle, -angle, speed, -speed][: 4 if undecided else 2]
         problem.work += matrix.nnz * len(objectives)
         answers = conic_solutions(
             matrix,
@@ -290,16 +290,11 @@ def tighten(
             tolerance=1e-5,  # ranges are valid at any
         )
         middle, room = (each[chosen] for each in problem.box(ranges))
-        proved = []
-        for objective, (_, multipliers, *_) in zip(objectives, answers, strict=True):
-            gradient = objective + matrix.T @ multipliers
-            loose = float(np.abs(gradient) @ room + multipliers @ limits)
-            proved.append(float(gradient @ middle) - loose)
-        lower[tick] = max(lower[tick], proved[0])
-        upper[tick] = min(upper[tick], -proved[1])
-        if undecided:
-            slowest[tick] = max(slowest[tick], proved[2])
-            fastest[tick] = min(fastest[tick], -proved[3])
+        for end, (objective, answer) in enumerate(zip(objectives, answers, strict=True)):
+            gradient = objective + matrix.T @ answer.multipliers
+            loose = float(np.abs(gradient) @ room + answer.multipliers @ limits)
+            least, known = float(gradient @ middle) - loose, ranges[end, tick]
+            ranges[end, tick] = min(known, -least) if end % 2 else max(known, least)
         if lower[tick] > upper[tick] or slowest[tick] > fastest[tick]:
             return False
     return True

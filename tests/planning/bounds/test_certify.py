@@ -145,9 +145,15 @@ def test_slope_is_below_envelope_and_envelope_below_every_plan(norm, cyclic, mod
 
 
 @pytest.mark.parametrize(
-    "terms", [{"dead_band": 0.02}, {"time_constant": 0.02}, {"max_acceleration": 300.0}]
+    "terms",
+    [
+        {"dead_band": 0.02},
+        {"sag_cos": 0.02},
+        {"time_constant": 0.02},
+        {"max_acceleration": 300.0},
+    ],
 )
-def test_the_answer_says_that_envelope_is_proved_of_a_joint_with_friction_or_inertia(terms):
+def test_the_answer_says_that_envelope_is_proved_of_a_joint_with_friction_gravity_or_inertia(terms):
     certificate = certify(replace(ERS210A, **terms), np.sin(np.arange(20.0)), level="exact")
     assert certificate.level == "envelope"
 
