@@ -141,9 +141,6 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     do not show this for an interval that ends at 0: in models drawn from an identified one the lag
     makes up for such a part, and then for the acceleration time, but for ``delay_error`` of its
     evidence.
-
-    Raises:
-        InvalidInput: The model has no interval with a known end.
     """
     if not has_intervals(model):
         raise InvalidInput(

@@ -299,12 +299,12 @@ class Plan(ReadOnly, Summarised):
 
         goals = task.desired if task.disturbance is None else task.desired - task.disturbance
         each = zip(task.nominal, columns_of(goals), task.starts, task.loads, strict=True)
-        problems = (
-            BoundProblem(model, goal, task.cyclic, task.norm, start, load)
-            for model, goal, start, load in each
-        )
-        pairs = zip(felt, problems, strict=True)
-        return np.array([0.0 if no else linear_bound(one, "envelope") for no, one in pairs])
+        bounds = np.zeros(len(felt))
+        for j, (model, goal, start, load) in enumerate(each):
+            if not felt[j]:
+                problem = BoundProblem(model, goal, task.cyclic, task.norm, start, load)
+                bounds[j] = linear_bound(problem, "envelope")
+        return bounds
 
     @property
     def gaps(self) -> Array:

@@ -161,12 +161,6 @@ class Task(ReadOnly):
         A number counts for all joints, of an array each entry for one; a dict has some of them by
         name. Without a leg ``desired`` are angles (n, k) [rad], with one positions (n, 3) [m]. A
         load of the pose is not part of it: see :func:`planner.planning.inversion.settled`.
-
-        Raises:
-            InvalidInput: An argument is invalid, or the arguments do not fit together.
-            InvalidTrajectory: ``desired`` is not finite, or has fewer than three rows.
-            Infeasible: The limits exclude each other, the start or a desired angle.
-            UnsupportedLeg: The leg has no inverse.
         """
         check_choice("norm", norm, NORMS)
         cyclic = as_flag("cyclic", cyclic)

@@ -108,8 +108,8 @@ def shifted(task: Task) -> Plan:
     Requests beyond the limits are clipped; their steps are the desired path's.
     """
     each = [task.joint(j) for j in range(len(task.names))]
-    leads = [best_lead(joint) for joint in each]
-    columns = [early(joint, lead) for joint, lead in zip(each, leads, strict=True)]
+    leads = list(map(best_lead, each))
+    columns = list(map(early, each, leads))
     return Plan(
         task=task.unsmoothed,
         requests=np.column_stack(columns),
