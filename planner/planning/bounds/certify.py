@@ -11,10 +11,9 @@ import numpy.typing as npt
 from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_load, checked_start
-from planner.planning.bounds.exact import exact_bound
+from planner.planning.bounds.exact import exact_bound, without_load
 from planner.planning.bounds.multipliers import linear_bound
 from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
-from planner.planning.bounds.saturation_relaxation import without_load
 from planner.planning.inversion import planned
 from planner.planning.task import NORMS, Norm, Task
 from planner.trajectory import as_trajectory, error_norm, relative_gap

@@ -11,19 +11,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import JointModel, certify, invert_optimal, lower_bound, simulate
-from planner.planning.bounds.exact import Node, branch, cut_off, exact_bound, tighten
-from planner.planning.bounds.reachable_set import BoundProblem
-from planner.planning.bounds.saturation_relaxation import (
+from planner.planning.bounds.exact import (
     UNBOUNDED,
+    Node,
     RequestSet,
     ScaledProblem,
+    branch,
     conditions,
+    cut_off,
+    exact_bound,
     nearest_request,
     separate,
     solve_relaxation,
     support,
+    tighten,
     without_load,
 )
+from planner.planning.bounds.reachable_set import BoundProblem
 from planner.trajectory import error_norm
 from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
