@@ -348,20 +348,16 @@ class Stream(Summarised):
         amounts = np.where(np.equal(faults, fault), self._data.states["amount"], -1.0)
         j = int(np.argmax(amounts))
         name, amount = self.names[j], angle_text(float(amounts[j]))
-        if fault == tick.NOT_FINITE:
-            return InvalidInput(f"desired: {name} has angles that are not finite")
-        if fault == tick.BLOCKED:
-            return InvalidInput(f"load: {name} cannot move against it; is it in N m?")
-        if fault == tick.BEYOND:
-            return Infeasible(
-                f"desired: {name} should go {amount} beyond the angles where the limits on its "
-                "requests let it rest"
-            )
         before = 1e3 * self.period * self._data.states["unread"][j]
-        return InvalidInput(
-            f"measured: {name} is {amount} from where it was {before:.3g} ms before, which no "
-            "joint can be: taken as missing"
-        )
+        words = {
+            tick.NOT_FINITE: f"desired: {name} has angles that are not finite",
+            tick.BLOCKED: f"load: {name} cannot move against it; is it in N m?",
+            tick.BEYOND: f"desired: {name} should go {amount} beyond the angles where the limits "
+            "on its requests let it rest",
+            tick.JUMPED: f"measured: {name} is {amount} from where it was {before:.3g} ms before, "
+            "which no joint can be: taken as missing",
+        }
+        return (Infeasible if fault == tick.BEYOND else InvalidInput)(words[fault])
 
 
 def _fill(rows: Array, values: Any, *, constant: bool = False) -> bool:
