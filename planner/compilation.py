@@ -25,9 +25,10 @@ from numba.core import event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
-if "scipy.linalg" not in sys.modules:
+if "planner.cli" in sys.modules and "scipy.linalg" not in sys.modules:
     # Numba would import it, a tenth of the time of a short command, only to see whether it is there
-    # for np.convolve and the like, which are loops without it. Nothing here calls them.
+    # for np.convolve and the like, which are loops without it. Nothing here calls them. A program
+    # that uses the package may import it at the same time in another thread.
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
     try:
         import_module("numba.np.arraymath")

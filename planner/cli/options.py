@@ -65,8 +65,10 @@ def of_kind(annotation: Any, form: str, example: str = "") -> Parsed:
             return kind.fitted([float(part) for part in text.split(":")])
         return kind.fitted(kind.type(text))
 
-    such_as = f"{form} such as {example}, " if example else ""
-    return Parsed(parse, form, f"{such_as}{kind.expected}")
+    expected = f"{form} such as {example}, {kind.expected}" if example else kind.expected
+    if kind.origin is tuple:
+        expected = f"{form} in degrees with LOW below HIGH, such as {example}"
+    return Parsed(parse, form, expected)
 
 
 def by_joint(annotation: Any, form: str, example: str) -> Parsed:

@@ -58,11 +58,11 @@ class Leg(Settings):
     Attributes:
         name: A shipped leg, or the URDF of your own robot, with base and foot. Positions are in the
             base's frame: of a shipped leg the body's, and for 'reference' the hip's.
-        urdf: The URDF of your own robot, where name is not set.
+        urdf: The URDF of your own robot, in place of a shipped leg.
         base: With a URDF: the frame of the foot positions.
         foot: With a URDF: the frame of the foot.
-        lock: With a URDF: joints to hold, and where [deg], so that three remain; with --lock
-            slide=0.1m is one that slides.
+        lock: With a URDF: joints to hold, and where [deg], so that three remain; --lock JOINT=0.1m
+            holds one that slides.
         lock_m: With a URDF: the same for joints that slide [m].
         near: Initial pose [deg]: the nearest solution of the inverse kinematics is taken.
         unreachable: Positions out of reach: stop and list them, take the nearest, or clamp each

@@ -408,7 +408,8 @@ def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
     """Fit the first half of each log, predict the second; None where these hold nothing to fit.
 
     The joint with those terms of the fit to all rows that the first halves call for is fitted to
-    some stretches of long ones; all rows of the others are predicted.
+    some stretches of long ones; all rows of the others are predicted. It begins at the fit to all
+    rows, so that what the first halves do not determine at all stays.
 
     A top speed that the first halves do not bound, and the others may exceed, cannot be predicted
     from them: there that of the fit to all rows is taken, or, where these do not bound it either,

@@ -449,8 +449,8 @@ def covariance_of(
 
 def correlations_of(fit: Fit, uncertainty: Uncertainty) -> tuple[tuple[float, ...], ...]:
     """Correlations of the fitted :data:`PARAMETERS`, the gain instead of theta_0."""
-    rows = np.flatnonzero(fit.free)
-    rows[rows == PARAMETERS.index("theta_0")] = -1
+    rows, of_gain = np.flatnonzero(fit.free), -1  # the last one of the covariance
+    rows[rows == PARAMETERS.index("theta_0")] = of_gain
     covariance = model_covariance(fit, uncertainty)[np.ix_(rows, rows)]
     size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     shares = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)

@@ -24,7 +24,7 @@ from planner.model.evidence import (
 )
 from planner.model.joint import JointModel
 from planner.trajectory import Array, Mask, rms, stretches
-from planner.validation import ReadOnly, Summarised, Summary, freeze
+from planner.validation import ReadOnly, Summarised, Summary, freeze, read_only
 
 if TYPE_CHECKING:
     import jinja2
@@ -182,12 +182,12 @@ class LogFit(ReadOnly):
     @cached_property
     def used(self) -> Mask:
         """Rows that were fitted: torque on, and the requests that act on them known."""
-        return ~np.isnan(self.predicted)
+        return read_only(~np.isnan(self.predicted))
 
     @cached_property
     def held_out(self) -> Mask:
         """Rows that the validation left out of its fit."""
-        return ~np.isnan(self.held_out_predicted)
+        return read_only(~np.isnan(self.held_out_predicted))
 
     @property
     def rms(self) -> float:
@@ -276,7 +276,11 @@ class SpeedPoints(NamedTuple):
 
 
 class HeldOut(NamedTuple):
-    """The prediction of the rows that were held out, by the model fitted to the others."""
+    """The prediction of the rows that were held out, by the model fitted to the others.
+
+    Its terms are those of the fit to all rows that the others call for. That fit is also where it
+    begins: what the others do not determine at all stays as all rows show it.
+    """
 
     rows: Mask  # which of the grid's rows were held out
     predicted: Array  # angle at them [rad]

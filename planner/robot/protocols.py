@@ -197,13 +197,14 @@ def _read_protocols() -> dict[str, ServoProtocol]:
     tables = tomllib.loads(Path(__file__).with_name("protocols.toml").read_text("utf-8"))
     protocols: dict[str, ServoProtocol] = {}
     for name, own in tables.items():
-        table = tables.get(own.pop("like", ""), {}) | own
+        like = own.pop("like", "")
+        table = tables.get(like, {}) | own
         for key in ("errors", "refusals"):
             table[key] = {int(number, 0): words for number, words in table.get(key, {}).items()}
         table["registers"] = {key: Register(*each) for key, each in table["registers"].items()}
         table["speed_unit"] = table.pop("speed_rpm") * 2.0 * math.pi / 60.0
         table["acceleration_unit"] = table.pop("acceleration_rpm2") * 2.0 * math.pi / 3600.0
-        frames = _Feetech if name == "feetech" else _Dynamixel
+        frames = _Feetech if "feetech" in (name, like) else _Dynamixel
         protocols[name] = frames(name=name, **table)
     return protocols
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
-from planner.exceptions import InvalidFile, importing
+from planner.exceptions import InvalidFile, PlannerError, importing
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -110,7 +110,7 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
         with _limited(path), of_format(place) as reader:
             topics = {connection.topic: connection.msgtype for connection in reader.connections}
             yield Bag(place, topics, reader, ros1)
-    except InvalidFile:
+    except (PlannerError, MemoryError):
         raise
     except Exception as error:
         raise InvalidFile(
