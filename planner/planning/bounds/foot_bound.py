@@ -115,13 +115,6 @@ class Distance(NamedTuple):
         errors, _ = self.errors(angles, slice(None))
         return _dot(errors, errors)
 
-    def linearisation_error(self, half: Array) -> Array:
-        """Largest scaled error of the linearised foot in cells of half widths (n, k), (n,)."""
-        arms = np.linalg.norm(np.vstack([self.chain.translations[1:], self.chain.tip]), axis=1)
-        reach = np.cumsum(arms[::-1])[::-1]  # of the foot from each joint: its move by a radian
-        outer = np.minimum.outer(reach, reach)  # a pair's derivative turns about the outer one
-        return np.asarray(np.sum(half @ outer * half, axis=1) / 2.0 * np.max(self.scale))
-
 
 class LagrangianRelaxation(NamedTuple):
     """The foot's distance, and conditions on the angles at all ticks of all joints."""
@@ -485,6 +478,10 @@ def _block(
     least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
     owner, half, centres = _first_cells(distance)
     halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
+    chain = distance.chain
+    arms = np.linalg.norm(np.vstack([chain.translations[1:], chain.tip]), axis=1)
+    reach = np.cumsum(arms[::-1])[::-1]  # of the foot from each joint: its move by a radian
+    outer = np.minimum.outer(reach, reach)  # a pair's derivative turns about the outer one
     for _ in range(40):  # cells are then as small as rounding
         errors, jacobians = distance.errors(centres, owner)
         weight, slope = weights[owner], slopes.T[:, owner]
@@ -495,7 +492,8 @@ def _block(
         angles[owner[best]], least = centres[best], lowest
         # How far a cell goes below its centre, (13b): slope times half the width, and a term for
         # the curvature of the foot's path.
-        wide, curved = half.T[:, owner], distance.linearisation_error(half)[owner]
+        wide = half.T[:, owner]
+        curved = (np.sum(half @ outer * half, axis=1) / 2.0 * np.max(distance.scale))[owner]
         gradients = 2.0 * weight * np.stack([_dot(each, errors) for each in jacobians]) + slope
         farthest = np.sqrt(_dot(errors, errors)) + _dot(np.sqrt(np.sum(jacobians**2, axis=1)), wide)
         bounds = values - _dot(np.abs(gradients), wide) - 2.0 * weight * farthest * curved
