@@ -200,21 +200,24 @@ def _note(
     )
 
 
-def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
+def with_motor(
+    fit: Fit, terms: tuple[Term, ...], begin: Parameters | None = None
+) -> tuple[Fit, tuple[Term, ...]]:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
 
     A load and a sag by the angle that were not kept are tried again beside them: they may show only
     there. Where the fit is poor a wide box is searched, too, and with the sag: first without a
-    sag, then, where that is new, with it.
+    sag, then, where that is new, with it. The motor found on other rows of the joint may be given
+    to begin with instead.
     """
     excerpt, loaded = _excerpt_to_search(fit, spread=True), None
     if excerpt is None:
         return fit, terms
     free, known = fit.free | only(*MOTOR), {term.name: term for term in terms}
-    motor = _motor(fit, _beginnings(fit, excerpt, free), free, fit.starts)
+    motor = _motor(fit, [begin] if begin else _beginnings(fit, excerpt, free), free, fit.starts)
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
         sag = only(*SAG) & ~free & fit.grid.unloaded
-        begins = _anywhere(fit, excerpt)
+        begins = [begin] if begin else _anywhere(fit, excerpt)
         bare = found = _motor(fit, begins, free | sag, fit.grid.measured_starts)
         if (found.free & sag).any():
             bare, loaded = left_out(found, SAG, scale=fit.scale, effort=ENOUGH), found
@@ -379,7 +382,7 @@ def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) ->
     begins = [Parameters(*np.where(free, each, fit.parameters).tolist()) for each in begins]
     trial = min((search(begin, free=free) for begin in begins), key=lambda each: each.cost)
     trial = search(trial.parameters, starts=trial.starts, free=free, effort=ENOUGH)
-    if _saving(fit, trial) >= 0.5 * SAVING:
+    if len(begins) > 1 and _saving(fit, trial) >= 0.5 * SAVING:
         trial = _redivided(trial, partial(search, free=free))
     if not pays(fit, trial):
         return fit
