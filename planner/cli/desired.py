@@ -360,8 +360,11 @@ def find_leg(run: settings.Run) -> LegPlace | None:
             )
         return None
     if leg.base is None or leg.foot is None:
+        if not Path(run.place(file)).exists():
+            raise InvalidFile(file, "no such file; check the name and the folder")
         raise BadSetting(
-            "your own robot needs ‹leg.base› and ‹leg.foot›, the frames at the leg's two ends"
+            f"{Path(file).name}: your own robot needs ‹leg.base› and ‹leg.foot›, the frames at the "
+            "leg's two ends"
         )
     locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
     locked |= leg.lock_m or {}

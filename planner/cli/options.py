@@ -355,6 +355,7 @@ def _option(key: str, declared: Declared, about: str) -> Callable[[Command], Com
     if attributes["multiple"] and not declared.by_joint and not about:
         text += " Repeat the option for several."
     default = declared.default_in_words.strip('"[]{}')
+    default = default.replace(".0,", "").removesuffix(".0") if "nargs" in attributes else default
     if default and "  [" not in text and (kind.type is not bool or "/" in declared.option):
         text += f"  [default: {default}]"
     if kind.type is bool:

@@ -28,7 +28,7 @@ from planner.learning.refine import refine
 from planner.planning.plan import Plan
 from planner.planning.views import Learning
 from planner.trajectory import Array, rms
-from planner.virtual.virtual_robot import CONSTANTS, Constants, VirtualRobot
+from planner.virtual.robot import CONSTANTS, Constants, VirtualRobot
 
 AMPLITUDES = (20.0, 40.0, 70.0)
 """Heights of the step tests [degrees]: small to large within the range that the walk needs."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.virtual.virtual_robot import CONSTANTS, Constants, drive_joint, load_mujoco
+from planner.virtual.robot import CONSTANTS, Constants, drive_joint, load_mujoco
 
 STS3215 = replace(
     CONSTANTS,

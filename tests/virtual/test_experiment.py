@@ -20,7 +20,7 @@ from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
 from planner.trajectory import rms
-from planner.virtual.virtual_robot import VirtualRobot
+from planner.virtual.robot import VirtualRobot
 
 PLANS = {"closed_form": "Des,MB", "optimal": "Des,Opt"}
 

@@ -12,7 +12,7 @@ import pytest
 
 import planner.virtual
 from kinematics import Leg, urdf_path
-from planner.virtual.virtual_robot import CONSTANTS, JOINTS, VirtualRobot, front_leg
+from planner.virtual.robot import CONSTANTS, JOINTS, VirtualRobot, front_leg
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 

@@ -14,8 +14,8 @@ from benchmark.pendulum import STS3215, Pendulum
 
 from planner.robot.bus import Bus
 from planner.robot.protocols import LOAD_UNIT, PROTOCOLS
+from planner.virtual.robot import CONSTANTS
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
-from planner.virtual.virtual_robot import CONSTANTS
 
 MOTION = {
     "step": {},
@@ -135,7 +135,7 @@ def test_faults_spoil_the_motion_of_their_servo_and_no_other(snapshot):
 @pytest.mark.parametrize("joint", ["leg", "pendulum"])
 def test_the_robot_moves_as_it_did(joint, snapshot):
     pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
-    from planner.virtual.virtual_robot import VirtualRobot
+    from planner.virtual.robot import VirtualRobot
 
     if joint == "leg":
         robot, goal = VirtualRobot(seed=2), np.array([0.6, 0.5, 1.0])

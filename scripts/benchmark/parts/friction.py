@@ -19,7 +19,7 @@ from benchmark.pendulum import STS3215, Pendulum
 from benchmark.table import Table
 from kinematics import Leg
 from planner.trajectory import Array, rms
-from planner.virtual.virtual_robot import Constants, VirtualRobot
+from planner.virtual.robot import Constants, VirtualRobot
 
 PERIOD = STS3215.request_period  # time between requests [s]
 CYCLES = 5  # cycles that are executed; the last one counts
