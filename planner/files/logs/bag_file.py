@@ -110,7 +110,7 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
         with _limited(path), of_format(place) as reader:
             topics = {connection.topic: connection.msgtype for connection in reader.connections}
             yield Bag(place, topics, reader, ros1)
-    except (PlannerError, MemoryError):
+    except PlannerError:
         raise
     except Exception as error:
         raise InvalidFile(
