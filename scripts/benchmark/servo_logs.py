@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 import planner
-from tests.identification.made import measured
+from tests.identification.made import measured, random_motion
 
 PERIODS = (0.01, 0.02)  # of the logs [s]
 
@@ -29,7 +29,9 @@ def random_servo(seed, *, kinds=("steps", "sines", "mixed"), seconds=30.0, **def
     }
     noise = math.radians(random.uniform(0.02, 0.2))
     quantum = math.radians(float(random.choice([0.0, 0.09, 0.3])))
-    requests = random_motion(random, period, kind=str(random.choice(kinds)), seconds=seconds)
+    requests = random_motion(
+        random, period, kind=str(random.choice(kinds)), seconds=seconds, span=0.6
+    )
     angles = servo(requests, period, **known, **defects)
     rows = {"times": period * np.arange(len(requests)), "requests": requests}
     rows["angles"] = measured(angles, random, noise=noise, quantum=quantum)
@@ -63,19 +65,3 @@ def servo(
         motor += step * speed
         angle = min(max(angle, motor - half), motor + half)
     return np.array(angles)
-
-
-def random_motion(random, period, *, kind, seconds, span=0.6):
-    """Requests [rad] within a span: random steps, four sines, or a third each of these and a
-    triangle of 4 s."""
-    count = round(seconds / period)
-    lengths = random.integers(round(0.2 / period), round(0.8 / period), size=count)
-    steps = np.repeat(random.uniform(-span, span, size=count), lengths)[:count]
-    times = period * np.arange(count)
-    turns = 2.0 * np.pi * np.outer(times, random.uniform(0.1, 1.5, 4))
-    sines = np.sum(np.sin(turns + random.uniform(0.0, 2.0 * np.pi, 4)), axis=1)
-    sines *= span / np.max(np.abs(sines))
-    triangle = span * (4.0 * np.abs(times / 4.0 % 1.0 - 0.5) - 1.0)
-    part = count // 3
-    mixed = np.concatenate([steps[:part], triangle[:part], sines[: count - 2 * part]])
-    return {"steps": steps, "sines": sines, "mixed": mixed}[kind]

@@ -81,8 +81,8 @@ def with_play(requests, period, *, play=0.05, fine=20):
     return np.array(angles)
 
 
-def mixed_motion(random, period, *, seconds, span):
-    """Requests [rad] within a span: a third each random steps, a triangle, and four sines."""
+def random_motion(random, period, *, kind, seconds, span):
+    """Requests [rad] within a span: random steps, sines, or a third each, a triangle between."""
     count = round(seconds / period)
     lengths = random.integers(round(0.2 / period), round(0.8 / period), size=count)
     steps = np.repeat(random.uniform(-span, span, size=count), lengths)[:count]
@@ -92,13 +92,14 @@ def mixed_motion(random, period, *, seconds, span):
     sines *= span / np.max(np.abs(sines))
     triangle = span * (4.0 * np.abs(times / 4.0 % 1.0 - 0.5) - 1.0)
     part = count // 3
-    return np.concatenate([steps[:part], triangle[:part], sines[: count - 2 * part]])
+    mixed = np.concatenate([steps[:part], triangle[:part], sines[: count - 2 * part]])
+    return {"steps": steps, "sines": sines, "mixed": mixed}[kind]
 
 
 def logged(joint: planner.JointModel, *, period: float, rows: int, seed: int = 0) -> planner.Log:
     """A log of a joint whose requests change with its rows, whatever its own ticks."""
     random = np.random.default_rng([seed, 1])
-    requests = mixed_motion(random, period, seconds=rows * period, span=1.0)
+    requests = random_motion(random, period, kind="mixed", seconds=rows * period, span=1.0)
     times = period * np.arange(len(requests))
     ticks = joint.tick * np.arange(int(times[-1] / joint.tick) + 2)
     in_force = np.searchsorted(times, ticks + 1e-6 * joint.tick, side="right") - 1
