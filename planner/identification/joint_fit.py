@@ -159,7 +159,7 @@ def moving(grid: Grid) -> Grid:
         raise InvalidInput(
             f"the log has {len(grid.angles)} rows to learn from, expected 10 or more with torque on"
         )
-    if np.ptp(requests_in_force(grid.edges, grid.requests, grid.ticks)) <= least:
+    if np.ptp(requests_in_force(grid.edges, grid.requests, grid.ticks, 0.0)) <= least:
         raise InvalidInput(
             "the requests never change in this log: record one in which they move the joint"
         )
@@ -329,5 +329,5 @@ def delayed_errors(grid: Grid, delay: float) -> Array:
     """
     from planner.model.kernel import requests_in_force
 
-    times = grid.times - (delay - 1e-6 * grid.tick)
-    return requests_in_force(grid.edges, grid.requests, times) - grid.angles
+    late = delay - 1e-6 * grid.tick
+    return requests_in_force(grid.edges, grid.requests, grid.times, late) - grid.angles

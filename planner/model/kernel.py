@@ -421,11 +421,11 @@ def number_in_force(edges: Array, time: float, number: int) -> int:
 
 
 @compiled
-def requests_in_force(edges: Array, requests: Array, times: Array) -> Array:
-    """The request in force at each of increasing times [rad]; before the first edge the first."""
+def requests_in_force(edges: Array, requests: Array, times: Array, before: float) -> Array:
+    """The request in force so long before each of increasing times [rad]; at first the first."""
     found, number = np.empty(len(times)), 0
     for k in range(len(times)):
-        number = number_in_force(edges, times[k], number)
+        number = number_in_force(edges, times[k] - before, number)
         found[k] = requests[number]
     return found
 
@@ -451,10 +451,9 @@ def beside_edges(servo: Servo, track: Track, apart: float) -> Array:
     for side in range(2):
         for edge in range(2):
             shift = servo.lag + edge * servo.window - (2.0 * side - 1.0) * apart
-            number = 0
-            for t in range(len(track.ticks)):
-                number = number_in_force(track.edges, track.ticks[t] - shift, number)
-                found[t, edge, side] = track.requests[number]
+            found[:, edge, side] = requests_in_force(
+                track.edges, track.requests, track.ticks, shift
+            )
     return found
 
 
