@@ -72,6 +72,11 @@ def as_reals(values: Any) -> Array:
     return np.array(array, dtype=np.float64)
 
 
+def finite(value: float) -> float | None:
+    """The value for JSON: None where it is not finite."""
+    return value if math.isfinite(value) else None
+
+
 def freeze(*arrays: npt.NDArray[Any] | None) -> None:
     """Make the arrays read-only; None is skipped."""
     for array in arrays:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -18,6 +17,7 @@ from planner.planning.plan import Plan
 from planner.planning.task import SMOOTHNESS
 from planner.planning.views import Inversion
 from planner.trajectory import Array
+from planner.validation import finite
 
 
 class Tolerance(NamedTuple):
@@ -102,11 +102,6 @@ class Check:
             "reason": self.tolerance.reason,
             "passed": self.passed,
         }
-
-
-def finite(value: float) -> float | None:
-    """The value for JSON: None where it is not finite."""
-    return value if math.isfinite(value) else None
 
 
 class Answer(NamedTuple):

@@ -35,7 +35,6 @@ from planner.evaluation.checks import (
     answer_checks,
     beyond_limits,
     bound_checks,
-    finite,
     kept_within,
     second_answer,
 )
@@ -52,7 +51,7 @@ from planner.planning.search import known_errors
 from planner.planning.task import Norm, Task, checked_leg
 from planner.planning.views import FootInversion, Inversion
 from planner.trajectory import Array, Distance, as_rows, error_norm, relative_gap, rms, size
-from planner.validation import Summarised, Summary, check_choice, shown
+from planner.validation import Summarised, Summary, check_choice, finite, shown
 
 METHODS: Mapping[str, str] = {
     "closed_form_paper": "closed form, paper's rule",

@@ -24,7 +24,7 @@ from planner.model.evidence import (
 )
 from planner.model.joint import JointModel
 from planner.trajectory import Array, Mask, rms, stretches
-from planner.validation import ReadOnly, Summarised, Summary, freeze, read_only
+from planner.validation import ReadOnly, Summarised, Summary, finite, freeze, read_only
 
 if TYPE_CHECKING:
     import jinja2
@@ -454,7 +454,7 @@ class Identification(ReadOnly, Summarised):
             "verdict": self.verdict,
             "reason": self.reason,
             "expected_error": self.expected_error,
-            "fastest": self.fastest if math.isfinite(self.fastest) else None,
+            "fastest": finite(self.fastest),
             "heaviest": self.heaviest,
             "warnings": list(self.warnings),
             "rms": self.rms,
@@ -462,12 +462,14 @@ class Identification(ReadOnly, Summarised):
             "noise": self.noise,
             "unexplained": self.unexplained,
             "signal": self.signal,
-            "intervals": {name: _ends(of) for name, of in self.intervals.items()},
+            "intervals": {name: [*map(finite, of)] for name, of in self.intervals.items()},
             "gain": self.gain,
-            "gain_interval": _ends(self.gain_interval),
+            "gain_interval": [*map(finite, self.gain_interval)],
             "covariance": None if self.covariance is None else self.covariance.tolist(),
             "alternatives": [asdict(other) for other in self.alternatives],
-            "terms": [vars(term) | {"interval": _ends(term.interval)} for term in self.terms],
+            "terms": [
+                vars(term) | {"interval": [*map(finite, term.interval)]} for term in self.terms
+            ],
             "logs": [
                 {
                     "name": fit.log.name,
@@ -538,7 +540,3 @@ def _reach(value: float, interval: Interval) -> float:
     """How far the interval reaches from the value; as far as the value is large without an end."""
     reach = max(interval.upper - value, value - interval.lower)
     return reach if math.isfinite(reach) else value
-
-
-def _ends(interval: Interval) -> list[float | None]:
-    return [end if math.isfinite(end) else None for end in interval]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Sequence
 from typing import Any
@@ -14,6 +13,7 @@ from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.wording import Column, Row, Table, by_columns, words_of
+from planner.validation import finite
 
 WORDS = {
     "length": ("half stroke", "m"),
@@ -73,7 +73,7 @@ def sweep_results(swept: Swept) -> list[dict[str, Any]]:
             {
                 "point": each.number,
                 **dict(zip(swept.names, each.point, strict=True)),
-                **{k: value if math.isfinite(value) else None for k, value in numbers.items()},
+                **{name: finite(value) for name, value in numbers.items()},
                 "slowest_joint": each.slowest or None,
                 "unreachable_samples": each.unreachable,
                 "on_front": each.number in front,
