@@ -109,7 +109,7 @@ MOSTLY_FREE = 0.5
 ASTRAY, LOST = 1.5, 0.2
 """Held-out error, over that of the fit to all rows, from which on another joint is sought among the
 first halves; and the share of the loss by which it may fit them worse. (Of 38 logs of 1 to 3.5 s
-four are wrongly refused without that.)"""
+four were refused without that which a search of each half accepted, with it two are.)"""
 
 MAYBE_UNLIMITED = 10.0
 """Up to how many times its loss without further terms a joint that never saturates is tried with
