@@ -91,13 +91,6 @@ def test_any_joint_gets_a_plan_that_keeps_its_bound(norm, model, desired, seed):
         assert made.plan.task.loads[0] is None or np.array_equal(made.plan.task.loads[0], load)
 
 
-def test_a_mirrored_joint_has_the_mirrored_plan():
-    mirrored = replace(SERVO, v_offset=-SERVO.v_offset)
-    for path, desired in PATHS.items():
-        other = invert_optimal(mirrored, -desired, load=-LOADS["gravity"])
-        assert other.rms == pytest.approx(optimal(path, "gravity").rms, rel=1e-3)
-
-
 @pytest.mark.usefixtures("brief_search")
 def test_a_leg_with_friction_and_load_brings_its_foot_closer_than_without():
     walk = reference_walk()

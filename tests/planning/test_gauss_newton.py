@@ -9,7 +9,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from planner import reference_walk, simulate
+from planner import reference_walk
 from planner.model.response import load_by_period, motion_under
 from planner.planning import gauss_newton
 from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, pattern_of
@@ -266,17 +266,6 @@ def test_all_periods_of_a_long_path_lead_where_its_simulation_does(cyclic):
     assert np.all(point.slopes[0, 0, 0, 1:] > 0.0)  # also the last ones are filled
 
 
-def test_the_curvature_of_a_foot_is_that_of_its_derivatives_and_a_ridge():
-    problem = leg_problem()
-    point = point_at(problem, Stage(0.3, 0.0))
-    values, jacobians = (each[:, 0] for each in problem.errors(point.states))
-    curvature = np.einsum("kij,kih->kjh", jacobians, jacobians) + 1e-4 * np.eye(3)
-    np.testing.assert_allclose(point.quadratic[:, 0, :, :3], curvature, rtol=1e-12, atol=1e-15)
-    gradient = np.einsum("kij,ki->kj", jacobians, values)
-    np.testing.assert_allclose(point.quadratic[:, 0, :, 3], gradient, rtol=1e-12, atol=1e-15)
-    assert point.costs[0] == pytest.approx(np.sum(values**2))
-
-
 @pytest.mark.parametrize("power", [2.0, 8.0])
 def test_without_a_unit_errors_count_in_that_of_the_largest(power):
     problem = replace(joint(1, cyclic=True, scenarios=2), norm="max", weights=(0.2, 0.8))
@@ -289,17 +278,6 @@ def test_without_a_unit_errors_count_in_that_of_the_largest(power):
     np.testing.assert_allclose(
         evaluated(problem, stage, point.requests, point.states, unit).costs, point.costs
     )
-
-
-@CYCLIC
-@SMOOTHING
-def test_the_regularisation_adds_its_weight_times_its_squares(smoothing, cyclic):
-    problem = joint(3, cyclic=cyclic, friction=True)
-    stage = Stage(0.3, 0.25, 2.0, 1, smoothing)
-    point = point_at(problem, stage)
-    away = point.requests - problem.resting
-    expected = problem.roughness(point.requests) if smoothing else float(np.sum(away**2))
-    assert point.costs[1] - point.costs[0] == pytest.approx(0.25 * expected)
 
 
 @CYCLIC
@@ -337,23 +315,6 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
 SAME = 1e-9  # agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]
 
 
-@CYCLIC
-@pytest.mark.parametrize(("joints", "hold"), [(1, 1), (2, 3), (3, 1)])
-def test_the_exact_angles_are_those_of_the_simulation(joints, hold, cyclic):
-    """Of joints of different lag, sag and tick, but of one period."""
-    rng = np.random.default_rng([joints, hold, cyclic])
-    models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(joints)]
-    models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)
-    desired = np.transpose([saturating(rng, model, samples=30) for model in models])
-    problem = problem_of(Task.of(models, desired, cyclic=cyclic))
-    requests = problem.admissible(problem.resting + rng.uniform(-0.1, 0.1, desired.shape))
-    angles = problem.exact_angles(requests)
-    for joint, model in enumerate(problem.models):
-        start = None if cyclic else float(problem.start[joint])
-        alone = simulate(model, requests[:, joint], cyclic=cyclic, start=start)
-        np.testing.assert_allclose(angles[:, joint], alone, rtol=0.0, atol=SAME)
-
-
 def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nominal_one():
     problem = track(ERS210A, np.zeros(3), cyclic=False, start=0.3)
     raised = replace(ERS210A, offset=0.1)
@@ -369,22 +330,6 @@ def test_what_cycles_have_added_is_taken_off_the_desired_angles_within_the_limit
     added = np.array([[0.05], [-0.1], [0.2]])
     task = replace(Task.of([ERS210A], desired, limits=(-0.05, 0.3)), disturbance=added)
     np.testing.assert_allclose(problem_of(task).desired, [[0.25], [0.3], [-0.05]])
-
-
-def test_the_largest_error_over_several_models_is_that_of_all_of_them_together():
-    """So that powers of it lower the distances of (10), not those of each model by itself."""
-    problem = track(ERS210A, np.zeros(3), cyclic=True, norm="max")
-    assert allocated(problem.spec, smoothing=False).quadratic.shape[1] == 1
-    several = problem.in_scenarios([(ERS210A,)] * 2, np.zeros((2, 3)), "worst")
-    assert allocated(several.spec, smoothing=False).quadratic.shape[1:] == (1, 2, 3)
-    each = allocated(replace(several, norm="rms").spec, smoothing=False)
-    assert each.quadratic.shape[1:] == (2, 1, 2)
-    angles = np.array([[0.1, 0.2], [-0.4, 0.1], [0.0, 0.3]])
-    mean = math.sqrt((0.01 + 0.16 + 0.04 + 0.01 + 0.09) / 6.0)
-    np.testing.assert_allclose(several.errors_of_models(angles)[1], [0.4, 0.3, mean])
-    assert several.error(angles) == pytest.approx(0.4)
-    even = replace(several, robust="mean")
-    assert even.error(angles) == pytest.approx(math.sqrt((0.16 + 0.09) / 2.0))
 
 
 def test_with_dry_friction_roughness_counts_how_far_requests_are_from_the_middle_of_the_band():

@@ -14,8 +14,6 @@ from planner.planning import search
 from planner.planning.problem import problem_of
 from planner.planning.search import (
     NARROW,
-    Motion,
-    allowed,
     judged,
     known_errors,
     minimise,
@@ -52,17 +50,6 @@ def rough(plan):
     columns = np.asarray(plan.requests).reshape(len(plan.requests), -1)
     ends = (columns[-1:], columns[:1]) if plan.cyclic else (columns[:1], columns[:0])
     return float(np.sum(np.diff(np.vstack([ends[0], columns, ends[1]]), n=2, axis=0) ** 2))
-
-
-@pytest.mark.parametrize("seed", [6, 15])
-def test_a_first_request_in_the_middle_of_the_dead_band_costs_nothing_beside_the_share(seed):
-    rng = np.random.default_rng(seed)
-    model = replace(ERS210A, dead_band=rng.uniform(0.03, 0.15))
-    desired = np.cumsum(rng.uniform(-1.0, 1.0, 30)) * rng.uniform(0.02, 0.1)
-    desired -= desired[0]
-    rugged = invert_optimal(model, desired, cyclic=False, smoothness=0.0)
-    plan = invert_optimal(model, desired, cyclic=False)
-    assert ENCODER_STEP < plan.rms <= allowed_error(rugged.rms, 0.005) + ROUNDING
 
 
 @CYCLIC
@@ -215,17 +202,6 @@ def test_requests_at_rest_are_not_bought_with_steps_of_the_others():
     assert np.ptp(plan.requests[150:180]) <= 2e-5
 
 
-def test_where_the_largest_error_does_not_bind_requests_are_as_smooth_as_for_the_mean():
-    ratios = []
-    for seed in range(6):
-        rng = np.random.default_rng(seed)
-        model = random_model(rng)
-        desired = saturating(rng, model)
-        largest, mean = (rough(invert_optimal(model, desired, norm=n)) for n in ("max", "rms"))
-        ratios.append(largest / mean)
-    assert max(ratios) <= 2.0
-
-
 def foot_problem(models=ERS210A, **options):
     """The reference walk's foot, every fourth sample, and a motion beside its desired angles."""
     walk = reference_walk()
@@ -283,25 +259,6 @@ def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion
     np.testing.assert_array_equal(once[:3], ENCODER_STEP)
     assert once[3] == pytest.approx(0.004, rel=0.05)
     assert cyclic[3] > 2.0 * once[3]
-
-
-def test_more_is_allowed_where_nearly_the_same_motion_follows_from_many_requests():
-    """For a foot and with dry friction an encoder's step in any case."""
-    desired = np.zeros(5)
-    plain = track(ERS210A, desired, cyclic=True)
-    sticky = track(replace(ERS210A, dead_band=0.01), desired, cyclic=True)
-    foot, _ = foot_problem()
-    for problem, unseen in ((plain, False), (sticky, True), (foot, True)):
-        smooth, plan = replace(problem, smoothness=0.1), replace(problem, smoothness=0.0)
-        motion = judged(problem, problem.resting)
-        assert motion.negligible == (motion.unseen if unseen else 0.0)
-        allowance = 0.05 if motion.negligible else 0.0
-        best = Motion(motion.requests, motion.angles, 0.3, 0.2, 0.4, 0.05, allowance)
-        assert allowed(smooth, best._replace(error=0.37), best)  # hypot(0.37, 0.4) is 0.545
-        assert not allowed(smooth, best._replace(error=0.39), best)
-        assert allowed(smooth, best._replace(error=0.04, model_error=2.0), best) == unseen
-        assert allowed(plan, best, best)
-        assert not allowed(plan, best._replace(error=0.3001), best)
 
 
 def test_the_best_end_of_all_sharp_stages_is_kept_even_if_the_last_is_worse():

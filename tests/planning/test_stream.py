@@ -394,29 +394,6 @@ def test_a_copy_of_a_stream_goes_on_alike_and_on_its_own(copied, options):
 
 
 @pytest.mark.parametrize("cycle", [None, 30])
-@pytest.mark.parametrize("seed", range(2))
-def test_a_mirrored_stream_answers_mirrored_requests_and_says_the_same(seed, cycle):
-    rng, model = random_joint(seed)
-    mirrored = replace(model, offset=-model.offset, v_offset=-model.v_offset)
-    path = 0.6 * saturating(rng, model, samples=60)[:, np.newaxis]
-    low, high = (float(np.quantile(path, share)) for share in (0.2, 0.9))
-    streams = [
-        planner.Stream(each, preview=20, limits=limits, cycle=cycle)
-        for each, limits in ((model, (low, high)), (mirrored, (-high, -low)))
-    ]
-    said = set()
-    for k, rows in enumerate(stretches(path, 20)):
-        read, missed = path[k] + rng.normal(scale=0.05), int(rng.integers(0, 2))
-        one = streams[0].step(rows, read, missed=missed)
-        other = streams[1].step(-rows, -read, missed=missed)
-        np.testing.assert_allclose(other, -one, rtol=0.0, atol=1e-9)
-        assert streams[0].status == streams[1].status
-        assert bool(streams[0].problem) == bool(streams[1].problem)
-        said |= set(streams[0].status)
-    assert said >= {"unreachable"}
-
-
-@pytest.mark.parametrize("cycle", [None, 30])
 def test_a_stream_that_was_reset_is_as_new(cycle):
     _, model = random_joint(1)
     path = smooth_path(90)

@@ -20,9 +20,7 @@ from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.multipliers import bound_of, certified_error, nearest_motion
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
-    pose_sags,
     reachable_set,
-    speed_conditions,
 )
 from planner.planning.task import NORMS
 from planner.trajectory import error_norm
@@ -52,14 +50,6 @@ def set_of(model, samples, *, cyclic, level, start=None, load=None):
     return reachable_set(BoundProblem(model, np.zeros(samples), cyclic, "rms", start, load), level)
 
 
-def envelope_of(model):
-    """The numbers of condition 2 without a load, the same for every tick and direction."""
-    found = speed_conditions(model, np.zeros(3), pose_sags(model), cyclic=True)
-    (_, up, _, most_up), (_, down, _, most_down) = found
-    assert np.ptp([up, down]) == np.ptp([most_up, most_down]) == 0.0
-    return up[0], most_up[0]
-
-
 def loads_of(model, samples, seed):
     """Torques within ±1 N m, constant, slow or different at every sample; or none."""
     rng = np.random.default_rng(seed)
@@ -74,17 +64,6 @@ def test_the_bounds_on_the_reference_walk_are_the_known_ones(joint):
     for level, bound in known.items():
         found = lower_bound(ERS210A, joint.desired, level=level)
         assert math.degrees(found) == pytest.approx(bound, abs=2e-4)
-
-
-@pytest.mark.parametrize("norm", NORMS)
-def test_a_zigzag_is_missed_by_what_a_tick_cannot_cover(norm):
-    far = 10.0 * ERS210A.v_max_per_tick
-    half = (far - ERS210A.v_max_per_tick) / 2.0
-    bound = lower_bound(ERS210A, [0.0, far] * 5, norm=norm, level="slope")
-    assert bound == pytest.approx(half, rel=OPTIMAL)
-    kept, gain = envelope_of(ERS210A)  # w(t+1) = -w(t), so (1 + kept) |w| <= gain
-    bound = lower_bound(ERS210A, [0.0, far] * 5, norm=norm, level="envelope")
-    assert bound == pytest.approx((far - gain / (1.0 + kept)) / 2.0, rel=OPTIMAL)
 
 
 def at_every_tick(model, requests, load, *, cyclic, start=None):
@@ -123,25 +102,6 @@ def test_a_motor_that_friction_stops_meets_the_conditions():
     angles = simulate(model, np.repeat([0.0, 0.3], [5, 40]), cyclic=False)
     reachable = set_of(model, 45, cyclic=False, level="envelope")
     assert np.max(reachable.matrix @ angles - reachable.limits) <= 1e-10
-
-
-@pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("cyclic", [True, False])
-@settings(max_examples=15)
-@given(model=ANY_MODEL, desired=trajectories(least=3, most=14), seed=st.integers(0, 2**32 - 1))
-def test_slope_is_below_envelope_and_envelope_below_every_plan(norm, cyclic, model, desired, seed):
-    load = loads_of(model, len(desired), seed)
-    slope = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="slope", load=load)
-    envelope_ = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="envelope", load=load)
-    assert 0.0 <= slope <= envelope_ + OPTIMAL * (np.ptp(desired) + model.v_max * model.period)
-    rng = np.random.default_rng(seed)
-    for spread in (0.0, 0.05, 1.0):
-        requests = desired - model.offset + spread * rng.normal(size=len(desired))
-        try:
-            angles = simulate(model, requests, cyclic=cyclic, load=load)
-        except NoSteadyCycle:  # a joint with inertia that overshoots may ring for ever
-            reject()
-        assert envelope_ <= error_norm(angles - desired, norm) + ROUNDING
 
 
 @pytest.mark.parametrize(
@@ -222,19 +182,6 @@ def test_the_best_plan_of_a_joint_that_sags_by_its_pose_is_above_its_bound(seed,
         plan = planner.invert_optimal(model, desired, cyclic=cyclic, norm=norm, smoothness=0.0)
         bound = lower_bound(model, desired, cyclic=cyclic, norm=norm, start=start)
         assert 0.75 * plan.error <= bound <= plan.error
-
-
-@pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_the_bound_does_not_change_with_shift_mirror_rotation_or_unit(cyclic, norm):
-    rng, unit = np.random.default_rng(2), 57.3
-    model = random_model(rng, whole=False, offset=True)
-    desired = saturating(rng, model, samples=40)
-    same = pytest.approx(lower_bound(model, desired, cyclic=cyclic, norm=norm), rel=10.0 * OPTIMAL)
-    for other in (desired + 3.0, -desired, *([np.roll(desired, 7)] if cyclic else [])):
-        assert lower_bound(model, other, cyclic=cyclic, norm=norm) == same
-    scaled = replace(model, v_max=unit * model.v_max, theta_0=unit * model.theta_0)
-    assert lower_bound(scaled, unit * desired, cyclic=cyclic, norm=norm) / unit == same
 
 
 @pytest.mark.parametrize("norm", NORMS)

@@ -162,13 +162,6 @@ def test_where_the_joints_could_follow_nothing_is_searched(monkeypatch):
     assert plan.lower_bound == 0.0
 
 
-def test_a_cycle_may_begin_anywhere():
-    plan = short_plan(1, True, "rms", samples=8)
-    task = replace(plan.plan.task, foot=np.roll(plan.plan.task.desired_foot, 5, axis=0))
-    later = foot_bound(task, np.roll(plan.predicted, 5, axis=0))
-    assert later == pytest.approx(plan.lower_bound, rel=0.01)
-
-
 @settings(max_examples=10)
 @given(seed=st.integers(0, 1000), share=st.floats(0.0, 2.0), size=st.floats(0.0, 10.0))
 def test_minima_are_proved_from_below_and_reached_from_above(seed, share, size):

@@ -92,16 +92,6 @@ def test_on_the_reference_walk_no_plan_of_single_joints_is_better(norm, cyclic):
         assert_no_better(np.clip(form.requests, *limits_of(plan)), plan)
 
 
-@pytest.mark.parametrize("end", ["front", "hind"])
-def test_mirror_legs_get_mirror_plans(end):
-    left, right = ers210a_leg(f"{end}_left"), ers210a_leg(f"{end}_right")
-    path = left.foot_positions(stride(left))
-    plan = invert_foot(ERS210A, left, path)
-    mirror = invert_foot(ERS210A, right, path * [1.0, -1.0, 1.0])
-    np.testing.assert_allclose(mirror.requests, plan.requests, rtol=0.0, atol=1e-3)
-    assert mirror.rms == pytest.approx(plan.rms, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("shape", "cyclic"), list(zip(SHAPES, [True, False, True, False, True], strict=True))
 )
