@@ -12,7 +12,6 @@ from planner.approximation.curve import CurveStack
 from planner.planning import pattern_search
 from planner.planning.closed_form import (
     approximations,
-    closed_form_requests,
     invert_closed_form,
     requests_of,
 )
@@ -154,21 +153,3 @@ def test_lines_are_as_steep_each_way_as_the_joint_is_fast():
     lines = invert_closed_form(model, desired, segments=2, refine=False).approximation
     assert rise / model.period > model.v_max - 1.5
     np.testing.assert_allclose(lines.angles, desired, rtol=0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_many_curves_are_requested_as_each_by_itself(cyclic, rule):
-    rng = np.random.default_rng(0)
-    model = random_model(rng, whole=False, hold=2, offset=True)
-    options = {"cyclic": cyclic, "segments": 5, "rule": rule, "refine": False}
-    plan = invert_closed_form(model, saturating(rng, model), **options)
-    fit = plan.approximation
-    curves = [replace(fit, values=share * fit.values) for share in (1.0, -0.7, 0.3)]
-    together = closed_form_requests(model, curves, rule=rule)
-    alone = [closed_form_requests(model, curve, rule=rule) for curve in curves]
-    np.testing.assert_array_equal(together, np.stack(alone))
-    stack = CurveStack.of(curves)
-    np.testing.assert_array_equal(closed_form_requests(model, stack, rule=rule), together)
-    first = 0 if cyclic else 1  # which holds the joint at the first angle
-    np.testing.assert_allclose(together[0, first:], plan.requests[first:], rtol=0.0, atol=SAME)

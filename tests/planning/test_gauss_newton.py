@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import cvxpy as cp
@@ -266,20 +265,6 @@ def test_all_periods_of_a_long_path_lead_where_its_simulation_does(cyclic):
     assert np.all(point.slopes[0, 0, 0, 1:] > 0.0)  # also the last ones are filled
 
 
-@pytest.mark.parametrize("power", [2.0, 8.0])
-def test_without_a_unit_errors_count_in_that_of_the_largest(power):
-    problem = replace(joint(1, cyclic=True, scenarios=2), norm="max", weights=(0.2, 0.8))
-    stage = Stage(0.3, 0.0, power)
-    point = point_at(problem, stage, unit=0.0)
-    distances = problem.distances(point.states)
-    unit = float(np.max(distances))
-    assert point.costs[2] == pytest.approx(unit)
-    assert point.costs[0] == pytest.approx(unit**2 * np.sum((distances / unit) ** power))
-    np.testing.assert_allclose(
-        evaluated(problem, stage, point.requests, point.states, unit).costs, point.costs
-    )
-
-
 @CYCLIC
 @pytest.mark.parametrize("case", [{"seed": 0}, {"seed": 2, "inertia": True}], ids=str)
 def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(case, cyclic):
@@ -315,37 +300,11 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
 SAME = 1e-9  # agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]
 
 
-def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nominal_one():
-    problem = track(ERS210A, np.zeros(3), cyclic=False, start=0.3)
-    raised = replace(ERS210A, offset=0.1)
-    both = problem.in_scenarios([(raised,), (ERS210A,)], np.zeros((2, 3)), "mean")
-    np.testing.assert_array_equal(both.first_requests, problem.first_requests)
-    weighted = replace(both, weights=(0.2, 0.8))
-    distances = weighted.distances(np.tile([3.0, 1.0], (3, 1)))
-    np.testing.assert_allclose(distances, math.sqrt(0.2 * 9.0 + 0.8 * 1.0), rtol=1e-12)
-
-
 def test_what_cycles_have_added_is_taken_off_the_desired_angles_within_the_limits():
     desired = np.array([[0.3], [0.2], [0.1]])
     added = np.array([[0.05], [-0.1], [0.2]])
     task = replace(Task.of([ERS210A], desired, limits=(-0.05, 0.3)), disturbance=added)
     np.testing.assert_allclose(problem_of(task).desired, [[0.25], [0.3], [-0.05]])
-
-
-def test_with_dry_friction_roughness_counts_how_far_requests_are_from_the_middle_of_the_band():
-    """A tenth of the distance, beside second differences; docs/math.md, section 6."""
-    requests = np.random.default_rng(5).normal(size=(6, 1))
-    at_rest, closed = (np.vstack([each, requests]) for each in (requests[:1], requests[-1:]))
-    for cyclic, path in ((True, np.vstack([closed, requests[:1]])), (False, at_rest)):
-        start = None if cyclic else 0.1
-        plain, sticky = (
-            track(replace(ERS210A, dead_band=band), np.full(6, 0.1), cyclic=cyclic, start=start)
-            for band in (0.0, 0.02)
-        )
-        squares = float(np.sum(np.diff(path, 2, axis=0) ** 2))
-        assert plain.roughness(requests) == pytest.approx(squares)
-        away = float(np.sum((0.1 * (requests - 0.1)) ** 2))
-        assert sticky.roughness(requests) == pytest.approx(squares + away)
 
 
 @CYCLIC

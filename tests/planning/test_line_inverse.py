@@ -84,14 +84,6 @@ def test_the_exact_offset_is_the_smallest_that_keeps_the_joint_on_the_line(model
     assert error[0] < -1e-12  # some request of the window is unsaturated and the joint falls behind
 
 
-@pytest.mark.parametrize("hold", [1, 2, 4])
-def test_the_rules_differ_by_half_a_tick_of_motion_however_long_a_request_is_held(hold):
-    model = replace(ERS210A, tick=ERS210A.tick / hold, hold=hold)
-    slope = 0.05 * model.v_max  # within Equation 11
-    paper, exact = (float(line_offset(model, slope, rule=rule)) for rule in ("paper", "exact"))
-    assert paper - exact == pytest.approx(0.5 * slope * model.tick, rel=1e-9)
-
-
 @pytest.mark.parametrize("rule", ["paper", "exact"])
 def test_an_array_of_slopes_is_answered_one_by_one(rule):
     slopes = np.linspace(-1.0, 1.0, 12).reshape(3, 4) * ERS210A.v_max
@@ -125,19 +117,6 @@ def test_the_exact_rule_keeps_any_joint_on_the_line(model, load, share):
     slope = share * float(high if share > 0.0 else -low)
     error = steady_error(model, slope, line_offset(model, slope, load=load), load=load)
     assert np.max(np.abs(error)) < STEADY
-
-
-@pytest.mark.parametrize("load", [0.0, 0.4, -0.4])
-@pytest.mark.parametrize("rule", ["exact", "paper"])
-def test_a_slow_line_gains_the_dead_band_less_the_sag(rule, load):
-    slow = 1e-6 * ERS210A.v_max
-    sag = float(FRICTIONAL.sag(load))
-    without = line_offset(ERS210A, slow, rule=rule)
-    band = FRICTIONAL.dead_band
-    up, down = (line_offset(FRICTIONAL, m, rule=rule, load=load) for m in (slow, -slow))
-    assert up == pytest.approx(band - sag + without, abs=1e-12)
-    assert down == pytest.approx(-band - sag - without, abs=1e-12)
-    assert line_offset(FRICTIONAL, 0.0, rule=rule, load=load) == -sag
 
 
 def test_the_slopes_end_at_the_top_speed_of_either_direction():

@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 from planner import invert_foot, invert_optimal, reference_walk
-from planner.planning import gauss_newton
-from tests.from_python import from_python
 from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
-
-keep_step = from_python(gauss_newton.keep_step)
 
 EXACT = 1e-12  # by how much a step may exceed the limit: the rounding of one subtraction [relative]
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
@@ -84,18 +80,3 @@ def test_the_foot_keeps_one_limit_or_one_for_each_joint(cyclic):
     if cyclic:
         free = invert_foot(ERS210A, walk.leg, walk.desired_foot)
         assert made.rms <= 1.02 * free.rms
-
-
-@CYCLIC
-def test_requests_are_brought_within_the_step_and_their_range_once(cyclic):
-    rng = np.random.default_rng(0)
-    limits, requests = np.array([0.01, np.inf]), rng.normal(size=(200, 2))
-    near = requests.copy()
-    keep_step(near, limits, cyclic)
-    assert np.all(steps(near, cyclic=cyclic) <= limits * (1.0 + EXACT))
-    np.testing.assert_array_equal(near[:, 1], requests[:, 1])
-    assert requests.min() <= near.min() <= near.max() <= requests.max()
-    assert cyclic or near[0, 0] == requests[0, 0]
-    again = near.copy()
-    keep_step(again, limits, cyclic)
-    np.testing.assert_allclose(again, near, rtol=0.0, atol=1e-9 * limits[0])

@@ -21,20 +21,24 @@ PHASE = 2.0 * np.pi * np.arange(60) / 60
 DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE)])
 
 
-@pytest.fixture(scope="module")
-def plan():
-    return planner.plan({"hip": ERS210A, "knee": SLOW}, DESIRED, limits=(-0.5, 0.5))
+LOADED = replace(ERS210A, compliance=0.05, dead_band=0.01)
+TORQUES = np.column_stack([0.3 * np.cos(PHASE), 0.1 + 0.0 * PHASE])
 
 
-def test_each_joint_is_planned_as_by_itself(plan):
-    for j, model in enumerate((ERS210A, SLOW)):
-        alone = planner.invert_optimal(model, DESIRED[:, j], limits=(-0.5, 0.5))
+@pytest.mark.parametrize("method", ["optimal", "closed_form"])
+def test_each_joint_is_planned_as_by_itself(method):
+    models = {"hip": LOADED, "knee": SLOW}
+    limits = {"limits": (-0.5, 0.5)} if method == "optimal" else {}
+    plan = planner.plan(models, DESIRED, load=TORQUES, method=method, **limits)
+    invert = planner.invert_optimal if method == "optimal" else planner.invert_closed_form
+    for j, model in enumerate(models.values()):
+        alone = invert(model, DESIRED[:, j], load=TORQUES[:, j], **limits)
         np.testing.assert_array_equal(plan.requests[:, j], alone.requests)
         np.testing.assert_array_equal(plan.predicted[:, j], alone.predicted)
         assert plan.rms[j] == alone.rms
         assert plan.inversions[j].lower_bound == alone.lower_bound
     np.testing.assert_array_equal(plan.desired, DESIRED)
-    assert (plan.names, plan.models) == (("hip", "knee"), (ERS210A, SLOW))
+    assert (plan.names, plan.models) == (("hip", "knee"), (LOADED, SLOW))
 
 
 def test_a_caller_who_makes_underflow_an_error_gets_the_plan_all_the_same():
@@ -62,19 +66,6 @@ def test_one_column_is_one_joint():
     made = planner.plan({"": ERS210A}, DESIRED[:, 0], method="closed_form", segments=4)
     assert (made.names, made.requests.shape) == (("joint_1",), (60, 1))
     assert made.inversions[0].approximation.segments == 4
-
-
-LOADED = replace(ERS210A, compliance=0.05, dead_band=0.01)
-TORQUES = np.column_stack([0.3 * np.cos(PHASE), 0.1 + 0.0 * PHASE])
-
-
-@pytest.mark.parametrize("method", ["optimal", "closed_form"])
-def test_a_load_is_that_of_each_joint(method):
-    made = planner.plan(LOADED, DESIRED, load=TORQUES, method=method)
-    invert = planner.invert_optimal if method == "optimal" else planner.invert_closed_form
-    for j in range(2):
-        alone = invert(LOADED, DESIRED[:, j], load=TORQUES[:, j])
-        np.testing.assert_array_equal(made.requests[:, j], alone.requests)
 
 
 WITHOUT_EFFECT = {

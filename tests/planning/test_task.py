@@ -161,17 +161,6 @@ def test_a_load_is_kept_where_any_model_of_a_joint_feels_it():
     assert (unloaded.load, unloaded.load_of_pose) == (None, False)
 
 
-def test_errors_of_a_foot_count_along_its_axes_by_the_roots_of_their_weights():
-    walk = reference_walk()
-    task = Task.of(SERVO, walk.desired_foot[::8], leg=walk.leg, weights=(0.0, 0.5, 2.0))
-    angles = task.desired + 0.1
-    off = walk.leg.foot_positions(angles) - walk.desired_foot[::8]
-    squares = 0.25 * off[:, 1] ** 2 + off[:, 2] ** 2  # the heaviest counts by 1
-    assert task.errors_of(angles) == pytest.approx(np.sqrt([np.mean(squares)]))
-    largest = replace(task, norm="max").errors_of(angles)
-    assert largest == pytest.approx(np.sqrt([np.max(squares)]))
-
-
 def test_from_rest_a_leg_begins_as_near_to_the_first_point_as_its_limits_let_it_rest():
     walk = reference_walk()
     nearest = Task.of(SERVO, walk.desired_foot[::8], leg=walk.leg).desired[0]

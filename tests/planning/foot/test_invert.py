@@ -143,17 +143,6 @@ def test_joints_of_different_kinds_are_planned_together(hold, cyclic):
         np.testing.assert_allclose(angles, expected, rtol=0.0, atol=SAME)
 
 
-def test_from_rest_the_joints_hold_the_first_pose_until_the_second_request_acts():
-    leg = ers210a_leg("front_right")
-    model = replace(ERS210A, offset=0.1)
-    desired = stride(leg)
-    plan = invert_foot(model, leg, leg.foot_positions(desired), cyclic=False)
-    np.testing.assert_allclose(plan.plan.task.start, desired[0], rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(plan.requests[0] + 0.1, plan.plan.task.start, rtol=0.0, atol=1e-15)
-    np.testing.assert_allclose(plan.predicted[:5], [plan.plan.task.start] * 5, rtol=0.0, atol=1e-15)
-    assert reference_plan().plan.task.start is None
-
-
 @pytest.mark.parametrize("offset", [-0.1, 0.1])
 def test_joints_that_sag_follow_a_path_along_the_limits_of_the_leg_too(offset):
     plan = invert_foot(replace(ERS210A, offset=offset), WALK.leg, WALK.desired_foot)

@@ -88,17 +88,6 @@ def test_of_a_single_joint_the_foots_plan_is_as_good_as_the_joints(tmp_path):
         assert after[0] == pytest.approx(radius * after[1], rel=0.03)
 
 
-def test_limits_and_largest_steps_hold_and_the_plan_is_the_same_again():
-    limits = np.radians([[-8.0, 10.0, 45.0], [8.0, 30.0, 75.0]])
-    asked = {"limits": (limits[0], limits[1]), "max_step": 0.04, "robust": "mean"}
-    made = invert_foot(MODELS, LEG, path(), **asked)
-    assert made.largest_step <= 0.04 * (1.0 + 1e-12)
-    assert np.all(made.requests >= limits[0])
-    assert np.all(made.requests <= limits[1])
-    again = invert_foot(MODELS, LEG, path(), **asked)
-    np.testing.assert_array_equal(made.requests, again.requests)
-
-
 def test_every_model_is_judged_under_the_load_that_it_feels():
     soft = replace(ERS210A, compliance=0.05)
     load = np.array([0.3, 0.2, -0.4])
