@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from planner.approximation import inner_loops
 from planner.approximation.fit_problem import Problem, candidate
-from planner.approximation.inner_loops import segment_costs
 from planner.approximation.values import (
     attainable_error,
     best_values,
@@ -21,8 +20,6 @@ from planner.approximation.values import (
 from planner.trajectory import steps
 from tests.approximation.samples import KINDS, samples_of
 from tests.from_python import from_python
-
-minimise_damped = from_python(inner_loops.minimise_damped)
 
 
 def on_the_reference_of(problem, knots):
@@ -64,27 +61,6 @@ def test_repaired_values_keep_every_limit_in_floating_point(values, limit, cycli
     assert np.all(np.abs(rises) <= 2.0 * limit * (1.0 + 1e-12))
 
 
-def undamped_step(hessian, gradient, rows, bounds):
-    """The step of one small QP, None where none was found."""
-    free, scales = np.ones(gradient.size, dtype=bool), np.zeros(gradient.size)
-    step, solved, _ = minimise_damped(hessian, gradient, rows, bounds, free, scales, 1.0)
-    return step if solved else None
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_the_small_qp_is_solved_like_an_independent_solver_does(seed):
-    rng = np.random.default_rng(seed)
-    root, rows = rng.normal(size=(6, 6)), rng.normal(size=(9, 6))
-    hessian, gradient = root @ root.T + 0.1 * np.eye(6), 3.0 * rng.normal(size=6)
-    bounds = rng.uniform(0.0, 0.5, size=9) * (rng.random(9) < 0.7)
-    step = undamped_step(hessian, gradient, rows, bounds)
-    x = cp.Variable(6)
-    cost = 0.5 * cp.quad_form(x, cp.psd_wrap(hessian)) + gradient @ x
-    expected = cp.Problem(cp.Minimize(cost), [rows @ x <= bounds]).solve(solver="CLARABEL")
-    assert np.all(rows @ step <= bounds + 1e-9)
-    assert 0.5 * step @ hessian @ step + gradient @ step == pytest.approx(expected, abs=1e-7)
-
-
 constraints = from_python(inner_loops.constraints)
 evaluate = from_python(inner_loops.evaluate)
 
@@ -122,19 +98,6 @@ def test_a_descent_keeps_the_slopes_and_is_never_worse(cyclic):
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
-def test_a_descent_between_knots_that_stay_moves_the_others(cyclic):
-    rng = np.random.default_rng(5)
-    knots = knots_of(rng, size=6, cyclic=cyclic)
-    problem = problem_of(rng, cyclic=cyclic)
-    required = np.sort(np.mod(knots[[1, 2]], 60.0))
-    problem = problem._replace(required=required, pins=np.full(2, np.nan))
-    start = best_values(problem, knots)
-    end = descend(problem, start, rounds=8)
-    assert np.array_equal(end.knots[1:3], knots[1:3])
-    assert end.error < 0.999 * start.error
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
 def test_gradient_and_hessian_are_those_of_finite_differences(cyclic):
     rng = np.random.default_rng(0)
     problem = Problem(desired=rng.normal(size=40), step=1.0, cyclic=cyclic)
@@ -148,45 +111,6 @@ def test_gradient_and_hessian_are_those_of_finite_differences(cyclic):
         assert gradient[i] == pytest.approx(half, rel=1e-6, abs=1e-7)
         change = (ahead[1] - behind[1]) / 2e-6
         np.testing.assert_allclose(hessian[i], change, rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_the_conditions_are_those_on_slopes_and_lengths(cyclic):
-    rng = np.random.default_rng(1)
-    problem = Problem(desired=rng.normal(size=40), step=0.7, cyclic=cyclic)
-    knots, values = np.array([1.0, 9.0, 20.0, 33.0]), rng.normal(size=4)
-    lengths = np.diff(problem.ends(knots))
-    rises = np.diff(np.append(values, values[0]) if cyclic else values)
-    expected = np.r_[0.7 * lengths - rises, 0.7 * lengths + rises, lengths - 1.0]
-    slacks = slacks_of(problem, candidate(problem, knots, values))
-    np.testing.assert_allclose(slacks, expected, atol=1e-12)
-
-
-STEP = 0.3
-NODES = np.array([0, 2, 3, 6, 9])
-
-
-def squared_error(desired, start, end, at_start, slope):
-    """Of a line over the samples after its start."""
-    k = np.arange(1, end - start + 1)
-    return float(np.sum((at_start + slope * k - desired[start + 1 : end + 1]) ** 2))
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_chord_costs_its_squared_error_where_it_is_not_too_steep_nor_passes_a_knot(seed):
-    rng = np.random.default_rng(seed)
-    desired, fixed = rng.normal(scale=0.5, size=10), rng.random(len(NODES)) < 0.3
-    values = desired[NODES] + 0.1 * np.arange(len(NODES))
-    costs = segment_costs(desired, STEP, NODES, values, fixed)
-    for i, j in np.ndindex(costs.shape):
-        start, end, expected = NODES[i], NODES[j], np.inf
-        if (
-            j > i
-            and not fixed[i + 1 : j].any()
-            and abs(slope := (values[j] - values[i]) / (end - start)) <= STEP
-        ):
-            expected = squared_error(desired, start, end, values[i], slope)
-        assert costs[j, i] == pytest.approx(expected, abs=1e-12)
 
 
 SOLVED = 1e-6  # what Clarabel leaves of a squared error or a largest error of about one

@@ -19,22 +19,18 @@ from planner.identification.residual_patterns import (
     joined,
     patterns,
     stops,
-    stuck,
     with_weights,
 )
 from planner.identification.result import Interval, LogFit
 from planner.identification.terms import with_calm_friction, with_terms
 from tests.identification.made import (
     AIBO,
-    NOISE,
     STICKY,
-    caught,
     changed,
     holds_log,
     identified_rich,
     identified_steps,
     on_the_table,
-    rich_log,
     step_logs,
 )
 
@@ -215,12 +211,3 @@ def test_rows_weigh_by_the_error_to_expect_of_their_acceleration():
     for share in (0.5, 1.0, 1.1):
         assert with_weights([uneven(share)], 1e-5) is None
     assert with_weights([uneven(8.0)], 1.0) is None
-
-
-def test_rows_in_which_nothing_moves_a_joint_are_named():
-    """A cable holds it for two seconds, or its sensor stands still."""
-    log = rich_log(noise=NOISE, rows=1500)
-    (held,) = stuck(caught())
-    assert abs(held.rows[0] - 600) <= 5
-    assert abs(held.rows[-1] - 849) <= 5
-    assert stuck(log) == []

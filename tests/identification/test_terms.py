@@ -10,10 +10,6 @@ import pytest
 
 import planner
 from planner.identification.excitation import excite
-from planner.identification.grid import timing_of
-from planner.identification.joint_fit import fit_joint
-from planner.identification.result import Interval, Term
-from planner.identification.terms import with_motor
 from tests.identification.made import AIBO, measured, rich_log, swung
 from tests.identification.made import FINE_NOISE as NOISE
 from tests.identification.made import FINE_QUANTUM as QUANTUM
@@ -126,20 +122,6 @@ WITH_LOOP = planner.JointModel(
     dead_band=math.radians(0.5),
     time_constant=0.035,
 )
-
-
-def test_a_load_that_showed_nothing_without_inertia_is_tried_again_beside_it():
-    truth = replace(WITH_LOOP, time_constant=0.2, compliance=0.1, speed_per_torque=1.8)
-    logs = motor_logs(truth, seed=1, load=lambda q: -np.sin(q))
-    (fit,) = fit_joint(logs, timing_of(logs, tick=None, hold=None))
-    names, ends = ("compliance", "speed_per_torque"), Interval(0.0, math.inf)
-    unseen = [
-        Term(name=name, kept=False, rms_without=fit.rms, rms_with=fit.rms, interval=ends)
-        for name in names
-    ]
-    motor, terms = with_motor(fit, tuple(unseen))
-    assert {term.name for term in terms if term.kept} >= {"time_constant", *names}
-    assert abs(motor.parameters.compliance / truth.compliance - 1.0) <= 0.02
 
 
 @pytest.mark.parametrize(

@@ -58,17 +58,6 @@ def test_the_speed_is_equation_2_with_friction_and_load(model, error, load):
     assert model.speed(error, load) == pytest.approx(expected, abs=1e-13 * model.v_max / 0.02)
 
 
-@given(models(friction=True), st.floats(-1.0, 1.0))
-def test_the_slope_of_the_speed_changes_at_the_corners_only(model, load):
-    corners = model.corners(load)
-    assert np.all(np.diff(corners) >= 0.0)
-    inner = np.concatenate([[corners[0] - 1.0], corners, [corners[-1] + 1.0]])
-    gain = model.gain
-    for low, high, slope in zip(inner[:-1], inner[1:], (0.0, gain, 0.0, gain, 0.0), strict=True):
-        ends = model.speed(np.array([low, high]), load)
-        assert ends[1] - ends[0] == pytest.approx(slope * (high - low), abs=1e-11 * model.v_max)
-
-
 ANY = models(friction=True, inertia=True, integrals=INTEGRALS, poses=True)
 
 
@@ -107,27 +96,6 @@ def test_the_cycle_is_the_one_that_the_motion_from_its_start_settles_into(model,
     assume(abs(last - before) <= 1e-13)  # some are drawn out by more than 2000 cycles
     settled = next_cycle(model, requests, last, load=load)
     np.testing.assert_allclose(simulate(model, requests, load=load), settled, rtol=0.0, atol=1e-9)
-
-
-@given(
-    models(friction=True, overshoots=False), trajectories(), st.integers(0, 19), st.floats(0.0, 1.0)
-)
-def test_raising_a_request_lowers_no_angle(model, requests, at, by):
-    load = loads(len(requests))
-    raised = requests.copy()
-    raised[at % len(requests)] += by
-    for options in ({"cyclic": False, "start": 0.0}, {"cyclic": False}, {"cyclic": True}):
-        before = simulate(model, requests, load=load, **options)
-        assert np.all(simulate(model, raised, load=load, **options) >= before - 1e-9)
-
-
-@given(models(friction=True), trajectories(), st.booleans())
-def test_mirroring_everything_mirrors_the_angles(model, requests, cyclic):
-    load = loads(len(requests))
-    mirrored = replace(model, offset=-model.offset, v_offset=-model.v_offset)
-    angles = simulate(mirrored, -requests, cyclic=cyclic, load=-load)
-    expected = -simulate(model, requests, cyclic=cyclic, load=load)
-    np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-9)
 
 
 def test_the_request_that_holds_an_angle_holds_it_in_the_middle_of_the_dead_band():

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 from planner import InvalidModel, JointModel, line_offset, simulate
-from planner.model.steady_cycle import shortest_solution
-from tests.from_python import from_python
 from tests.strategies import INTEGRALS
 
 SETTLED = 1e-9
@@ -76,14 +74,3 @@ def test_an_integral_follows_lines_without_friction(name):
     offset = line_offset(model, 1.5)
     assert offset == line_offset(replace(model, dead_band=0.0), 1.5)
     assert behind[-1] == pytest.approx(offset if name == "integral_rate" else 0.0165, abs=1e-6)
-
-
-@pytest.mark.parametrize("size", [2, 3])
-@pytest.mark.parametrize("rank", [1, 2, 3])
-def test_a_singular_step_is_the_shortest_one(size, rank):
-    shortest, rng = from_python(shortest_solution), np.random.default_rng(size)
-    for _ in range(20):
-        left, ways = rng.normal(size=(size, rank)), rng.normal(size=(rank, size))
-        matrix, right = left @ ways, rng.normal(size=size)
-        expected = np.linalg.lstsq(matrix, right, 1e-6)[0]
-        np.testing.assert_allclose(shortest(matrix, right), expected, rtol=1e-9, atol=1e-12)

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import casadi
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.model.joint import JointModel, request_ages
+from planner.model.joint import request_ages
 from planner.model.response import simulate
 from planner.model.symbolic import period_function
 from tests.strategies import models
-
-SAME = 2e-14
-"""Agreement of two ways to write a sum over some periods [rad]."""
 
 
 @given(models(), st.integers(0, 2**32 - 1))
@@ -35,26 +31,3 @@ def test_every_request_said_to_act_acts_and_no_younger_one_does(model, seed):
     changed[k - at.youngest + 1 :] += 1.0
     before = simulate(model, requests, cyclic=False)[k]
     assert simulate(model, changed, cyclic=False)[k] == before
-
-
-@pytest.mark.parametrize(
-    ("hold", "lag", "acceleration", "expected"),
-    [(1, 0, 1, (1, 1)), (4, 0, 1, (1, 1)), (4, 3, 1, (1, 2)), (2, 3, 4, (2, 4)), (3, 2, 3, (1, 3))],
-)
-def test_the_ages_of_held_requests_are_counted_in_requests(hold, lag, acceleration, expected):
-    model = JointModel(
-        v_max=1.0,
-        theta_0=0.1,
-        lag=lag * 0.01,
-        acceleration_time=acceleration * 0.01,
-        tick=0.01,
-        hold=hold,
-    )
-    # Between samples the last tick feels ages first.. and the first tick, hold-1 earlier, last..
-    felt = {
-        -(-(age - back) // hold)
-        for back in range(1 - hold, 1)
-        for age in range(lag + 1, lag + acceleration + 1)
-    }
-    assert tuple(request_ages(model)) == expected
-    assert (min(felt), max(felt)) == expected
