@@ -25,6 +25,11 @@ from planner.identification.excitation import step_test as step_test
 from planner.identification.identify import identify as identify
 from planner.identification.log import Log as Log
 from planner.identification.result import Identification as Identification
+from planner.learning.trials import (
+    Learning as Learning,
+    SensorDelay as SensorDelay,
+    Trial as Trial,
+)
 from planner.learning.refine import refine as refine
 from planner.model.joint import JointModel as JointModel
 from planner.model.response import simulate as simulate
@@ -43,13 +48,10 @@ from planner.planning.inversion import (
     plan as plan,
 )
 from planner.planning.line_inverse import line_offset as line_offset
-from planner.planning.plan import Plan as Plan
-from planner.planning.views import (
+from planner.planning.plan import (
     FootInversion as FootInversion,
     Inversion as Inversion,
-    Learning as Learning,
-    SensorDelay as SensorDelay,
-    Trial as Trial,
+    Plan as Plan,
 )
 from planner.planning.stream import Stream as Stream
 from planner.planning.time_shift import invert_shift as invert_shift

@@ -13,9 +13,8 @@ from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel, acting, request_ages
 from planner.model.response import load_by_period, motion_under
 from planner.planning.bounds.reachable_set import Level
-from planner.planning.plan import Plan
+from planner.planning.plan import Inversion, Plan
 from planner.planning.task import SMOOTHNESS
-from planner.planning.views import Inversion
 from planner.trajectory import Array
 from planner.validation import finite
 

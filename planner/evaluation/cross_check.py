@@ -46,10 +46,9 @@ from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.planning.inversion import invert_foot, planned
 from planner.planning.line_inverse import RULES
-from planner.planning.plan import Plan
+from planner.planning.plan import FootInversion, Inversion, Plan
 from planner.planning.search import known_errors
 from planner.planning.task import Norm, Task, checked_leg
-from planner.planning.views import FootInversion, Inversion
 from planner.trajectory import Array, Distance, as_rows, error_norm, relative_gap, rms, size
 from planner.validation import Summarised, Summary, check_choice, finite, shown
 

@@ -25,8 +25,8 @@ from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.identification.result import Identification
 from planner.learning.refine import refine
+from planner.learning.trials import Learning
 from planner.planning.plan import Plan
-from planner.planning.views import Learning
 from planner.trajectory import Array, rms
 from planner.virtual.robot import CONSTANTS, Constants, VirtualRobot
 

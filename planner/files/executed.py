@@ -16,8 +16,8 @@ from planner.files.paths import JOINT_UNITS, UNEVEN, SampledPath, joint_path, re
 from planner.files.table import Table, read_table
 from planner.files.text import read_json, to_json, write_text
 from planner.identification.grid import mean_period
+from planner.learning.trials import Learning, SensorDelay, Trial
 from planner.model.joint import JointModel
-from planner.planning.views import Learning, SensorDelay, Trial
 from planner.trajectory import LARGEST, Array
 
 MOST_LOST = 3  # measured rows in sequence that may be missing, and are interpolated

@@ -15,7 +15,7 @@ from planner.exceptions import Infeasible, InvalidInput, UnreachableFoot, Unsupp
 from planner.gait.half_ellipse import half_ellipse, in_range
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot
-from planner.planning.views import FootInversion
+from planner.planning.plan import FootInversion
 from planner.trajectory import Array
 from planner.validation import as_positive, check_choice, read_only, shown
 

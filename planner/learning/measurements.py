@@ -19,9 +19,9 @@ from scipy import fft
 from scipy.ndimage import convolve1d
 
 from planner.exceptions import InvalidTrajectory, angle_text
+from planner.learning.trials import SensorDelay, Trial
 from planner.model.joint import JointModel
 from planner.planning.plan import Plan
-from planner.planning.views import SensorDelay, Trial
 from planner.trajectory import LARGEST, Array, rms
 from planner.validation import as_reals
 

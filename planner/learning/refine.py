@@ -36,12 +36,12 @@ from planner.learning.measurements import (
     remarks_on_delays,
     settled,
 )
-from planner.model.evidence import ENCODER_STEP
+from planner.learning.trials import Learning, Trial
+from planner.model.evidence import ENCODER_STEP, UNFORESEEN
 from planner.model.joint import JointModel
 from planner.model.response import simulate, simulate_joints
 from planner.planning.inversion import planned
-from planner.planning.plan import Plan, joined
-from planner.planning.views import UNFORESEEN, FootInversion, Inversion, Learning, Trial
+from planner.planning.plan import FootInversion, Inversion, Plan, joined
 from planner.trajectory import Array, rms
 from planner.validation import as_flag, as_number, freeze, shown
 

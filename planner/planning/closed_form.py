@@ -24,9 +24,8 @@ from planner.planning.line_inverse import (
     slope_limits,
     slopes_text,
 )
-from planner.planning.plan import Plan
+from planner.planning.plan import Inversion, Plan
 from planner.planning.task import Task
-from planner.planning.views import Inversion
 from planner.trajectory import Array
 from planner.validation import as_flag
 

@@ -15,7 +15,7 @@ from planner.exceptions import InvalidInput, SolverFailed, angle_text
 from planner.planning.candidate_models import ModelOrModels, Models, Robust
 from planner.planning.closed_form import closed_forms
 from planner.planning.line_inverse import Rule
-from planner.planning.plan import Method, Plan
+from planner.planning.plan import FootInversion, Inversion, Method, Plan
 from planner.planning.task import (
     SOLVERS,
     JointLimits,
@@ -26,7 +26,6 @@ from planner.planning.task import (
     checked_leg,
 )
 from planner.planning.time_shift import shifted
-from planner.planning.views import FootInversion, Inversion
 from planner.trajectory import Array
 from planner.validation import as_reals, check_choice
 

@@ -1,4 +1,7 @@
-"""A plan: requests for a task, and all figures that follow from the two."""
+"""A plan: requests for a task, and all figures that follow from the two.
+
+Its views of one joint or of the foot have these figures; their ``plan.task`` has the arguments.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, final
 
 import numpy as np
 
@@ -15,13 +18,13 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds, path_speeds
-from planner.planning.task import Solver, Task, columns_of
-from planner.planning.views import ErrorsOfModels, FootInversion, Inversion, Learning
+from planner.planning.task import Norm, Solver, Task, columns_of
 from planner.trajectory import Array, error_norm, relative_gap, reversals, steps
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
+    from planner.learning.trials import Learning
 
 Method = Literal["shift", "closed_form", "optimal", "foot_optimal"]
 
@@ -56,6 +59,14 @@ def request_motion(
         desired_length=float(np.sum(np.abs(desired_changes))),
         beyond=float(beyond),
     )
+
+
+class ErrorsOfModels(NamedTuple):
+    """Errors of a plan over the models that joints may have, in its norm: [rad], of a foot [m]."""
+
+    nominal: float  # of the nominal model
+    mean: float  # root mean square over all models
+    worst: float  # the largest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -407,3 +418,225 @@ def joined(plans: Sequence[Plan]) -> Plan:
         nominal_requests=np.hstack(nominal) if robust else None,
         learning=tuple(state for each in plans for state in each.learning),
     )
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class _View(Summarised):
+    """A judged joint of a plan, or its foot; [unit] is rad, or m for a foot.
+
+    ``dataclasses.replace`` takes ``requests`` and fields of the plan and of its task.
+
+    Attributes:
+        plan: The plan.
+        column: Index of the joint; 0 for a foot.
+    """
+
+    plan: Plan
+    column: int
+
+    def __init__(self, plan: Plan, column: int = 0, **changes: Any) -> None:
+        """View a plan; ``changes`` are fields of it, or of its task, that are replaced."""
+        if changes:
+            if plan.task.goal == "angles":
+                plan, column = plan.joint(column), 0
+            own = {name: changes.pop(name) for name in plan.__dataclass_fields__ if name in changes}
+            if "requests" in own:
+                own["requests"] = np.reshape(own["requests"], plan.requests.shape).copy()
+            plan = replace(plan, **{"task": replace(plan.task, **changes), **own})
+        vars(self).update(plan=plan, column=column)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields, without cached figures."""
+        return {"plan": self.plan, "column": self.column}
+
+    def _summarised(self) -> Summary:
+        """Requests and errors; the lower bound where it has been computed already."""
+        summary = self.plan._summarised()
+        head = f"{type(self).__name__}{summary.head.removeprefix('Plan')}"
+        return Summary(head, summary.columns, [summary.rows[self.column]])
+
+    @property
+    def nominal(self) -> Self | None:
+        """With several models: the plan for the nominal ones alone, to compare with."""
+        task, nominal = self.plan.task, self.plan.nominal
+        several = task.goal == "foot" or len(task.models[self.column]) > 1
+        return type(self)(nominal, self.column) if nominal is not None and several else None
+
+    @property
+    def method(self) -> Method:
+        """The planning method."""
+        return self.plan.method
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether the path repeats for ever."""
+        return self.plan.cyclic
+
+    @property
+    def norm(self) -> Norm:
+        """Error that was minimised, and that the bound and the gap are about."""
+        return self.plan.task.norm
+
+    @cached_property
+    def requests(self) -> Array:
+        """Requests to the joint [rad], shape (n,); for a foot to all joints, (n, k)."""
+        return self._own(self.plan.requests)
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Angles of the exact models under them, plus the disturbance [rad], like ``requests``."""
+        return self._own(self.plan.predicted)
+
+    @cached_property
+    def disturbance(self) -> Array | None:
+        """Disturbance of the models' angles in executed cycles [rad], like ``requests``.
+
+        None before any was measured: see :func:`planner.refine`.
+        """
+        added = self.plan.task.disturbance
+        return None if added is None else self._own(added)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the errors [unit]."""
+        return float(self.plan.rms[self.column])
+
+    @property
+    def max_error(self) -> float:
+        """Largest error [unit]."""
+        return float(self.plan.max_error[self.column])
+
+    @property
+    def error(self) -> float:
+        """The error in the plan's norm [unit]; a foot's axes are weighted, the heaviest by 1."""
+        return float(self.plan.error[self.column])
+
+    @property
+    def errors_of_models(self) -> Array:
+        """The error of each model in the plan's norm [unit], the nominal one first, (models,)."""
+        return self.plan.errors_of_models[self.column]
+
+    @property
+    def over_models(self) -> ErrorsOfModels:
+        """The nominal, the mean and the worst of them [unit]."""
+        return self.plan.over_models[self.column]
+
+    @property
+    def lower_bound(self) -> float:
+        """Lower bound on the error of any requests: see :attr:`planner.Plan.lower_bounds`."""
+        return float(self.plan.lower_bounds[self.column])
+
+    @property
+    def gap(self) -> float:
+        """Relative distance from the lower bound; inf where only the bound is zero."""
+        return float(self.plan.gaps[self.column])
+
+    @property
+    def learning(self) -> Learning | None:
+        """The executed cycles that the plan has learnt from; None where there are none."""
+        return self.plan.learning[self.column] if self.plan.learning else None
+
+    @property
+    def stopped(self) -> str:
+        """Why learning from executed cycles has ended; empty while it goes on, and before it."""
+        return "" if self.learning is None else self.learning.stopped
+
+    def _own(self, rows: Array) -> Array:
+        """The column of the joint, (n,), of rows (n, k); for a foot all columns."""
+        if self.plan.task.goal == "foot":
+            return rows
+        column = np.ascontiguousarray(rows[:, self.column])
+        freeze(column)
+        return column
+
+
+@final
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Inversion(_View):
+    """Requests for a desired trajectory of one joint, with the response of the exact model.
+
+    A view of one joint of a :class:`planner.Plan`, which computes every figure.
+    """
+
+    @property
+    def model(self) -> JointModel:
+        """The joint."""
+        return self.plan.models[self.column]
+
+    @cached_property
+    def desired(self) -> Array:
+        """Desired angles [rad], shape (n,)."""
+        return self._own(self.plan.desired)
+
+    @cached_property
+    def errors(self) -> Array:
+        """Predicted minus desired angles [rad], shape (n,)."""
+        return self._own(self.plan.errors)
+
+    @property
+    def approximation(self) -> PiecewiseLinear | None:
+        """The piecewise linear trajectory behind a closed form, else None."""
+        return self.plan.approximations[self.column] if self.plan.approximations else None
+
+    @property
+    def lead(self) -> float | None:
+        """Of a time shift: how early the desired angles are requested [s], else None."""
+        return self.plan.leads[self.column] if self.plan.leads else None
+
+    @property
+    def expected(self) -> Expectation:
+        """Error to expect on the robot: see :attr:`planner.Plan.expected`."""
+        return self.plan.expected[self.column]
+
+    @property
+    def speeds(self) -> PathSpeeds:
+        """Speeds of the desired path, and the joint's top speeds."""
+        return self.plan.speeds[self.column]
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether the plan keeps the tolerance, if there is one."""
+        return self.plan.task.tolerance is None or self.error <= self.plan.task.tolerance
+
+    @property
+    def largest_step(self) -> float:
+        """Largest change from one request to the next, cycles closed [rad]."""
+        return self.plan.motions[self.column].largest_step
+
+    @property
+    def excess(self) -> float:
+        """How far the requests go beyond the range of the desired angles [rad]."""
+        return self.plan.motions[self.column].beyond
+
+
+@final
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class FootInversion(_View):
+    """Requests for all joints of a leg, with the response of the exact models.
+
+    A view of a :class:`planner.Plan` for a foot, which computes every figure.
+    """
+
+    @property
+    def models(self) -> tuple[JointModel, ...]:
+        """The joints, in the leg's order."""
+        return self.plan.models
+
+    @property
+    def foot(self) -> Array:
+        """Predicted position of the foot [m], shape (n, 3)."""
+        return self.plan.foot
+
+    @property
+    def distances(self) -> Array:
+        """Distance of the foot from its desired position, all axes alike [m], shape (n,)."""
+        return self.plan.distances
+
+    @property
+    def largest_step(self) -> float:
+        """Largest change from one request of a joint to its next, cycles closed [rad]."""
+        return float(np.max(self.plan.largest_steps))
+
+    def error_of(self, angles: Array) -> float:
+        """The error of other angles in the plan's norm [m]; ``angles`` [rad], shape (n, k)."""
+        return float(self.plan.task.errors_of(angles)[0])

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import SolverFailed, about, angle_text
-from planner.model.evidence import ENCODER_STEP, Evidence
+from planner.model.evidence import ENCODER_STEP, UNFORESEEN, Evidence
 from planner.model.joint import JointModel
 from planner.planning.closed_form import best_closed_form
 from planner.planning.gauss_newton import (
@@ -44,7 +44,6 @@ from planner.planning.ideal import (
 )
 from planner.planning.problem import Problem, problem_of
 from planner.planning.task import Solver, Task
-from planner.planning.views import UNFORESEEN
 from planner.trajectory import Array, Mask, reversals, rms
 
 LOGGER = logging.getLogger(__name__)

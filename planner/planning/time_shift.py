@@ -13,9 +13,8 @@ from planner.model.evidence import ENCODER_STEP, unproven_gains
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import rest_requests
 from planner.planning.line_inverse import advanced
-from planner.planning.plan import Plan
+from planner.planning.plan import Inversion, Plan
 from planner.planning.task import Norm, Task
-from planner.planning.views import Inversion
 from planner.trajectory import Array, rms
 
 LONGEST_LEAD = 1.0

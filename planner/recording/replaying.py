@@ -12,10 +12,9 @@ import numpy as np
 
 from planner.identification.grid import measured_speed
 from planner.planning.inversion import plan
-from planner.planning.plan import Plan
+from planner.planning.plan import Inversion, Plan
 from planner.planning.task import JointLimits, LoadOfPose
 from planner.planning.time_shift import shifted
-from planner.planning.views import Inversion
 from planner.recording.recorded_path import Models, Path, RecordedPath, Track, recorded_path
 from planner.trajectory import Array, Mask, most_lost, rms, stretches
 from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze, read_only

@@ -18,7 +18,14 @@ from planner.model.evidence import (
     untested_words,
 )
 from planner.model.joint import JointModel
-from planner.planning.plan import DEGREE, Plan, RequestMotion
+from planner.planning.plan import (
+    DEGREE,
+    ErrorsOfModels,
+    FootInversion,
+    Inversion,
+    Plan,
+    RequestMotion,
+)
 from planner.planning.time_shift import (
     CLEARLY,
     has_refused,
@@ -26,7 +33,6 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.planning.views import ErrorsOfModels, FootInversion, Inversion
 from planner.report.wording import Column, Row, Table, by_columns, number, percent, thousandths
 from planner.trajectory import Array, Distance, error_norm, rms, size
 

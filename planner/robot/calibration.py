@@ -24,8 +24,8 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_optimal
+from planner.planning.plan import Inversion
 from planner.planning.time_shift import invert_shift
-from planner.planning.views import Inversion
 from planner.robot.arm import Arm
 from planner.trajectory import Array, rms
 

@@ -11,7 +11,7 @@ from benchmark.plants import MadeJoint, random_joint, random_path
 
 import planner
 from planner.learning import refine as refining
-from planner.planning.views import Trial
+from planner.learning.trials import Trial
 from planner.trajectory import Array, rms
 from tests.instances import ERS210A
 

@@ -10,7 +10,7 @@ import pytest
 
 import planner
 from planner.learning import refine as refining
-from planner.planning.views import Trial
+from planner.learning.trials import Trial
 from planner.trajectory import rms
 from tests.instances import ERS210A
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner import invert_foot, invert_optimal, reference_walk
-from planner.model.evidence import ENCODER_STEP, Evidence
+from planner.model.evidence import ENCODER_STEP, UNFORESEEN, Evidence
 from planner.planning import search
 from planner.planning.problem import problem_of
 from planner.planning.search import (
@@ -21,7 +21,6 @@ from planner.planning.search import (
     solve,
 )
 from planner.planning.task import Task
-from planner.planning.views import UNFORESEEN
 from tests.instances import ERS210A, REFERENCE_JOINTS, attainable, random_model, saturating
 from tests.plans import track
 
