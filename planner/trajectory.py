@@ -242,3 +242,57 @@ class Distance(NamedTuple):
 def size(errors: Array, factor: float = 1.0) -> Distance:
     """The norms of errors or distances, of any shape, times a factor (paper, Section 5)."""
     return Distance(factor * rms(errors), factor * float(np.max(np.abs(errors))))
+
+
+def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Array:
+    """The path made monotone between its deep turning points, by least squares.
+
+    To turn back, the requests of a joint with dry friction jump from one edge of the dead band to
+    the other. Along a path with noise they would do so at almost every sample, for errors that are
+    small beside the dead band.
+
+    A path (n,) of which no reversal is shallower than ``least`` [rad] is returned as it is.
+    """
+    from scipy.optimize import isotonic_regression  # slow to import
+
+    first = int(np.argmax(angles)) if cyclic else 0
+    turned = np.roll(angles, -first)
+    if cyclic:
+        turned = np.append(turned, turned[0])
+    points = turning_points(turned, least)
+    if not points:  # the nearest path that does not turn
+        if cyclic:
+            return np.full(len(angles), float(np.mean(angles)))
+        both = [isotonic_regression(angles, increasing=way).x for way in (True, False)]
+        return np.asarray(min(both, key=lambda path: float(np.sum((path - angles) ** 2))))
+    ends = [*(sample for sample, _ in points), len(turned)]
+    # Before the first turning point the path goes towards it, after each away from it.
+    pieces = [(0, *points[0])]
+    pieces += [(at, end, not high) for (at, high), end in zip(points, ends[1:], strict=True)]
+    monotone = [
+        isotonic_regression(turned[begin:end], increasing=rising).x
+        for begin, end, rising in pieces
+        if end > begin
+    ]
+    return np.roll(np.concatenate(monotone)[: len(angles)], first)
+
+
+def turning_points(angles: Array, least: float) -> list[tuple[int, bool]]:
+    """Where a path turns by more than ``least``: extrema with so large moves between them.
+
+    Each is a sample, and whether it is a maximum.
+    """
+    points: list[tuple[int, bool]] = []
+    low = high = direction = 0
+    for k, angle in enumerate(angles.tolist()):
+        if angle > angles[high]:
+            high = k
+        if angle < angles[low]:
+            low = k
+        if direction >= 0 and angles[high] - angle > least:
+            points.append((high, True))
+            direction, low = -1, k
+        elif direction <= 0 and angle - angles[low] > least:
+            points.append((low, False))
+            direction, high = 1, k
+    return points

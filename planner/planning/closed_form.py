@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_force
 from planner.approximation.fit_pwl import fit_pwl
+from planner.approximation.values import slope_bounded
 from planner.exceptions import InvalidInput, about, angle_text
-from planner.model.joint import JointModel, checked_model
+from planner.model.joint import JointModel, checked_model, request_ages
 from planner.model.response import checked_load
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
@@ -20,13 +21,14 @@ from planner.planning.line_inverse import (
     Rule,
     advanced,
     check_rule,
+    interpolated_offset,
     offsets_of,
     slope_limits,
     slopes_text,
 )
 from planner.planning.plan import Inversion, Plan
 from planner.planning.task import Task
-from planner.trajectory import Array
+from planner.trajectory import Array, steps
 from planner.validation import as_flag
 
 if TYPE_CHECKING:
@@ -43,6 +45,9 @@ WORTH_MORE = 0.005
 
 SAME_TIME = 1e-9
 """How much later than a request a line may begin and still count for it [samples]: rounding."""
+
+BARELY_SLOWER = 1e-3
+"""Relative tolerance of a speed that counts as the top speed: the ideal is iterative."""
 
 
 def invert_closed_form(
@@ -311,3 +316,69 @@ def requests_of(
         in_force = np.take_along_axis(slopes, line, axis=1)
         requests += offsets_of(model, in_force, rule=rule, load=each, angle=acting)
     return np.asarray(requests)
+
+
+def initial_guess(problem: Problem) -> tuple[Array, Array]:
+    """Requests within the limits by the closed form of the ideal, and the ideal [rad], both (n, 1).
+
+    Every sample is a knot: request k is on the line from sample i = floor(k + l + a/2) on, raised
+    by its C_m (section 3). From rest the ideal is clipped to the attainable range.
+    """
+    (model,), desired, cyclic = problem.models, problem.desired[:, 0], problem.cyclic
+    count, torques = len(desired), problem.torques[0]
+    ideal = nearest_within_speeds(model, desired, torques, cyclic=cyclic)
+    if problem.start is not None:
+        ideal = within_attainable_range(model, ideal, float(problem.start[0]), torques)
+    torques = np.roll(torques, -1)  # on the way to the next
+    low, high = np.multiply(model.speed_limits(torques, ideal), model.period)
+    to_next = steps(np.append(ideal, ideal[:1] if cyclic else ideal[-1:]), cyclic=False)
+    to_next = np.clip(to_next, low, high)
+    samples = np.arange(count)
+    knots = samples + int(model.switching_time / model.period + SAME_TIME)
+    knots = knots if cyclic else np.minimum(knots, count - 2)
+    at = knots % count
+    slopes = to_next[at] / model.period
+    offsets = interpolated_offset(model, slopes, rule="exact", load=torques[at], angle=ideal[at])
+    requests = ideal[at] + to_next[at] * (samples - knots) + offsets - model.pose_sag(ideal[at])
+    return problem.admissible(requests[:, np.newaxis]), ideal[:, np.newaxis]
+
+
+def nearest_within_speeds(
+    model: JointModel, desired: Array, torques: Array, *, cyclic: bool
+) -> Array:
+    """The trajectory within the joint's top speeds that is nearest in least squares [rad], (n,).
+
+    Either top speed is v_max away from their mean, -v^- / 2 + v^+ / 2. The trajectory less the sum
+    of the means has the same bound in both directions; a cycle is cut out of three in a row. A sag
+    by the pose counts as at the desired angles.
+    """
+    low, high = model.speed_limits(torques, desired)
+    mean = (low + high) / 2.0 * model.period
+    if not np.any(mean):
+        return slope_bounded(desired, model.v_max * model.period, cyclic=cyclic)
+    turns, count = 3 if cyclic else 1, len(desired)
+    drift = np.cumsum(np.tile(mean, turns))
+    sheared = np.tile(desired, turns) - drift
+    bounded = slope_bounded(sheared, model.v_max * model.period, cyclic=False) + drift
+    return bounded[(turns // 2) * count :][:count]
+
+
+def within_attainable_range(
+    model: JointModel, angles: Array, start: float, torques: Array
+) -> Array:
+    """Angles clipped to the attainable range of a joint at rest at the start [rad], (n,)."""
+    moving = np.arange(len(angles)) > request_ages(model).youngest  # the second request acts
+    limits = np.multiply(model.speed_limits(torques, angles), model.period)
+    low, high = np.cumsum(limits * moving, axis=1)
+    return np.clip(angles, start + low, start + high)
+
+
+def below_top_speed(problem: Problem, ideal: Array) -> int:
+    """Number of samples that the ideal [rad], (n, 1), reaches below the joint's top speeds."""
+    (model,) = problem.models
+    limits = model.speed_limits(problem.torques[0], ideal[:, 0])
+    low, high = np.multiply(limits, (1.0 - BARELY_SLOWER) * model.period)
+    before = ideal[-1:, 0] if problem.cyclic else ideal[:1, 0]
+    moved = np.diff(ideal[:, 0], prepend=before)
+    resting = 0 if problem.cyclic else request_ages(model).youngest + 1
+    return int(np.count_nonzero(((moved > low) & (moved < high))[resting:]))

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, SolverFailed, angle_text
-from planner.planning.candidate_models import ModelOrModels, Models, Robust
 from planner.planning.closed_form import closed_forms
 from planner.planning.line_inverse import Rule
 from planner.planning.plan import FootInversion, Inversion, Method, Plan
@@ -20,7 +19,10 @@ from planner.planning.task import (
     SOLVERS,
     JointLimits,
     LoadOfPose,
+    ModelOrModels,
+    Models,
     Norm,
+    Robust,
     Solver,
     Task,
     checked_leg,

@@ -22,7 +22,6 @@ from planner.model.joint import (
     weights_by_tick,
 )
 from planner.model.response import load_by_period, rest_angles, rest_requests
-from planner.planning.candidate_models import Robust
 from planner.planning.gauss_newton import (
     FIRST,
     LARGEST_CHANGE,
@@ -36,7 +35,7 @@ from planner.planning.gauss_newton import (
     roughness,
     simulate_all,
 )
-from planner.planning.task import Norm, Task
+from planner.planning.task import Norm, Robust, Task
 from planner.trajectory import Array
 
 NO_LEG = np.empty((0, 10, 3))

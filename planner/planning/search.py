@@ -26,7 +26,7 @@ import numpy as np
 from planner.exceptions import SolverFailed, about, angle_text
 from planner.model.evidence import ENCODER_STEP, UNFORESEEN, Evidence
 from planner.model.joint import JointModel
-from planner.planning.closed_form import best_closed_form
+from planner.planning.closed_form import below_top_speed, best_closed_form, initial_guess
 from planner.planning.gauss_newton import (
     COASTING,
     HOLD,
@@ -37,14 +37,9 @@ from planner.planning.gauss_newton import (
     go_through,
     pattern_of,
 )
-from planner.planning.ideal import (
-    below_top_speed,
-    initial_guess,
-    without_small_reversals,
-)
 from planner.planning.problem import Problem, problem_of
 from planner.planning.task import Solver, Task
-from planner.trajectory import Array, Mask, reversals, rms
+from planner.trajectory import Array, Mask, reversals, rms, without_small_reversals
 
 LOGGER = logging.getLogger(__name__)
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ from planner.exceptions import (
     angle_text,
     nearest,
 )
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, checked_model
 from planner.model.response import (
     checked_load,
     checked_start,
@@ -29,7 +30,6 @@ from planner.model.response import (
     rest_angles,
     simulate_joints,
 )
-from planner.planning.candidate_models import Models, Robust, models_of_joints
 from planner.trajectory import (
     MOST_TURNS,
     TURN,
@@ -55,11 +55,24 @@ from planner.validation import (
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
+    from planner.identification.result import Identification
 
 Norm = Literal["rms", "max"]
 
 NORMS: tuple[Norm, ...] = ("rms", "max")
 """The error that counts: the root mean square, or the largest."""
+
+Robust = Literal["mean", "worst"]
+"""The error over several models that is minimised."""
+
+ModelOrModels: TypeAlias = "JointModel | Sequence[JointModel] | Identification"
+"""A joint: its model, candidate models, or an identification, whose intervals give candidates."""
+
+Models: TypeAlias = "ModelOrModels | Sequence[ModelOrModels] | Mapping[str, ModelOrModels]"
+"""One model for all joints, one for each, or models by joint; the key "" holds the default one.
+
+Instead of one model: a sequence of candidate models, nominal first, or an identification.
+"""
 
 Solver = Literal["gauss-newton", "ipopt"]
 
@@ -462,6 +475,87 @@ def checked_leg(leg: object) -> Leg:
     if not isinstance(leg, Leg):
         raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
     return leg
+
+
+def models_of_joints(
+    # see :data:`Models`. For one joint a flat sequence of more than one has its models.
+    models: Models,
+    names: Sequence[str],
+    robust: Robust | None = None,  # whether candidates are drawn for single models
+    *,
+    # whether the models of different joints are drawn independently of one another. Joints with the
+    # same model share the draws.
+    independent: bool = False,
+) -> list[tuple[JointModel, ...]]:
+    """The candidate models of each joint, checked, the nominal one first.
+
+    A single model is the only candidate, unless ``robust`` asks for models drawn from its
+    intervals. A sequence lists all candidates, even if it has one alone. The candidates of an
+    identification are always drawn from its intervals.
+    """
+    if robust is not None:
+        check_choice("robust", robust, get_args(Robust))
+    # An identification exists only where its module is loaded, which takes SciPy.
+    module = sys.modules.get("planner.identification.result")
+    identification: Any = getattr(module, "Identification", ())
+    entries: list[Any]
+    if isinstance(models, Mapping):
+        if missing := [name for name in names if name not in models and "" not in models]:
+            raise InvalidInput(
+                f"models: none for joint '{missing[0]}'; got "
+                f"{', '.join(map(str, models)) or 'none'}"
+            )
+        entries = [models[name] if name in models else models[""] for name in names]
+    elif isinstance(models, (JointModel, identification)):
+        entries = [models] * len(names)
+    else:
+        try:
+            entries = list(models)  # type: ignore[arg-type]  # other types are rejected below
+        except TypeError:
+            entries = []
+        if len(names) == 1 and len(entries) > 1:
+            entries = [entries]
+        fit = names == ("",) or all(
+            isinstance(each, (JointModel, Sequence, identification)) and not isinstance(each, str)
+            for each in entries
+        )
+        if len(entries) != len(names) or not fit:
+            raise InvalidInput(
+                f"models: got {len(entries)} of them for {len(names)} joints ({', '.join(names)}), "
+                "expected one JointModel, or one for each"
+            )
+    several, sources = list[tuple[JointModel, ...]](), list[Any]()  # sources of draws
+    for entry in entries:
+        identified = isinstance(entry, identification)
+        model = entry.model if identified else entry
+        sources.append((model, getattr(model, "evidence", None)))
+        if isinstance(model, Sequence) and not isinstance(model, str):
+            several.append(tuple(map(checked_model, model)))
+            own = [each.period for each in several[-1]]
+            if not own or len(set(own)) > 1:
+                raise InvalidInput(
+                    f"model: got {len(own)} models with periods of "
+                    f"{', '.join(f'{period:g}' for period in own) or 'nothing'} s, expected at "
+                    "least one, all of one joint with one request period"
+                )
+        elif robust is None and not identified:
+            several.append((checked_model(model),))
+        else:
+            from planner.planning.candidate_models import drawn_models
+
+            seed = sources.index(sources[-1]) if independent else 0
+            several.append(drawn_models(checked_model(model), seed=seed))
+    if robust is not None and all(len(each) == 1 for each in several):
+        raise InvalidInput(
+            f"robust: got {robust!r} for a sequence of one model, which the joint has in any case; "
+            "expected several models, or the model by itself, from whose intervals others are drawn"
+        )
+    if len(periods := sorted({each[0].period for each in several})) > 1:
+        raise InvalidInput(
+            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
+            "period: joints that are requested at different rates are not planned together"
+        )
+    return several
 
 
 def joint_names(names: Sequence[str] | None, models: object, count: int) -> tuple[str, ...]:

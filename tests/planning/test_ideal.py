@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner import simulate
-from planner.planning.ideal import nearest_within_speeds, within_attainable_range
+from planner.planning.closed_form import nearest_within_speeds, within_attainable_range
 from tests.instances import ERS210A
 
 

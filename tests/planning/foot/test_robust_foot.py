@@ -10,7 +10,8 @@ import pytest
 
 from planner import invert_foot, invert_optimal, reference_walk
 from planner.model.evidence import Evidence
-from planner.planning.candidate_models import drawn_models, models_of_joints
+from planner.planning.candidate_models import drawn_models
+from planner.planning.task import models_of_joints
 from planner.trajectory import error_norm
 from tests.instances import ERS210A
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
