@@ -25,13 +25,13 @@ def _by_word(**units: str) -> dict[str, str]:
     return {word: unit for unit, words in units.items() for word in words.split()}
 
 
-PULSE_ZERO, PULSES_PER_TURN = 1500, 4000
-"""Pulse of a hobby servo at angle 0, and pulses of a full turn [us]: most turn by 180 degrees over
-2000 us."""
+PULSE_ZERO, PULSES_PER_TURN = 1500, 4000  # of a hobby servo [us]: most turn 180° over 2000 us
+COUNTS = "counts"  # unit of a sensor of unknown scale, such as a potentiometer at a converter
+LARGEST = 1e6  # an angle or a length beyond [rad, m] is a mistake: its square would lose all digits
+LEAST_DEG = 4.0  # a span below this [degrees] may be radians
 
-COUNTS = "counts"
-"""Unit of a sensor of unknown scale, such as a potentiometer at a converter."""
-
+# By unit: its names, factor and shift to the angle, and the unit of that; ticks and pulses have
+# those of a turn, and a shift in pulses.
 _ANGLES: Mapping[str, tuple[str, float, float, str]] = {
     "rad": ("rad radian radians", 1.0, 0.0, "rad"),
     "deg": ("deg degree degrees °", math.pi / 180.0, 0.0, "rad"),
@@ -43,46 +43,26 @@ _ANGLES: Mapping[str, tuple[str, float, float, str]] = {
     "percent": ("percent % range_0_100", 1e-2, 0.0, "1"),
     "range_m100_100": ("range_m100_100", 5e-3, 0.5, "1"),
 }
-"""By unit: its names, factor and shift to the angle, and the unit of that; ticks and pulses have
-those of a turn, and a shift in pulses."""
 
+# The unit of each of its names.
 ANGLE_NAMES = _by_word(**{unit: words for unit, (words, *_) in _ANGLES.items()})
-"""Names of the units of an angle, and the unit of each."""
-
-SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Units of time, in seconds."""
-
 TIME_NAMES = _by_word(
     s="s sec secs second seconds", ms="ms msec millis", us="us usec µs", ns="ns nsec nanosec"
 )
-"""Names of the units of time, and the unit of each."""
-
-ANGLES: Mapping[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
-"""Angle units, in radians."""
-
-SHARES: Mapping[str, float] = {"percent": math.pi / 180.0, "range": 100.0 * math.pi / 180.0}
-"""Shares of a joint's range: a percent is carried as if it were a degree, and so printed as one."""
-
-LENGTHS: Mapping[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-"""Length units, in metres."""
-
 UNIT_NAMES = ANGLE_NAMES | _by_word(
     m="m meter meters metre metres", cm="cm", mm="mm", inch="inch", km="km"
 )
-"""Names of the units of an angle or a length, and the unit of each."""
 
-LARGEST = 1e6
-"""An angle or a length beyond this [rad, m] is a mistake: its square would lose all digits."""
+# Units in SI; a percent of a joint's range is carried as if it were a degree, and printed as one.
+SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+ANGLES: Mapping[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
+SHARES: Mapping[str, float] = {"percent": math.pi / 180.0, "range": 100.0 * math.pi / 180.0}
+JOINT_UNITS = {**ANGLES, **SHARES}
+LENGTHS: Mapping[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 
-LEAST_DEG = 4.0
-"""A span below this [degrees] may be radians."""
-
-TIME = "t_s"
-"""The column of times [s]; it takes precedence over other columns."""
-
+# Words in the names of columns: for times, for the roles of an angle, for what is no angle.
+TIME = "t_s"  # the column of times [s]; it takes precedence over other columns
 WORDS = _words("t time times timestamp stamp clock seconds")
-"""Words for times in the name of a column."""
-
 ROLE_WORDS = {
     "requested": _words(
         "requested request req goal command commanded cmd target "
@@ -93,35 +73,23 @@ ROLE_WORDS = {
     ),
     "position": _words("position pos angle"),  # actual, without a word for its role
 }
-"""Words for the roles of an angle."""
-
 OTHER = _words(
     "velocity vel speed effort load torque current voltage volts temp temperature acceleration acc "
     "accel pwm error err gain limit min max"
 )
-"""Words for quantities that are no angles."""
-
-TORQUES = ("torque_on", "torque_enable", "torque_enabled")
-"""Names for whether the torque is on."""
 
 
 class Scale(NamedTuple):
-    """How a logged number becomes an angle: ``factor * number + shift``.
+    """How a logged number becomes an angle: ``factor * number + shift``."""
 
-    ``name`` is the unit of the number; ``unit`` is "rad", or "1" for a share of the joint's range.
-    """
-
-    name: str
+    name: str  # the unit of the number
     factor: float
     shift: float
-    unit: str
+    unit: str  # "rad", or "1" for a share of the joint's range
 
 
 def scale(unit: str, ticks_per_turn: float | None, fault: Callable[[str], InvalidFile]) -> Scale:
-    """The scale of a unit of :data:`ANGLE_NAMES`; NaN for counts, whose scale is fitted to the log.
-
-    Ticks need their number in a turn; of hobby servos it is the microseconds of a turn.
-    """
+    """The scale of a unit; NaN for counts. Of pulses a turn's ticks are its microseconds."""
     if unit == "ticks" and ticks_per_turn is None:
         raise fault(
             "angles in ticks without the ticks of a turn; give --ticks-per-turn, such as 4096 "
@@ -135,10 +103,7 @@ def scale(unit: str, ticks_per_turn: float | None, fault: Callable[[str], Invali
 
 
 def split_name(name: str, units: Mapping[str, str]) -> tuple[str, str | None]:
-    """A column's name without its unit, and the unit where the name ends in one.
-
-    ``knee_deg``, ``knee [deg]`` and ``knee (deg)`` all are ``knee`` in ``deg``.
-    """
+    """Name and unit, if there is one, of ``knee_deg``, ``knee [deg]`` or ``knee (deg)``."""
     match = re.fullmatch(r"(.*\S)\s*[\[(]\s*([^\[\]()\s]+)\s*[\])]", name)
     stem, word = match.groups() if match else name.rpartition("_")[::2]
     unit = units.get(word.lower())
@@ -154,10 +119,7 @@ def split_unit(column: str, units: Mapping[str, float]) -> tuple[str, str] | Non
 def with_unit(
     table: Table, columns: Sequence[str], units: Mapping[str, float]
 ) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
-    """Names and units of the columns, and their values in SI, shape (n, k), read-only.
-
-    All have the same unit, but for shares of a joint's range, which stand beside angles.
-    """
+    """Names and units of the columns, and their values in SI, shape (n, k), read-only."""
     parts = [split_unit(column, units) for column in columns]
     if bare := [column for column, part in zip(columns, parts, strict=True) if part is None]:
         stem, _ = split_name(bare[0], UNIT_NAMES)
@@ -249,10 +211,7 @@ def time_column(table: Table, *, advice: str = "") -> str | None:
 def read_clock(
     table: Table, column: str, unit: str | None = None, *, missing: bool = False
 ) -> tuple[Array, str]:
-    """Times [s], shape (n,), and where they come from, in words.
-
-    The unit is one of :data:`.SECONDS`, by default from the name. Cells may be ``missing``: NaN.
-    """
+    """Times [s], (n,), NaN where cells may be ``missing``; and where they come from, in words."""
     cells, absent = table.cells(column), ("", "nan", "nat")
     first = _date(next((cell for cell in cells if cell.lower() not in absent), ""))
     if first is not None:
@@ -322,10 +281,7 @@ class Pair(NamedTuple):
 
 
 def meaning(column: str) -> tuple[str, str] | None:
-    """Role and joint ("" for none) of an angle's column; None where the name is unclear.
-
-    The role is requested, actual, or position, which is an actual angle if no column says so.
-    """
+    """Role and joint ("" for none) of an angle's column; None where the name is unclear."""
     stem, _ = split_name(column, ANGLE_NAMES)
     stem = re.sub("set[ _.-]?point", "setpoint", stem, flags=re.IGNORECASE)
     spans = [word.span() for word in _WORD.finditer(stem)]

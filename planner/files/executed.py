@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from planner.exceptions import InvalidFile
-from planner.files.columns import pairs, split_unit, with_unit
-from planner.files.paths import JOINT_UNITS, UNEVEN, SampledPath, joint_path, read_joint_path
+from planner.files.columns import JOINT_UNITS, pairs, split_unit, with_unit
+from planner.files.paths import SampledPath, check_step, joint_path, read_joint_path
 from planner.files.table import Table, read_table
 from planner.files.text import read_json, to_json, write_text
 from planner.identification.grid import mean_period
@@ -40,14 +41,11 @@ def read_executed(path: str, names: Sequence[str], samples: int, period: float) 
 
 
 def _check_rate(path: str, step: float, period: float) -> None:
-    """Raise InvalidFile if the rows of a file, ``step`` [s] apart, are not ``period`` apart."""
-    if abs(step - period) > UNEVEN * period:
-        raise InvalidFile(
-            path,
-            f"one row every {step:.6g} s, expected one every {period:.6g} s, the time "
-            f"between requests; refine with --rate-hz {1.0 / step:.6g} if that is the rate "
-            "at which they were planned and sent, else record a row for each request",
-        )
+    advice = (
+        f"refine with --rate-hz {1.0 / step:.6g} if that is the rate at which they were planned "
+        "and sent, else record a row for each request"
+    )
+    check_step(path, step, period, advice, row="row")
 
 
 def read_measured(
@@ -61,8 +59,7 @@ def read_measured(
 ) -> Measured:
     """Measured angles of the joints that are in all files, which begin at the start of a cycle.
 
-    Files that have requests, too, must have those that were executed, ``period`` [s] apart. A path
-    that is ``cyclic`` may end within a cycle if the number of ``cycles`` to take is given.
+    Files may end within a cycle if the path is ``cyclic`` and the ``cycles`` to take are known.
     """
     blocks, unused_rows = [], 0
     joints, samples = executed.names, len(executed.values)
@@ -109,8 +106,7 @@ def read_measured(
 def _check_requests(table: Table, log: SampledPath, executed: SampledPath, period: float) -> None:
     """Raise InvalidFile if a log has other requests than those executed.
 
-    Its requests may be up to two rows early or late, and rounded or clamped a little: what counts
-    is their distance from the range of the executed ones in five rows.
+    As they may be two rows early or late, they are compared with the range of five rows.
     """
     for pair in pairs(table.names):
         joint = pair.joint or (log.names[0] if len(log.names) == 1 else "")
@@ -152,9 +148,8 @@ def _of_a_path(table: Table, joints: Sequence[str]) -> Table:
 def rows_by_request(table: Table, log: SampledPath, period: float) -> Array:
     """Measured angles [rad], (n, k), a row for each request; rows may come early or late, or miss.
 
-    A row belongs to the request that is whole periods after that of the row before. The time of a
-    request is the mean of those of the rows around it: a clock's jitter is not learnt, and a loop
-    that falls behind keeps its rows.
+    A row belongs to the request that is whole periods after that of the row before, at the mean
+    time of the rows around: a clock's jitter is not learnt, and a late loop keeps its rows.
     """
     if log.times is None:
         return log.values
@@ -177,13 +172,10 @@ def rows_by_request(table: Table, log: SampledPath, period: float) -> Array:
 
 
 FORMAT = "request-planner refine 1"  # the value of `format` that identifies such a file
-
-
 IN_RADIANS = ("requests", "measured", "noise")  # fields that are called `…_rad` in the file
 
-
+# State of learning of one plan, whose joints may have been identified anew.
 LearningState = tuple[tuple[JointModel, ...], Learning]
-"""State of learning of one plan, whose joints may have been identified anew."""
 
 
 def read_history(path: str, names: Collection[str], desired: Array) -> dict[str, LearningState]:
@@ -202,17 +194,17 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
         }
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InvalidFile(path, f"damaged ({error}); begin another file") from error
+    problem = ""
     if not set(states) <= set(names) or len(angles) != len(desired):
-        raise InvalidFile(
-            path,
-            f"got the trials of {len(angles)} requests of {', '.join(states)}, expected "
-            f"{len(desired)} of {', '.join(names)}; begin another file for another path",
+        problem = (
+            f"{len(angles)} requests of {', '.join(states)}, expected {len(desired)} of "
+            f"{', '.join(names)}; begin another file for another path"
         )
     # files carry rounded angles
-    if angles.shape != desired.shape or not np.allclose(angles, desired, rtol=0.0, atol=1e-6):
-        raise InvalidFile(
-            path, "got the trials of another desired path; begin another file for this one"
-        )
+    elif angles.shape != desired.shape or not np.allclose(angles, desired, rtol=0.0, atol=1e-6):
+        problem = "another desired path; begin another file for this one"
+    if problem:
+        raise InvalidFile(path, f"got the trials of {problem}")
     for name, (models, learning) in states.items():
         expected = (len(desired), desired.shape[1] if len(models) > 1 else 1)
         for number, trial in enumerate(learning.trials, start=1):
@@ -255,16 +247,17 @@ def _learning(content: Mapping[str, Any]) -> Learning:
     fields = _renamed(content, {f"{key}_rad": key for key in IN_RADIANS})
     numbers = (*fields["floor"], fields.get("next_error"))
     speed, noise, next_error = (math.nan if each is None else float(each) for each in numbers)
+    array = partial(np.array, dtype=np.float64)
     return Learning(
         trials=tuple(
             Trial(
-                requests=np.array(each["requests"], dtype=np.float64),
-                measured=np.array(each["measured"], dtype=np.float64),
+                requests=array(each["requests"]),
+                measured=array(each["measured"]),
                 error=float(each["error"]),
             )
             for each in fields["trials"]
         ),
-        noise=np.array(fields["noise"], dtype=np.float64),
+        noise=array(fields["noise"]),
         gain=float(fields["gain"]),
         reidentified=tuple(fields["reidentified"]),
         delays=tuple(SensorDelay(**each) for each in fields["delays"]),

@@ -21,7 +21,7 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import (
-    ANGLES,
+    JOINT_UNITS,
     LENGTHS,
     SHARES,
     TIME,
@@ -41,20 +41,10 @@ from planner.files.text import write_text
 from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import freeze
 
-JOINT_UNITS = {**ANGLES, **SHARES}
-"""Units of a joint, in radians."""
-
-LOAD = "_load_Nm"
-"""Ending of the columns that hold the torque on a joint [N m]."""
-
-MOST_JOINTS = 1000
-"""Joints of a path, each a plan of its own."""
-
-UNEVEN = 0.01
-"""A time step may differ from the period by this part of it, for clocks written in few decimals."""
-
-AXES = ("x", "y", "z")
-"""Axes of a foot's positions."""
+LOAD = "_load_Nm"  # ending of the columns that hold the torque on a joint [N m]
+MOST_JOINTS = 1000  # joints of a path, each a plan of its own
+UNEVEN = 0.01  # share by which a time step may differ from the period: clocks have few decimals
+AXES = ("x", "y", "z")  # axes of a foot's positions
 
 
 @dataclass(frozen=True)
@@ -80,23 +70,20 @@ class SampledPath:
 
     def check_period(self, period: float) -> None:
         """Raise InvalidFile if the samples are not ``period`` [s] apart, as requests are."""
-        step = self.step
-        if abs(step - period) > UNEVEN * period:
-            raise InvalidFile(
-                self.path,
-                f"one sample every {step:.6g} s, expected one every {period:.6g} s, the time "
-                f"between requests; plan with --rate-hz {1.0 / period:.6g} to resample the path, "
-                f"or with --rate-hz {1.0 / step:.6g} to send as many requests, or set tick and "
-                "hold in the model",
-            )
+        check_step(
+            self.path,
+            self.step,
+            period,
+            f"plan with --rate-hz {1.0 / period:.6g} to resample the path, or with --rate-hz "
+            f"{1.0 / self.step:.6g} to send as many requests, or set tick and hold in the model",
+        )
 
     def in_step(
         self, period: float, *, resample: bool, cyclic: bool, speed: float | None = None
     ) -> SampledPath:
-        """The path with a sample every ``period`` [s]; resampled, or else checked.
+        """The path with a sample every ``period`` [s]: resampled, or else checked.
 
-        Without times it has a sample per request, and is returned unchanged unless ``speed``
-        multiplies its speed.
+        Without times it has a sample per request, unless ``speed`` multiplies its speed.
         """
         farthest = 5.0  # [s]; times in milliseconds are a thousand times as long
         if self.step > farthest:
@@ -127,6 +114,16 @@ class SampledPath:
             )
 
 
+def check_step(path: str, step: float, period: float, advice: str, row: str = "sample") -> None:
+    """Raise InvalidFile if rows, ``step`` [s] apart, are not ``period`` apart, as requests are."""
+    if abs(step - period) > UNEVEN * period:
+        raise InvalidFile(
+            path,
+            f"one {row} every {step:.6g} s, expected one every {period:.6g} s, the time between "
+            f"requests; {advice}",
+        )
+
+
 def path_table(path: Path | str) -> Table:
     """Read a table of at most as many rows as a path may have samples; see :func:`.read_table`."""
     return read_table(path, most_rows=MOST_SAMPLES)
@@ -138,10 +135,7 @@ def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> SampledP
 
 
 def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> SampledPath:
-    """Parse a table as a joint path, whose times must be evenly spaced if ``even``.
-
-    Without named joints every column is one, but for times, ``index`` and ``sample``.
-    """
+    """Parse a table as a path of the named joints, or of all columns but times and numbers."""
     if joints:
         columns = pick(
             table, joints, JOINT_UNITS, advice="rename a column, or choose joints with --joint"
@@ -161,14 +155,13 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
             )
         no_joints = {*time_columns(table.names), "index", "sample"}  # which number the rows
         columns = [name for name in table.names if not (name in no_joints or name.endswith(LOAD))]
+    problem = ""
     if not columns:
-        raise table.fault(
-            f"only {', '.join(table.names)}; expected columns <joint>_deg or <joint>_rad"
-        )
-    if len(columns) > MOST_JOINTS:
-        raise table.fault(
-            f"{len(columns)} joints, expected at most {MOST_JOINTS}; choose some with --joint"
-        )
+        problem = f"only {', '.join(table.names)}; expected columns <joint>_deg or <joint>_rad"
+    elif len(columns) > MOST_JOINTS:
+        problem = f"{len(columns)} joints, expected at most {MOST_JOINTS}; choose some with --joint"
+    if problem:
+        raise table.fault(problem)
     names, units, values = with_unit(table, columns, JOINT_UNITS)
     for column, name, unit, angles in zip(columns, names, units, values.T, strict=True):
         if unit == "rad":
@@ -196,10 +189,7 @@ def write_joint_path(
     units: Sequence[str] | None = None,
     loads: Array | None = None,
 ) -> None:
-    """Write angles or requests [rad], (n, k), as CSV, with torques [N m], (n, k), if there are any.
-
-    Joints in shares of their range are written as such again, others in degrees.
-    """
+    """Write angles [rad] and torques [N m], (n, k), as CSV: shares of a range, or degrees."""
     endings = [unit if unit in SHARES else "deg" for unit in units or ["deg"] * len(names)]
     columns = [
         np.degrees(column) if unit == "deg" else column / SHARES[unit]
@@ -233,12 +223,8 @@ def write_foot_path(path: Path | str, positions: Array, *, period: float) -> Non
 
 
 def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:
-    """Write a curve: all of it as JSON for ``*.json``, else its knots as CSV.
-
-    The CSV has columns ``knot_s`` and ``value_deg``. The JSON keeps every digit, and also samples,
-    tick, and whether it is a cycle; :meth:`.PiecewiseLinear.from_dict` takes it back.
-    """
-    if str(path).lower().endswith(".json"):
+    """Write a curve: its knots as CSV, or all of it as JSON for ``*.json``."""
+    if str(path).lower().endswith(".json"):  # which `PiecewiseLinear.from_dict` takes back
         write_text(path, json.dumps(curve.to_dict(), indent=2, allow_nan=False) + "\n")
     else:
         columns = np.column_stack([curve.knots * curve.tick, np.degrees(curve.values)])
@@ -268,8 +254,7 @@ def read_times(table: Table, *, even: bool = True) -> Array | None:
 def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Array:
     """Rows (n, k) at increasing times [s], (n,), at even times from the first on, linearly.
 
-    A cycle lasts one mean step longer than its times. It gets the nearest whole number of samples,
-    for which it is stretched or shortened by less than half a sample.
+    A cycle lasts one mean step longer; it is stretched to a whole number of samples.
     """
     span = float(times[-1] - times[0])
     since = times - times[0]

@@ -20,18 +20,12 @@ from planner.files.text import read_text, write_text
 from planner.trajectory import Array
 from planner.validation import freeze
 
-MOST_COLUMNS = 10_000
-"""Columns of a table: a robot that records everything has some thousands."""
-
-MOST_CELLS = 10_000_000
-"""Cells of a table: some 70 bytes of memory each."""
-
+MOST_COLUMNS = 10_000  # columns of a table: a robot that records everything has some thousands
+MOST_CELLS = 10_000_000  # cells of a table: some 70 bytes of memory each
 DECIMALS = 12
 """Decimals that are written: beyond any sensor, and short for numbers that were short before."""
 
-DELIMITERS = ",;\t"
-"""Possible delimiters of cells."""
-
+DELIMITERS = ",;\t"  # possible delimiters of cells
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 

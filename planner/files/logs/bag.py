@@ -20,9 +20,7 @@ from planner.trajectory import Array, Indices
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 NUMBER, NUMBERS = "std_msgs/msg/Float64", "std_msgs/msg/Float64MultiArray"
-ACTUAL_TYPES = (CONTROLLER_STATE, JOINT_STATE)
-"""Types with actual angles."""
-
+ACTUAL_TYPES = (CONTROLLER_STATE, JOINT_STATE)  # types with actual angles
 REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, NUMBER, JOINT_STATE)
 """Types with requested angles."""
 

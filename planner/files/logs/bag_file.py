@@ -22,11 +22,8 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.typesys.store import Typestore
 
-LATEST = 2**63
-"""Stamps from here on [ns] are invalid."""
-
+LATEST = 2**63  # stamps from here on [ns] are invalid
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
-
 MOST_TIMES = 1000
 """Chunks of a bag that is not small unfold to this many times its size at most, counted once for
 each topic that is read. Names that repeat in every message unfold to some 50 times."""

@@ -24,11 +24,8 @@ from planner.validation import as_number
 ACTION, STATE = "action", "observation.state"
 """Features that hold the requested and the actual angles."""
 
-INFO = Path("meta", "info.json")
-"""The description of a dataset."""
-
+INFO = Path("meta", "info.json")  # the description of a dataset
 _EPISODE = re.compile(r"episode_(\d+)\.parquet", re.ASCII)
-
 TIME, EPISODE, TASK = "timestamp", "episode_index", "task_index"
 """Columns of a row's time [s] in its episode, of the episode's number, and of its task's."""
 
@@ -41,8 +38,7 @@ COUNTED = {
 }
 """Columns of every dataset that count rows, and their types."""
 
-MOST_BYTES = 2**28
-"""Unfolded columns of one file [bytes]: 22 hours at 30 Hz of 6 joints."""
+MOST_BYTES = 2**28  # unfolded columns of one file [bytes]: 22 hours at 30 Hz of 6 joints
 
 
 class EpisodeRows(NamedTuple):

@@ -26,12 +26,8 @@ from planner.model.evidence import ENCODER_STEP
 from planner.trajectory import Array, Indices, Mask, not_radians
 from planner.validation import as_positive, shown
 
-ALL_JOINTS = "all"
-"""The key of all joints of a log."""
-
-ROLES = ("requested", "actual")
-"""Columns of a joint that may have units of their own."""
-
+ALL_JOINTS = "all"  # the key of all joints of a log
+ROLES = ("requested", "actual")  # columns of a joint that may have units of their own
 SLOW_TIME, SLOW_SHARE, SLOW_RANGE = 1.0, 0.4, 0.5
 """Requests are slow if they travel at most this share of their range in this time [s]: the joint
 then lags by its delay and friction only, to both sides. For a scale to be fitted they must span
@@ -40,8 +36,7 @@ this share of the range of all."""
 SPARSE = 0.5
 """Rows so far apart [s] hardly show how a joint moves: their times may be numbers of rows."""
 
-MOST_SHARE = 2.0
-"""Largest magnitude of a share of the range."""
+MOST_SHARE = 2.0  # largest magnitude of a share of the range
 
 
 @dataclass(frozen=True, kw_only=True)
