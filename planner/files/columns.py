@@ -187,16 +187,15 @@ def check_radians(table: Table, column: str, angles: Array, advice: str) -> None
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 
 
-def time_columns(columns: Sequence[str]) -> tuple[str, ...]:
+def time_columns(columns: Sequence[str]) -> list[str]:
     """The columns that may hold times."""
-    names = []
-    for column in columns:
+
+    def is_time(column: str) -> bool:
         stem, unit = split_name(column, TIME_NAMES)
-        if unit is None and split_name(column, ANGLE_NAMES)[1] is not None:
-            continue  # `t_deg` is a joint
-        if {word.lower() for word in _WORD.findall(stem)} & WORDS:
-            names.append(column)
-    return tuple(names)
+        is_joint = unit is None and split_name(column, ANGLE_NAMES)[1] is not None  # `t_deg`
+        return not is_joint and not WORDS.isdisjoint(map(str.lower, _WORD.findall(stem)))
+
+    return list(filter(is_time, columns))
 
 
 def time_column(table: Table, *, advice: str = "") -> str | None:
@@ -206,6 +205,26 @@ def time_column(table: Table, *, advice: str = "") -> str | None:
         return TIME
     advice = f"columns: {', '.join(table.names)}; {advice}rename it {TIME}"
     return table.only(columns, "be the time", advice)
+
+
+def clock_of(table: Table, named: str | None) -> tuple[str, str | None]:
+    """The column of times, ``named`` as an option of logs or found, and its unit if it is known."""
+    name = named
+    if name is None:
+        name = time_column(table, advice="name it with --time, or ")
+        if name is None:
+            raise table.fault(
+                f"no column is the time; columns: {', '.join(table.names)}; name it with --time, "
+                f"or rename it {TIME}"
+            )
+    elif name not in table.names:
+        stem, _, word = name.rpartition(":")
+        if stem in table.names and word not in TIME_NAMES:
+            units = ", ".join(SECONDS)
+            raise table.fault(f"time in '{word}' is unknown; expected one of {units}")
+        if stem in table.names:
+            return stem, TIME_NAMES[word]
+    return name, clock_unit(table, name)
 
 
 def read_clock(

@@ -21,19 +21,15 @@ from planner.files.columns import (
     ANGLE_NAMES,
     LARGEST,
     SECONDS,
-    TIME,
-    TIME_NAMES,
-    TORQUES,
     Pair,
     Scale,
     check_radians,
-    clock_unit,
+    clock_of,
     meaning,
     pairs,
     read_clock,
     scale,
     split_name,
-    time_column,
 )
 from planner.files.logs.rows import ALL_JOINTS, ROLES, LogOptions, Recorded, Rows
 from planner.files.paths import LOAD
@@ -42,11 +38,11 @@ from planner.files.text import read_json
 from planner.trajectory import Array, Mask
 from planner.validation import as_number
 
+TORQUES = ("torque_on", "torque_enable", "torque_enabled")  # names for whether the torque is on
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
-"""Values of a torque column."""
 
+# Keys of an entry of BAM that are read; an entry may leave the torque's out.
 BAM_KEYS = ("timestamp", "goal_position", "position", "torque_enable")
-"""Keys of an entry of BAM that are read; an entry may leave the torque's out."""
 
 
 def read_csv_log(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
@@ -95,10 +91,7 @@ def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
 
 
 def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
-    """Largest torque of the pendulum's weight [N m], (m + m_arm / 2) g l; None without one.
-
-    The pendulum hangs at 0 and is ``length`` long, its arm of one thickness.
-    """
+    """Largest torque of the pendulum's weight [N m], (m + m_arm / 2) g l; None without one."""
     if "mass" not in content or "length" not in content:
         return None
     values = {key: content.get(key, 0.0) for key in ("mass", "arm_mass", "length")}
@@ -118,8 +111,7 @@ def _recorded(
 
     @cache
     def shared() -> tuple[Array, str, str, Mask | None]:  # names of joints need no times
-        time, unit = _clock(table, options)
-        times, clock = read_clock(table, time, unit, missing=True)
+        times, clock = read_clock(table, *clock_of(table, options.time), missing=True)
         return times, clock, *_read_torque(table, options)
 
     def rows_of(joint: str) -> Rows:
@@ -167,26 +159,20 @@ def _recorded(
 
 
 def _pairs(table: Table, options: LogOptions) -> list[Pair]:
-    """Columns of requested and of actual angles for each joint.
-
-    Of two columns that the options may name, the one that they leave out is guessed.
-    """
+    """Columns of both angles of each joint; of two, one that the options leave out is guessed."""
     candidates, every = pairs(table.names), f"columns: {', '.join(table.names)}"
     named = {role: column for role in ROLES if (column := getattr(options, role)) is not None}
     if not named:
         if complete := [pair for pair in candidates if pair.requested and pair.actual]:
             return complete
         half = next((pair for pair in candidates if pair.requested or pair.actual), None)
-        if half is None:
-            raise table.fault(
-                f"no column names a requested or an actual angle; {every}; name them with "
-                "--requested and --actual"
-            )
-        there, other = ROLES if half.requested else ROLES[::-1]
-        raise table.fault(
-            f"'{(half.requested or half.actual)[0]}' is the {there} angle, but no column names the "
-            f"{other} one; {every}; name it with --{other}"
-        )
+        words, advice = "no column names a requested or an actual angle", "them with --requested"
+        advice += " and --actual"
+        if half is not None:
+            there, other = ROLES if half.requested else ROLES[::-1]
+            column, advice = (half.requested or half.actual)[0], f"it with --{other}"
+            words = f"'{column}' is the {there} angle, but no column names the {other} one"
+        raise table.fault(f"{words}; {every}; name {advice}")
     for column in named.values():
         table.cells(column)
     first = next(iter(named.values()))
@@ -220,50 +206,26 @@ def _scales(
                 "column or leave the option out"
             )
     units = [named or by_user for named, by_user in zip(own, user_units, strict=True)]
-    time, time_unit = _clock(table, options)
+    time, time_unit = clock_of(table, options.time)
     angles = [column for column, unit in zip(columns, units, strict=True) if unit is None]
-    times = [time] if (time_unit or clock_unit(table, time)) is None else []
+    times = [time] if time_unit is None else []
     if bare := times + angles:
         advice = [f"--time {time}:s (or one of {', '.join(SECONDS)})"] if times else []
         advice += ["--unit rad (or deg, ticks, turns, range, percent)"] if angles else []
-        one = len(bare) == 1
-        title = (
-            f"column{'' if one else 's'} {', '.join(map(repr, bare))} {'has' if one else 'have'}"
-        )
         endings = [f"{each}_s" for each in times] + [f"{each}_rad" for each in angles]
+        plural, has, it = ("", "has", "it") if len(bare) == 1 else ("s", "have", "them")
         raise table.fault(
-            f"{title} no unit; give {' and '.join(advice)}, or rename {'it' if one else 'them'} "
-            f"{', '.join(endings)}"
+            f"column{plural} {', '.join(map(repr, bare))} {has} no unit; give "
+            f"{' and '.join(advice)}, or rename {it} {', '.join(endings)}"
         )
     return [scale(unit, options.ticks_per_turn, table.fault) for unit in units if unit]
-
-
-def _clock(table: Table, options: LogOptions) -> tuple[str, str | None]:
-    """The column of times, and its unit where the user gives one."""
-    name = options.time
-    if name is None:
-        name = time_column(table, advice="name it with --time, or ")
-        if name is None:
-            raise table.fault(
-                f"no column is the time; columns: {', '.join(table.names)}; name it with --time, "
-                f"or rename it {TIME}"
-            )
-    elif name not in table.names:
-        stem, _, word = name.rpartition(":")
-        if stem in table.names and word not in TIME_NAMES:
-            units = ", ".join(SECONDS)
-            raise table.fault(f"time in '{word}' is unknown; expected one of {units}")
-        if stem in table.names:
-            return stem, TIME_NAMES[word]
-    table.cells(name)
-    return name, None
 
 
 def _read_torque(table: Table, options: LogOptions) -> tuple[str, Mask | None]:
     """The origin of the torque's switch in words, and the switch, shape (n,), if there is one."""
     columns = [name for name in table.names if name.lower() in TORQUES]
-    advice = "name one with --torque"
-    column = options.torque or table.only(columns, "say whether the torque is on", advice)
+    meant = "say whether the torque is on"
+    column = options.torque or table.only(columns, meant, "name one with --torque")
     if column is None:
         return "", None
     cells = [cell.lower() for cell in table.cells(column)]
