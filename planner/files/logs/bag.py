@@ -1,31 +1,67 @@
-"""Logs from bags: a controller's state, or joint states with the commands before them."""
+"""Logs from ROS bags and MCAP files: controllers' states, or joint states and commands.
+
+They are read by rosbags' own readers, one topic at a time, and a damaged or hostile file is one
+error. Its ``AnyReader`` is not used: it refuses a bag for an unreadable definition of a type on any
+topic, or one with another hash, and it supports only one layout of a type that a bag does not
+define.
+"""
 
 from __future__ import annotations
 
+import re
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.exceptions import InvalidFile, nearest
+from planner.exceptions import InvalidFile, PlannerError, importing, nearest
 from planner.files.columns import scale
-from planner.files.logs.bag_file import CONTROLLER_STATE, LATEST, Bag, open_bag
 from planner.files.logs.rows import ALL_JOINTS, LogOptions, Recorded, Rows
 from planner.files.table import Source
 from planner.trajectory import Array, Indices
 
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
+    from rosbags.typesys.store import Typestore
+
+CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 NUMBER, NUMBERS = "std_msgs/msg/Float64", "std_msgs/msg/Float64MultiArray"
 ACTUAL_TYPES = (CONTROLLER_STATE, JOINT_STATE)  # types with actual angles
-REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, NUMBER, JOINT_STATE)
-"""Types with requested angles."""
+REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, NUMBER, JOINT_STATE)  # with requested ones
 
-APART = 1_000_000_000
-"""Stamps that are further from the receipt than this [ns] come from another clock."""
+LATEST = 2**63  # stamps from here on [ns] are invalid
+APART = 1_000_000_000  # stamps further from the receipt than this [ns] come from another clock
+
+# Chunks of a bag that is not small unfold to this many times its size at most, counted once for
+# each topic that is read. Names that repeat in every message unfold to some 50 times.
+MOST_TIMES = 1000
+
+# Largest chunk that is unfolded [bytes]: recorders begin a new one after a few megabytes. rosbags
+# has no limit: 33 kB of MCAP take 2 GiB of memory, 5 kB of a bag of ROS 1 take 1 GiB.
+MOST_CHUNK = 256 * 2**20
+
+# Layouts of a controller's state: up to Galactic, in Humble, and since Iron. A bag without
+# definitions of its types, as ROS 2 wrote them before Iron, does not say which one it holds. Only
+# the right one explains all the bytes of a message.
+LAYOUTS = tuple(
+    "std_msgs/Header header\nstring[] joint_names\n"
+    + "".join(f"trajectory_msgs/JointTrajectoryPoint {name}\n" for name in points)
+    + "string[] multi_dof_joint_names\n" * bool(several)
+    + "".join(f"trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_{n}\n" for n in several)
+    for points, several in (
+        (("desired", "actual", "error"), ()),
+        (("reference", "feedback", "error", "output", "desired", "actual"),) * 2,
+        (("reference", "feedback", "error", "output"),) * 2,
+    )
+)
 
 
 def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
@@ -87,11 +123,10 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     yield {joint: partial(rows_of, joint) for joint in joints}
 
 
+# Receipt [ns], stamp [ns], 0 for none, and angle, of every message about a joint; and those of
+# the joints on one topic, in the order in which they appeared.
 Series = tuple["array[int]", "array[int]", "array[float]"]
-"""Of every message about a joint: receipt [ns], stamp [ns], 0 for none, and angle."""
-
 Track = dict[str, Series]
-"""The messages on one topic by joint, in the order in which the joints appeared."""
 
 
 def _stamped(*tracks: Track) -> list[bool]:
@@ -200,11 +235,8 @@ def _angles_in(content: Any, kind: str, role: str) -> tuple[tuple[str, ...] | No
         points, field = content.points[:1], "points"
         joints, angles = (content.joint_names, points[0].positions) if points else ((), ())
     else:  # a controller's state, by the names that its layout has
-        layouts = [
-            pair
-            for pair in (("reference", "feedback"), ("desired", "actual"))
-            if all(hasattr(content, name) for name in pair)
-        ]
+        layouts = [("reference", "feedback"), ("desired", "actual")]
+        layouts = [pair for pair in layouts if all(hasattr(content, name) for name in pair)]
         filled = [pair for pair in layouts if len(getattr(content, pair[1]).positions)]
         field = (filled or layouts)[0][role == "actual"]
         joints, angles = content.joint_names, getattr(content, field).positions
@@ -212,10 +244,7 @@ def _angles_in(content: Any, kind: str, role: str) -> tuple[tuple[str, ...] | No
 
 
 def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> tuple[str, str]:
-    """The topics of actual and of requested angles, which may be the same one.
-
-    They are those that the options name, or the only ones that their types allow.
-    """
+    """The topics of actual and of requested angles: named, or the only ones of their types."""
 
     def listed(topics: Iterable[str]) -> str:
         return ", ".join(f"{name} ({kinds[name]})" for name in sorted(topics)[:20]) or "none"
@@ -224,22 +253,21 @@ def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> 
         role: str, named: str | None, types: Sequence[str], topics: Sequence[str], advice: str
     ) -> str:
         option = "--topic" if role == "actual" else "--command-topic"
-        if named is None and len(topics) == 1:
-            return topics[0]
-        if named is None and topics:
-            several = f"several topics with {role} angles; topics: {listed(topics)}"
-            raise InvalidFile(path, f"{several}; choose one with {option}")
         if named is None:
-            none = f"no topic with {role} angles; topics: {listed(kinds)}"
-            raise InvalidFile(path, f"{none}; {advice}")
-        if named not in kinds:
+            if len(topics) == 1:
+                return topics[0]
+            count, advice = ("several", f"choose one with {option}") if topics else ("no", advice)
+            those = f"topic{'s' * (len(topics) > 1)} with {role} angles"
+            problem = f"{count} {those}; topics: {listed(topics or kinds)}; {advice}"
+        elif named not in kinds:
             hint = nearest(named, list(kinds))
-            problem = f"no topic '{named}'{hint}; topics: {listed(kinds)}"
-            raise InvalidFile(path, f"{option}: {problem}")
-        if kinds[named] not in types:
-            problem = f"topic {named} holds {kinds[named]}, expected one of {', '.join(types)}"
-            raise InvalidFile(path, f"{option}: {problem}")
-        return named
+            problem = f"{option}: no topic '{named}'{hint}; topics: {listed(kinds)}"
+        elif kinds[named] not in types:
+            expected = f"expected one of {', '.join(types)}"
+            problem = f"{option}: topic {named} holds {kinds[named]}, {expected}"
+        else:
+            return named
+        raise InvalidFile(path, problem)
 
     command = options.command_topic
     states = [name for name, kind in kinds.items() if kind == JOINT_STATE and name != command]
@@ -262,3 +290,158 @@ def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> 
             "requested angles; name it with --command-topic",
         )
     return actual, requested
+
+
+# The file.
+
+
+@dataclass(frozen=True)
+class Bag:
+    """An open bag, and the type of every topic."""
+
+    path: Path
+    topics: Mapping[str, str]
+    _reader: Any
+    _ros1: bool
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """The messages of a topic, in order of receipt: the time of it [ns], and the fields."""
+        connections = [each for each in self._reader.connections if each.topic == topic]
+        kind, stores = self.topics[topic], _stores(connections)
+        for k, (_, when, data) in enumerate(self._reader.messages(connections=connections)):
+            place = f"topic {topic}, message {k + 1}"
+            if not 0 <= when < LATEST:
+                raise InvalidFile(self.path, f"{place}: received at {when} ns, expected a time")
+            content = None
+            while content is None:
+                decode = stores[0].deserialize_ros1 if self._ros1 else stores[0].deserialize_cdr
+                try:
+                    content = decode(data, kind)
+                except Exception as error:
+                    if len(stores) == 1:
+                        raise InvalidFile(
+                            self.path, f"{place}: no {kind} ({_words(error)}); is the bag damaged?"
+                        ) from error
+                    del stores[0]  # the bag was recorded with another layout of this type
+            yield when, content
+
+
+@contextmanager
+def open_bag(path: Path | str) -> Iterator[Bag]:
+    """Open a bag of ROS 1, of ROS 2 (folder or a single file of it), or an MCAP file."""
+    with importing("reading bags", "bags"):
+        from rosbags import rosbag1, rosbag2
+    place = Path(path)
+    ros1 = place.suffix.lower() == ".bag"
+    if not place.exists():
+        raise InvalidFile(path, "no such file; check the name and the folder")
+    try:
+        of_format: Any = (rosbag1 if ros1 else rosbag2).Reader
+        with _limited(path), of_format(place) as reader:
+            topics = {connection.topic: connection.msgtype for connection in reader.connections}
+            yield Bag(place, topics, reader, ros1)
+    except PlannerError:
+        raise
+    except Exception as error:  # of rosbags, SQLite, YAML or a decoder
+        raise InvalidFile(
+            path, f"not a bag that can be read ({_words(error)}); is it cut short?"
+        ) from error
+
+
+def _stores(connections: Sequence[Connection]) -> list[Typestore]:
+    """Stores of types to try, in this order: the bag's own types, or the default ones."""
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    own: dict[str, Any] = {}
+    for connection in connections:
+        form, text = connection.msgdef.format, connection.msgdef.data
+        if form == MessageDefinitionFormat.MSG:
+            own.update(get_types_from_msg(text, connection.msgtype))
+        elif form == MessageDefinitionFormat.IDL:
+            for part in re.split(r"^=+\nIDL: .*\n", text, flags=re.MULTILINE):
+                own.update(get_types_from_idl(part) if part.strip() else {})
+    if own:
+        stores = [get_typestore(Stores.EMPTY)]
+        stores[0].register(own)
+    else:
+        stores = [get_typestore(Stores.LATEST) for _ in LAYOUTS]  # ROS 1 always has its own
+        for store, layout in zip(stores, LAYOUTS, strict=True):
+            store.register(get_types_from_msg(layout, CONTROLLER_STATE))
+        if connections[0].msgtype != CONTROLLER_STATE:
+            del stores[1:]
+    for store in stores:
+        # an array of 2^32 empty messages takes no bytes, and rosbags more than 15 s
+        store.max_sequence_length = 1_000_000
+    return stores
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__
+
+
+@contextmanager
+def _limited(path: Path | str) -> Iterator[None]:
+    """Let rosbags refuse what unfolds to too much while this bag is open.
+
+    Each chunk or compressed message unfolds to :data:`MOST_CHUNK` at most, all together, and files
+    that are compressed as a whole, to four times that or :data:`MOST_TIMES` the size of the bag.
+    rosbags finds its decompressors in tables of its modules, which this changes in the block only.
+    """
+    import bz2
+
+    import lz4.frame  # type: ignore[import-untyped]
+    from rosbags.rosbag1 import reader as ros1_reader
+    from rosbags.rosbag2 import reader as ros2_reader
+    from rosbags.rosbag2 import storage_mcap
+
+    zstd = vars(storage_mcap)["zstd"]  # of Python, or before 3.14 the package that stands for it
+    files = [Path(path), *Path(path).glob("*")]
+    most = max(
+        4 * MOST_CHUNK, MOST_TIMES * sum(each.stat().st_size for each in files if each.is_file())
+    )
+    total = 0
+
+    def count(unfolded: bytes) -> bytes:
+        nonlocal total
+        total += len(unfolded)
+        if total > most:
+            raise InvalidFile(
+                path, f"unfolds to more than {most >> 20} MiB; split the bag if it is one"
+            )
+        return unfolded
+
+    def opened(stream: Any, _: str) -> Any:
+        """A compressed file, unfolded a piece at a time."""
+        file = zstd.open(stream)
+        return closing(SimpleNamespace(read=lambda size: count(file.read(size)), close=file.close))
+
+    def limited(begin: Callable[[], Any], what: str = "a chunk") -> Callable[..., bytes]:
+        def unfold(content: bytes, *_: int) -> bytes:
+            whole = b""
+            while content:  # one frame after another
+                frame = begin()
+                whole += frame.decompress(content, MOST_CHUNK + 1 - len(whole))
+                if len(whole) > MOST_CHUNK:
+                    raise InvalidFile(
+                        path, f"{what} unfolds to more than {MOST_CHUNK >> 20} MiB; is it a bag?"
+                    )
+                if not frame.eof:
+                    raise ValueError(f"{what} ends too soon")
+                content = frame.unused_data
+            return count(whole)
+
+        return unfold
+
+    lz4_frames = limited(lz4.frame.LZ4FrameDecompressor)
+    messages = limited(zstd.ZstdDecompressor, "a message")
+    tables: tuple[tuple[dict[str, Any], dict[str, Any]], ...] = (
+        (ros1_reader.decompressors, {"lz4": lz4_frames, "bz2": limited(bz2.BZ2Decompressor)}),
+        (storage_mcap.DECOMPRESSORS, {"lz4": lz4_frames, "zstd": limited(zstd.ZstdDecompressor)}),
+        (vars(ros2_reader), {"zstd": SimpleNamespace(open=opened, decompress=messages)}),
+    )
+    with ExitStack() as before:
+        for table, entries in tables:
+            before.callback(table.update, {key: table[key] for key in entries})
+            table.update(entries)
+        yield

@@ -9,7 +9,7 @@ from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from planner.files.logs.bag_file import CONTROLLER_STATE, LAYOUTS
+from planner.files.logs.bag import CONTROLLER_STATE, LAYOUTS
 
 START = 1_732_104_192_123_456_789
 """Time of the first message since the epoch [ns]; no float64 holds it."""

@@ -8,7 +8,7 @@ from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import storage_mcap
 
 from planner import InvalidFile, LogOptions, read_logs
-from planner.files.logs import bag_file
+from planner.files.logs import bag as bag_module
 from tests.files.logs.bags import (
     HUMBLE,
     JOINTS,
@@ -122,7 +122,7 @@ def test_compressed_bags_are_read(tmp_path, how):
 @pytest.mark.parametrize("how", [how for how in COMPRESSED if how != "zstd file"])
 def test_a_chunk_or_message_that_unfolds_to_too_much_is_refused(tmp_path, monkeypatch, how):
     path = _compressed_bag(tmp_path, how)
-    monkeypatch.setattr(bag_file, "MOST_CHUNK", 50)
+    monkeypatch.setattr(bag_module, "MOST_CHUNK", 50)
     with pytest.raises(InvalidFile, match=r"(chunk|message) unfolds to more than 0 MiB"):
         read_logs(path)
 
@@ -130,8 +130,8 @@ def test_a_chunk_or_message_that_unfolds_to_too_much_is_refused(tmp_path, monkey
 @pytest.mark.parametrize("how", ["zstd messages", "zstd file"])
 def test_all_that_a_bag_unfolds_to_is_limited_by_its_size(tmp_path, monkeypatch, how):
     path = _compressed_bag(tmp_path, how)
-    monkeypatch.setattr(bag_file, "MOST_CHUNK", 600)  # one message
-    monkeypatch.setattr(bag_file, "MOST_TIMES", 0.01)
+    monkeypatch.setattr(bag_module, "MOST_CHUNK", 600)  # one message
+    monkeypatch.setattr(bag_module, "MOST_TIMES", 0.01)
     with pytest.raises(InvalidFile, match="run: unfolds to more than 0 MiB; split the bag"):
         read_logs(path)
 
