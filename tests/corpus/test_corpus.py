@@ -1,10 +1,11 @@
 """Every command as users see it: what it prints, writes, shows and answers, held by snapshots.
 
 Each case is a line or more at the command line, run in this process in a folder with the files of
-``inputs``. Its snapshot holds these lines, and after each standard output, standard error, exit
-status, the names of what was written, the content of text files and the text of pages. Tables stand
-column by column, and arrays and small objects of JSON in one line. A file with the lines alone is a
-new case, into which what they do is written.
+``inputs``. Its snapshot holds these lines, and after each the exit status where it is not 0,
+standard output, standard error, the names of what was written, the content of text files and the
+text of pages. Tables stand column by column, arrays and small objects of JSON in one line, and
+blank lines are left out. A file with the lines alone is a new case, into which what they do is
+written.
 
     pytest tests/corpus                        compare
     pytest tests/corpus --rewrite-snapshots    rewrite, then review the diff
@@ -81,6 +82,7 @@ def columns(table: str) -> str:
 
 def compact(text: str) -> str:
     """The same in fewer lines: one for each array or column of numbers, or point of a path."""
+    text = re.sub(r"\n{2,}", "\n", text)
     text = re.sub(r"(?m)(?:^[\d.,e+-]+\n){20,}", lambda rows: columns(rows[0]) + "\n", text)
     text = re.sub(r"\n  (?=time_from_start|velocities)", " ", text)
     return re.sub(r"\[[\s\d.,e+-]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text)
@@ -179,7 +181,9 @@ def without_numbers(text: str) -> str:
 
 
 def without_options_before(text: str) -> str:
-    """Help with a line for each option, without the text of those of a command before."""
+    """Help with a line for each paragraph and option, without the text of options before."""
+    paragraph = r"(?m)^  [^\s-].*(?:\n  [^\s-].*)+"
+    text = re.sub(paragraph, lambda lines: f"  {' '.join(lines[0].split())}", text)
     seen = set()
 
     def option(found: re.Match[str]) -> str:
@@ -243,13 +247,16 @@ def test_a_command_prints_writes_and_answers_what_it_did(
         result = CliRunner().invoke(cli, shlex.split(line))
         if not isinstance(result.exception, SystemExit | None):
             raise result.exception
-        parts += [f"$ request-planner {line}".rstrip(), f"status {result.exit_code}"]
-        for kind, text in (("stdout", result.stdout), ("stderr", result.stderr)):
-            parts += [f"---- {kind}", in_few_lines(text)] if text else []
+        parts.append(f"$ request-planner {line}".rstrip())
+        parts += [f"status {result.exit_code}"] * (result.exit_code != 0)
+        parts += [in_few_lines(result.stdout)] if result.stdout else []
+        parts += ["---- stderr", in_few_lines(result.stderr)] if result.stderr else []
     keep(name, tmp_path)
     printed = "\n".join(parts)
     if name == "help":
         printed = without_options_before(printed)
+    elif name == "completion":  # scripts of click, whose indented lines are its own
+        printed = re.sub(r"(?m)^ .*\n", "", printed)
     skipped = SKIPPED.get(name, ())
     text = "\n".join([printed, *written(tmp_path, printed=printed, skipped=skipped)])
     if name not in WHOLE:
