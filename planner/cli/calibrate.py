@@ -14,6 +14,7 @@ import click
 
 from planner.cli import buses, options
 from planner.cli.console import Answer, Progress, remark, summarise, warn
+from planner.cli.settings import Tick
 from planner.exceptions import InvalidFile, InvalidInput, about
 from planner.files.staging import check_writable
 from planner.files.text import write_text
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
 @options.option(
     "--zero-tick zeros",
     "Count of the servo at angle 0.  [default: the middle, 2048, or 512 of an XL-320]",
-    options.TICKS,
+    options.of_kind(Tick, "[JOINT=]N", "knee=2048"),
     multiple=True,
 )
 @options.positive(

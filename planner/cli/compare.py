@@ -36,12 +36,7 @@ if TYPE_CHECKING:
     default="envelope",
 )
 @options.answers("Write a page (HTML) about the comparison.")
-def compare(
-    *,
-    run: Run,
-    path: str,  # noqa: ARG001
-    level: Level,
-) -> Answer:
+def compare(*, run: Run, level: Level) -> Answer:
     """Plan PATH by the closed form, by optimisation, and by CasADi with IPOPT, and compare.
 
     PATH is what `plan` takes. Prints the error of each plan and the lower bound of any, how far

@@ -14,10 +14,10 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from inspect import get_annotations
-from itertools import pairwise, repeat
+from itertools import cycle, pairwise
 from pathlib import Path, PurePosixPath
 from textwrap import TextWrapper
 from types import NoneType, UnionType
@@ -42,20 +42,15 @@ from planner.files.text import key_name, toml_value
 if TYPE_CHECKING:
     from planner.files.text import Place, Toml
 
-LONGEST = 60  # characters of a value that a message repeats
 NUMBER = "NUMBER"  # part of the place of a table that may stand there several times
 
 
 class Expected(NamedTuple):
-    """The expected value of a key in words, where its type is not enough, and a check of it.
-
-    The check returns the value, or raises ValueError with an addition to these words. The ``form``
-    stands for a text in the help of an option.
-    """
+    """The expected value of a key in words, where its type is not enough, and a check of it."""
 
     words: str
-    check: Callable[[Any], Any] | None = None
-    form: str = ""
+    check: Callable[[Any], Any] = lambda value: value  # or ValueError with more words
+    choices: tuple[str, ...] = ()  # some of the values
 
 
 def within(words: str = "", **ends: float) -> Expected:
@@ -74,101 +69,67 @@ def within(words: str = "", **ends: float) -> Expected:
 
 
 class Kind:
-    """The type of a setting, and what its annotations expect of a value.
-
-    Its ``type`` is without None and annotations, such as float, or a Literal of choices; ``notes``
-    are the annotations, innermost first; ``origin`` is Literal, tuple, dict, or None of a simple
-    type, and ``inner`` the choices of a Literal, or the kinds in a tuple or dict.
-    """
+    """The type of a setting, and what its annotations expect of a value."""
 
     def __init__(self, annotation: Any) -> None:
-        self.notes, self.optional = tuple[Expected, ...](), False
+        self.notes, self.optional = tuple[Expected, ...](), False  # notes: the innermost first
         while (origin := get_origin(annotation)) in (Annotated, Union, UnionType):
-            if origin is Annotated:
-                annotation, *more = get_args(annotation)
-                self.notes = (*more, *self.notes)
-            else:
-                (annotation,) = (each for each in get_args(annotation) if each is not NoneType)
-                self.optional = True
+            annotation, *more = get_args(annotation)
+            self.notes = (*(each for each in more if each is not NoneType), *self.notes)
+            self.optional = self.optional or NoneType in more
+        # the type without None and annotations; its origin is Literal, tuple, dict, or None
         self.type, self.origin, self.inner = annotation, origin, get_args(annotation)
-        words = [note.words for note in self.notes]
-        self.form = self.notes[-1].form if self.notes else ""  # in the help of an option
+        self.count = None if ... in self.inner else len(self.inner)  # of a tuple; None for any
+        self.choices: tuple[str, ...] = sum((note.choices for note in self.notes), ())
+        words = "true or false" if annotation is bool else "a number"
         if origin is Literal:
-            words = words or [f"one of {', '.join(self.inner)}"]
+            self.choices, words = self.inner, f"one of {', '.join(self.inner)}"
         else:
-            self.inner = tuple(each if each is ... else Kind(each) for each in self.inner)
-        self.expected = ["true or false" if annotation is bool else "a number", *words][-1]
+            self.inner = tuple(Kind(each) for each in self.inner if each is not ...)
+        self.expected = [words, *(note.words for note in self.notes)][-1]
         # a table of settings, one that may stand there several times, or one of values by any name
         self.is_table = isinstance(annotation, type) and issubclass(annotation, Settings)
         self.is_repeated = origin is tuple and self.inner[0].is_table
-        self.is_free = origin is dict and not words
+        self.is_free = origin is dict and not self.notes
 
     def fitted(self, value: Any) -> Any:
         """A value of this kind; ValueError, perhaps with a hint, if it does not fit."""
-        inner = self.inner
-        if self.origin is Literal:
-            fits = value in inner
-        elif self.origin is tuple:
-            kinds = repeat(inner[0]) if ... in inner else inner
-            fits = isinstance(value, list | tuple) and (... in inner or len(value) == len(inner))
-            if fits:
-                value = tuple(kind.fitted(each) for kind, each in zip(kinds, value, strict=False))
-        elif self.origin is dict:
-            fits = isinstance(value, Mapping)
-            if fits:
-                value = {name: inner[1].fitted(each) for name, each in value.items()}
+        if self.origin is tuple and isinstance(value, list | tuple):
+            if self.count not in (None, len(value)):
+                raise ValueError
+            pairs = zip(cycle(self.inner), value, strict=False)
+            value = tuple(kind.fitted(each) for kind, each in pairs)
+        elif self.origin is dict and isinstance(value, Mapping):
+            value = {name: self.inner[1].fitted(each) for name, each in value.items()}
         elif self.type is float:
-            fits = isinstance(value, int | float) and not isinstance(value, bool)
-            value = float(value) if fits else value
-            fits = fits and math.isfinite(value)
-        else:
-            fits = type(value) is self.type
-        if not fits:
+            if type(value) not in (int, float) or not math.isfinite(value):
+                raise ValueError
+            value = float(value)
+        elif not (value in self.inner if self.origin is Literal else type(value) is self.type):
             raise ValueError
         for note in self.notes:
-            if note.check is not None:
-                value = note.check(value)
+            value = note.check(value)
         return value
 
 
+@dataclass(kw_only=True, eq=False)
 class Declared:
-    """A key as declared.
+    """A key as declared. Without a default it has to be set, unless it may be None or is a dict."""
 
-    Attributes:
-        purpose: Its purpose, in a sentence.
-        help: The same after the methods, or formats, of ``only``.
-        default: Its default; ``...`` where it has to be set. A key that may be None is None by
-            default, and a dict is empty.
-        otherwise: The effect of leaving it unset, in words, if the default does not show it.
-        example: An example value, if there is no default.
-        set_to: Its value in a template, if that is not the default.
-        option: Its option of the command line, such as ``--cyclic/--no-cyclic``; "--" for one named
-            like it.
-        by_joint: The key of the same table that takes values of the option for single joints.
-        only: The methods, or formats, of its table on which it has an effect; () for all.
-        click: Arguments for click that do not follow from the above.
-    """
+    default: Any = ...
+    otherwise: str = ""  # the effect of leaving it unset, in words, if the default does not show it
+    example: Any = None  # a value, if there is no default
+    set_to: Any = None  # its value in a template, if that is not the default
+    option: str = ""  # its option, such as "--cyclic/--no-cyclic"; "--" for one named like it
+    form: str = ""  # of the text of the option in its help, such as JOINT=DEG
+    like: str = ""  # an example of that text
+    by_joint: str = ""  # the key of its table that takes the option's values for single joints
+    only: tuple[str, ...] = ()  # the methods, or formats, on which it has an effect; () for all
 
-    kind: Kind
-    purpose: str
-    help: str
-    default_in_words: str  # as TOML, or the effect of leaving it unset
-
-    def __init__(
-        self,
-        *,
-        default: Any = ...,
-        otherwise: str = "",
-        example: Any = None,
-        set_to: Any = None,
-        option: str = "",
-        by_joint: str = "",
-        only: tuple[str, ...] = (),
-        **click: Any,
-    ) -> None:
-        self.default, self.set_to = default, set_to
-        self.otherwise, self.example, self.only = otherwise, example, only
-        self.option, self.by_joint, self.click = option, by_joint, click
+    kind: Kind = field(init=False)
+    purpose: str = field(init=False)  # in a sentence
+    help: str = field(init=False)  # the same after the methods, or formats, of ``only``
+    default_in_words: str = field(init=False)  # as TOML, or the effect of leaving it unset
 
     def bind(self, name: str, annotation: Any, purpose: str) -> Declared:
         """Take the name, the type and the purpose of the field."""
@@ -178,9 +139,10 @@ class Declared:
             self.help = f"With {choices}: {purpose[:1].lower()}{purpose[1:]}"
         if self.option == "--":
             self.option += name.replace("_", "-")
-        if self.default is ...:
-            empty: Any = {} if self.kind.origin is dict else ...
-            self.default = None if self.kind.optional else empty
+        if self.default is ... and self.kind.optional:
+            self.default = None
+        elif self.default is ... and self.kind.origin is dict:
+            self.default = {}
         unset = self.default is None or self.default is ...
         self.default_in_words = self.otherwise or ("" if unset else toml_value(self.default))
         return self
@@ -188,8 +150,7 @@ class Declared:
 
 setting: Any = Declared  # declare a key of a table
 
-option: Any = partial(setting, option="--")
-"""Declare a key of a table that is also an option of the same name."""
+option: Any = partial(setting, option="--")  # declare one that is an option of the same name, too
 
 
 class Settings:
@@ -223,15 +184,8 @@ class Settings:
 
     def __init__(self, **values: Any) -> None:
         """Settings of these values, which are not checked, and defaults."""
-        vars(self).update({name: key.default for name, key in self.keys.items()} | values)
+        vars(self).update({name: copy(key.default) for name, key in self.keys.items()} | values)
         self.keys_set = frozenset(values)
-
-    def having(self, **values: Any) -> Self:
-        """The same with other values."""
-        same = copy(self)
-        vars(same).update(values)
-        same.keys_set |= values.keys()
-        return same
 
     def place(self, name: str) -> str:
         """The path of a file that the settings name."""
@@ -266,8 +220,7 @@ class Settings:
         """
         whole, of = whole or cls, f" of [{key_name(place)}]" if place else ""
         if not isinstance(content, Mapping):
-            words = f": got {_described(content)}, expected a table [{key_name(place)}]"
-            raise BadSetting(f"{marked(place)}{words}")
+            raise _unfit(place, content, f"a table [{key_name(place)}]")
         for name in content:
             if name not in cls.keys:
                 hint = nearest(str(name), list(cls.keys))
@@ -282,30 +235,27 @@ class Settings:
                 raise BadSetting(f"{marked(place)}: {words}")
 
         def checked(kind: Kind, value: Any, place: Place) -> Any:
-            hint, expected = "", kind.expected
             if kind.is_table:
                 table: type[Settings] = kind.type
                 return table.of(value, place, whole=whole, standard_input=standard_input)
             if kind.is_repeated:
-                if isinstance(value, list):
-                    inner = kind.inner[0]
-                    return tuple(checked(inner, each, (*place, k)) for k, each in enumerate(value))
-                expected = f"tables [[{key_name(place)}]]"
-            elif kind.is_free:
-                if isinstance(value, Mapping):
-                    return {k: checked(kind.inner[1], v, (*place, k)) for k, v in value.items()}
-                expected = f"a table [{key_name(place)}]"
-            else:
-                try:
-                    result = kind.fitted(value)
-                    if result != "-" or standard_input or SOURCE not in kind.notes:
-                        return result
-                    hint = "; a run reads no standard input, so write it to a file first"
-                except (ValueError, OverflowError) as error:
-                    own = isinstance(error, ValueError) and str(error)
-                    hint = own or _hint(kind, value)
-            words = f"got {_described(value)}, expected {expected}{hint}"
-            raise BadSetting(f"{marked(place)}: {words}")
+                if not isinstance(value, list):
+                    raise _unfit(place, value, f"tables [[{key_name(place)}]]")
+                inner = kind.inner[0]
+                return tuple(checked(inner, each, (*place, k)) for k, each in enumerate(value))
+            if kind.is_free:
+                if not isinstance(value, Mapping):
+                    raise _unfit(place, value, f"a table [{key_name(place)}]")
+                return {k: checked(kind.inner[1], v, (*place, k)) for k, v in value.items()}
+            try:
+                result = kind.fitted(value)
+            except (ValueError, OverflowError) as error:
+                own = isinstance(error, ValueError) and str(error)
+                raise _unfit(place, value, kind.expected, own or _hint(kind, value)) from error
+            if result == "-" and SOURCE in kind.notes and not standard_input:
+                hint = "; a run reads no standard input, so write it to a file first"
+                raise _unfit(place, value, kind.expected, hint)
+            return result
 
         names = [name for name in cls.keys if name in content]
         return cls(**{n: checked(cls.keys[n].kind, content[n], (*place, n)) for n in names})
@@ -347,12 +297,21 @@ def _plain(value: Any) -> Any:
     return value.values() if isinstance(value, Settings) else value
 
 
+def _unfit(place: Place, value: Any, expected: str, hint: str = "") -> BadSetting:
+    """The error that a value is not the expected one."""
+    from planner.validation import shown  # imports NumPy
+
+    got = toml_value(value) if isinstance(value, bool) else shown(value)
+    got = "a table" if isinstance(value, Mapping) else got
+    return BadSetting(f"{marked(place)}: got {got}, expected {expected}{hint}")
+
+
 def _hint(kind: Kind, value: Any) -> str:
     """The nearest choice to a text, or that it would fit without its quotes."""
     if not isinstance(value, str):
         return ""
-    if kind.origin is Literal:
-        return nearest(value, kind.inner)
+    if kind.choices:
+        return nearest(value, kind.choices)
     try:
         kind.fitted(tomllib.loads(f"value = {value}")["value"])
     except (ValueError, OverflowError, RecursionError):
@@ -360,24 +319,10 @@ def _hint(kind: Kind, value: Any) -> str:
     return "; without quotes"
 
 
-def _described(value: Any) -> str:
-    """A value as a message repeats it."""
-    if isinstance(value, bool):
-        return toml_value(value)
-    if isinstance(value, Mapping):
-        return "a table"
-    if isinstance(value, int) and abs(value) >= 10**LONGEST:
-        return "a very large number"
-    text = repr(value) if isinstance(value, str | list) else str(value)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
-
-
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """A table of a file."""
 
-    # the keys that lead to it, NUMBER for any number; () for the top of the file
-    place: tuple[str, ...]
+    place: tuple[str, ...]  # the keys that lead to it, NUMBER for any number; () for the file's top
     about: str  # its purpose
     keys: Mapping[str, Declared]  # its keys
     free: Declared | None = None  # declares keys of any name, if there are such keys

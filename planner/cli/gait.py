@@ -104,8 +104,8 @@ def gait(
         path = leg_stride.foot
         stretched = 1.0
         if run.tolerance.cm is not None:
-            at_rate = run.having(path=run.path.having(rate_hz=1.0 / period))
-            models = models_of(at_rate, leg.joint_names, leg)
+            run.path.rate_hz = 1.0 / period
+            models = models_of(run, leg.joint_names, leg)
             options.warn_of(refused_models(leg.joint_names, models))
             with Progress() as progress:
                 cycle = shortest_cycle(

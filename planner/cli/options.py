@@ -19,8 +19,8 @@ import click
 from click.shell_completion import CompletionItem
 
 from planner.cli.console import MARKED, Answer, BadSetting, SettingsError, warn
-from planner.cli.declared import NUMBER, SOURCE, Declared, Kind, Positive, Span, Text, tables
-from planner.cli.settings import LEG_NAMES, ReplayRun, Run, Tick
+from planner.cli.declared import NUMBER, SOURCE, Declared, Kind, Positive, Span, tables
+from planner.cli.settings import ReplayRun, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
 from planner.files.text import place_of
 
@@ -56,32 +56,30 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
         return names or [CompletionItem(incomplete, type="file")] * bool(self.choices)
 
 
-def of_kind(annotation: Any, form: str, example: str = "") -> Parsed:
-    """A value as of settings with this annotation: a text, or numbers with ":" between them."""
+def of_kind(annotation: Any, form: str, like: str = "") -> Parsed:
+    """A value as of settings with this annotation, in a text of a form, for example ``like`` this.
+
+    NAME=VALUE are a pair, as are [NAME=]VALUE, where the name may be "" for all; of a tuple the
+    numbers have ":" between them, texts ",".
+    """
     kind = annotation if isinstance(annotation, Kind) else Kind(annotation)
 
     def parse(text: str) -> Any:
-        if kind.origin is tuple:
-            return kind.fitted([float(part) for part in text.split(":")])
-        return kind.fitted(kind.type(text))
-
-    expected = f"{form} such as {example}, {kind.expected}" if example else kind.expected
-    if kind.origin is tuple:
-        expected = f"{form} in degrees with LOW below HIGH, such as {example}"
-    return Parsed(parse, form, expected)
-
-
-def by_joint(annotation: Any, form: str, example: str) -> Parsed:
-    """A pair of joint and value: NAME=VALUE, or for [NAME=]VALUE of all joints, named ""."""
-    value = of_kind(annotation, form, example)
-
-    def parse(text: str) -> tuple[str, Any]:
-        joint, equals, rest = text.rpartition("=")
-        if not joint and (equals or not form.startswith("[")):
+        named = "=" in form
+        name, equals, text = text.rpartition("=") if named else ("", "", text)
+        if named and not name and (equals or not form.startswith("[")):
             raise ValueError
-        return joint, value.parse(rest)
+        if kind.origin is tuple:
+            parts = text.split(":" if ":" in form else ",")
+            value = kind.fitted([kind.inner[0].type(part.strip()) for part in parts])
+        else:
+            value = kind.fitted(kind.type(text))
+        return (name, value) if named else value
 
-    return Parsed(parse, form, value.expected)
+    expected = f"{form} such as {like}, {kind.expected}" if like else kind.expected
+    if kind.origin is tuple:
+        expected = f"{form} in degrees with LOW below HIGH, such as {like}" if like else form
+    return Parsed(parse, form, expected)
 
 
 class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
@@ -146,24 +144,10 @@ def _position(text: str) -> tuple[str, tuple[str, float]]:
 
 
 SPAN = of_kind(Span, "LOW:HIGH", "-27:147")
-PARAMETER = by_joint(float, "NAME=VALUE", "length=0.04")
-TICKS = by_joint(Tick, "[JOINT=]N", "knee=2048")
-
-TYPES = {
-    "leg.name": Parsed(str, "NAME|URDF", "", LEG_NAMES),
-    "leg.lock": Parsed(
-        _position, "JOINT=DEG", "JOINT=DEG, such as wrist=-90, or slide=0.1m of one that slides"
-    ),
-    "leg.near": by_joint(float, "JOINT=DEG", "wrist=-90"),
-    "limits.deg": by_joint(Span, "[JOINT=]LOW:HIGH", "knee=-27:147"),
-    "start.deg": by_joint(float, "[JOINT=]DEG", "knee=30"),
-    "export.joint_names": Parsed(
-        lambda text: [each.strip() for each in text.split(",")], "A,B,C", "A,B,C"
-    ),
-    "export.zero_tick": TICKS,
-    "replay.urdf_joints": by_joint(Text, "JOINT=NAME", "Rotation=shoulder_pan"),
-}
-"""Types of settings that do not follow from the types of their values."""
+PARAMETER = of_kind(float, "NAME=VALUE", "length=0.04")
+LOCK = Parsed(
+    _position, "JOINT=DEG", "JOINT=DEG, such as wrist=-90, or slide=0.1m of one that slides"
+)
 
 
 def option(names: str, about: str, kind: Any = None, **more: Any) -> Callable[[Command], Command]:
@@ -314,8 +298,8 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
         @wraps(command)
         def with_settings(**arguments: Any) -> Any:
             content: dict[str, Any] = {}
-            if arguments.get("path") is not None:
-                content["path"] = {"file": arguments["path"]}
+            if "path" in arguments:
+                content["path"] = {"file": arguments.pop("path")}
             for key in keys:
                 if (value := arguments.pop(_parameter(key))) not in (None, ()):
                     put(content, key, value)
@@ -346,31 +330,33 @@ def _parameter(key: str) -> str:
 
 def _option(key: str, declared: Declared, about: str) -> Callable[[Command], Command]:
     """A setting as an option of click, with the help of the command if it has one."""
-    kind, attributes, own_type = declared.kind, dict(declared.click), TYPES.get(key)
-    is_list = kind.origin is tuple and own_type is None and "nargs" not in attributes
-    attributes["multiple"] = is_list or kind.origin is dict or bool(declared.by_joint)
-    text = about or declared.help
-    if kind.expected.startswith("one of") and own_type and not about:
-        text += f" {kind.expected.capitalize()}."
-    if attributes["multiple"] and not declared.by_joint and not about:
-        text += " Repeat the option for several."
-    default = declared.default_in_words.strip('"[]{}')
-    default = default.replace(".0,", "").removesuffix(".0") if "nargs" in attributes else default
-    if default and "  [" not in text and (kind.type is not bool or "/" in declared.option):
-        text += f"  [default: {default}]"
-    if kind.type is bool:
-        attributes["default"] = None
-    elif own_type is None and kind.form:
-        attributes["metavar"] = kind.form
-    click_type: Any = own_type or (kind if kind.type in (int, float) else kind.type)
-    if SOURCE in kind.notes:
+    kind, form, text = declared.kind, declared.form, about or declared.help
+    more: dict[str, Any] = {"required": declared.default is ...}
+    click_type: Any = of_kind(kind, form, declared.like) if form else kind
+    more["multiple"] = kind.origin is dict or form == "NAME" or bool(declared.by_joint)
+    if key == "leg.lock":
+        click_type = LOCK
+    elif SOURCE in kind.notes:
         click_type = INPUT
     elif kind.origin is Literal:
         click_type = click.Choice(kind.inner)
-    elif kind.origin is tuple and own_type is None:
-        click_type = str if is_list else kind.inner[0]
-    names, required = f"{declared.option} {_parameter(key)}", declared.default is ...
-    return option(names, text, click_type, required=required, **attributes)
+    elif kind.origin is dict:
+        click_type = of_kind(kind.inner[1], form, declared.like)
+    elif kind.type is bool:
+        click_type, more["default"] = bool, None
+    elif kind.type is str or form == "NAME":
+        click_type = Parsed(str, form or "TEXT", "", kind.choices)
+    elif kind.origin is tuple and " " in form:
+        click_type, more["nargs"], more["metavar"] = kind.inner[0], kind.count, form
+    if kind.type is str and kind.choices and not about:
+        text += f" {kind.expected.capitalize()}."
+    if more["multiple"] and not declared.by_joint and not about:
+        text += " Repeat the option for several."
+    default = declared.default_in_words.strip('"[]{}')
+    default = default.replace(".0,", "").removesuffix(".0") if "nargs" in more else default
+    if default and "  [" not in text and (kind.type is not bool or "/" in declared.option):
+        text += f"  [default: {default}]"
+    return option(f"{declared.option} {_parameter(key)}", text, click_type, **more)
 
 
 def check_parallel(workers: int | None, scheduler: str | None) -> None:

@@ -23,7 +23,7 @@ from planner.cli.settings import SMOOTHING, Run
 )
 @options.output
 @options.answers("Write a page (HTML) about the plan.")
-def plan(*, run: Run, path: str, output: str) -> Answer:  # noqa: ARG001
+def plan(*, run: Run, output: str) -> Answer:
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.
 
     PATH holds desired angles (columns <joint>_deg or <joint>_rad), or positions of a foot (x_m,

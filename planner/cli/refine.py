@@ -61,7 +61,6 @@ FOOT = "foot"  # name of the plan of a foot
 def refine(
     *,
     run: Run,
-    path: str,
     requests: str,
     measured: tuple[str, ...],
     history: str | None,
@@ -175,7 +174,7 @@ def refine(
             about_others=about_missing,
             title=leg_title(run.leg) or ", ".join(desired.names),
         )
-        origins = [("path", path), ("model", run.model.file)]
+        origins = [("path", str(run.path.file)), ("model", run.model.file)]
         files = [*files_of(origins), ("requests", output), ("history", history)]
         return about_learning.html(place, origins, files)
 

@@ -19,15 +19,14 @@ from planner.cli.declared import (
     setting,
     within,
 )
-from planner.exceptions import nearest
 
 FROM_LOG, FROM_URDF, SHIPPED_MODEL = "from-log", "urdf", "ers210a"
 """Models without a file: those that `replay` identifies from the recordings themselves, those with
 the top speeds of the leg's description and assumed other parameters, and Table 1 of the paper."""
 
-Frame = Annotated[Text, Expected("the name of a frame", form="FRAME")]
+Frame = Annotated[Text, Expected("the name of a frame")]
 Angles = Annotated[dict[str, float], Expected("a table of angles by joint")]
-JointNames = Annotated[tuple[Text, ...], Expected("a list of names of joints", form="NAME")]
+JointNames = Annotated[tuple[Text, ...], Expected("a list of names of joints")]
 Weights = Annotated[
     tuple[NotNegative, NotNegative, NotNegative], Expected("a list of three numbers, 0 or more")
 ]
@@ -42,11 +41,13 @@ LEG_NAMES = ("reference", "front-left", "front-right", "hind-left", "hind-right"
 
 def _is_leg(name: str) -> str:
     if not (name in LEG_NAMES or name.lower().endswith((".urdf", ".xml")) or "/" in name):
-        raise ValueError(nearest(name, LEG_NAMES))
+        raise ValueError
     return name
 
 
-LegName = Annotated[Text, Expected(f"one of {', '.join(LEG_NAMES)}, or a .urdf file", _is_leg)]
+LegName = Annotated[
+    Text, Expected(f"one of {', '.join(LEG_NAMES)}, or a .urdf file", _is_leg, LEG_NAMES)
+]
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
 ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
@@ -69,15 +70,17 @@ class Leg(Settings):
             joint as the reference walk does.
     """
 
-    name: LegName | None = setting(example="front-left", set_to="reference", option="--leg")
+    name: LegName | None = setting(
+        example="front-left", set_to="reference", option="--leg", form="NAME|URDF"
+    )
     urdf: Source | None = option(example="robot.urdf")
-    base: Frame | None = option(example="base_link")
-    foot: Frame | None = option(example="lf_foot")
+    base: Frame | None = option(example="base_link", form="FRAME")
+    foot: Frame | None = option(example="lf_foot", form="FRAME")
     lock: Angles | None = option(example={"wrist": -90.0})
     lock_m: Annotated[dict[str, float] | None, Expected("a table of positions by joint")] = setting(
         example={"slide": 0.1}
     )
-    near: Angles | None = option(example={"knee": 30.0})
+    near: Angles | None = option(example={"knee": 30.0}, form="JOINT=DEG", like="wrist=-90")
     unreachable: Literal["raise", "nearest", "clamp"] = option(default="raise", set_to="clamp")
 
 
@@ -143,9 +146,11 @@ class Path(Settings):
     """
 
     file: Source | None = setting(example="path.csv")
-    joints: JointNames = setting(default=(), otherwise="every column", option="--joint")
+    joints: JointNames = setting(
+        default=(), otherwise="every column", option="--joint", form="NAME"
+    )
     rate_hz: Positive | None = option(otherwise="the models' own", example=50.0)
-    speed: Positive | None = option(otherwise="as it is", example=1.5, metavar="FACTOR")
+    speed: Positive | None = option(otherwise="as it is", example=1.5, form="FACTOR")
     half_ellipse: HalfEllipse | None = setting(set_to=HalfEllipse())
 
 
@@ -185,15 +190,13 @@ class Plan(Settings):
     solver: Literal["gauss-newton", "ipopt"] = option(only=("optimal",), default="gauss-newton")
     max_step_deg: Positive | None = option(only=OPTIMISED, otherwise="none", example=5.0)
     max_request_speed_deg_s: Positive | None = option(
-        only=OPTIMISED, otherwise="none", example=600.0, metavar="DEG/S"
+        only=OPTIMISED, otherwise="none", example=600.0, form="DEG/S"
     )
-    smoothness: Share = option(only=OPTIMISED, default=0.005, metavar="SHARE")
+    smoothness: Share = option(only=OPTIMISED, default=0.005, form="SHARE")
     robust: Literal["mean", "worst"] | None = option(
         only=OPTIMISED, otherwise="the model alone", example="worst"
     )
-    weights: Weights = option(
-        only=("foot-optimal",), default=(1.0, 1.0, 1.0), nargs=3, metavar="X Y Z"
-    )
+    weights: Weights = option(only=("foot-optimal",), default=(1.0, 1.0, 1.0), form="X Y Z")
     segments: Count | None = option(
         only=("closed-form",), otherwise="as many as reduce the error", example=6
     )
@@ -220,6 +223,8 @@ class Limits(Settings):
         example=[-120.0, 150.0],
         option="--limits-deg",
         by_joint="joints",
+        form="[JOINT=]LOW:HIGH",
+        like="knee=-27:147",
     )
     joints: dict[str, Span] = setting(example=[-27.0, 147.0])
 
@@ -234,7 +239,12 @@ class Start(Settings):
     """
 
     deg: float | None = setting(
-        otherwise="where the path begins", example=0.0, option="--start-deg", by_joint="joints"
+        otherwise="where the path begins",
+        example=0.0,
+        option="--start-deg",
+        by_joint="joints",
+        form="[JOINT=]DEG",
+        like="knee=30",
     )
     joints: dict[str, float] = setting(example=30.0)
 
@@ -307,19 +317,26 @@ class Export(Settings):
     rate_hz: Positive | None = option(otherwise="one row per request", example=125.0)
     between: Literal["hold", "linear"] | None = option(otherwise='"hold"', example="hold")
     joint_names: JointNames | None = option(
-        otherwise="those of the path", example=["lf_1", "lf_2", "lf_3"]
+        otherwise="those of the path", example=["lf_1", "lf_2", "lf_3"], form="A,B,C"
     )
     unit: Literal["rad", "deg", "ticks", "us"] = option(only=("csv",), default="rad")
     ticks_per_turn: Annotated[int, within(ge=2, le=10**9 - 1)] | None = option(
         only=("csv",), otherwise="4096, or 4000 us", example=4096
     )
     zero_tick: Tick | None = option(
-        only=("csv",), otherwise="2048, or 1500 us", example=2048, by_joint="zero_ticks"
+        only=("csv",),
+        otherwise="2048, or 1500 us",
+        example=2048,
+        by_joint="zero_ticks",
+        form="[JOINT=]N",
+        like="knee=2048",
     )
     zero_ticks: Annotated[dict[str, Tick] | None, Expected("a table of ticks by joint")] = setting(
         only=("csv",), example={"knee": 2048}
     )
-    reverse: JointNames | None = option(only=("csv",), otherwise="none", example=["knee"])
+    reverse: JointNames | None = option(
+        only=("csv",), otherwise="none", example=["knee"], form="NAME"
+    )
     lead_s: NotNegative = option(only=ROS, default=0.0, example=2.0)
     velocities: bool = option(only=ROS, default=False)
     topic: Annotated[Text, Expected("the name of a topic")] = option(
@@ -350,7 +367,10 @@ class Replay(Settings):
     fastest: bool = option(default=False)
     retime: Literal["constant", "varying"] = option(default="constant")
     urdf_joints: Annotated[dict[str, Text], Expected("a table of names by joint")] = setting(
-        example={"Rotation": "shoulder_pan"}, option="--urdf-joint"
+        example={"Rotation": "shoulder_pan"},
+        option="--urdf-joint",
+        form="JOINT=NAME",
+        like="Rotation=shoulder_pan",
     )
     write_as: ReplayFormat = setting(default="csv", option="--as")
 

@@ -24,7 +24,7 @@ from planner.files.text import write_text
     click.Choice(["closed-form", "optimal", "foot-optimal"]),
 )
 @options.option("--html", "The page, which needs no server.", options.OUTPUT, required=True)
-def view(*, run: Run, path: str, requests: str | None, method: Method | None, html: str) -> None:
+def view(*, run: Run, requests: str | None, method: Method | None, html: str) -> None:
     """Show the robot's leg following PATH, a foot path or joint path as for `plan`, on a page.
 
     Three legs move in real time, with the traces of their feet: the desired motion, the motion with
@@ -53,12 +53,13 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
     assert desired.leg is not None, "the options name a leg"
     if set(desired.names) != set(desired.leg.joint_names):
         raise click.UsageError(
-            f"{path}: got joints {', '.join(desired.names)}, expected those of the leg: "
+            f"{run.path.file}: got joints {', '.join(desired.names)}, expected those of the leg: "
             f"{', '.join(desired.leg.joint_names)}."
         )
     if requests is None:
         method = method or ("optimal" if desired.foot is None else "foot-optimal")
-        plan = plan_of(prepare(run.having(plan=run.plan.having(method=method))))
+        run.plan.method = method
+        plan = plan_of(prepare(run))
         planned, loads = plan.predicted, plan.task.load
     else:
         sent = read_joint_path(requests, joints=desired.names)
