@@ -35,18 +35,14 @@ class Task:
 class Results:
     """The results of tasks in a hidden folder beside the output that is built from them.
 
-    Each is a file that begins with a digest of its content; a damaged one counts as missing. A
-    result is identified by the settings, the name and the inputs of its task, and the version of
-    this package.
+    Each is a file that begins with a digest of its content, identified by the settings, the name
+    and the inputs of its task, and the version of this package.
     """
 
     def __init__(
         self, output: Path | str, settings: Mapping[str, Any], *, resume: bool = False
     ) -> None:
-        """Open the folder ``.NAME.results`` beside an output, or begin it; ``settings`` are JSON.
-
-        Existing results are removed, or with ``resume`` kept if their settings are the same.
-        """
+        """Begin the folder ``.NAME.results`` beside an output; ``resume`` one of these settings."""
         target = Path(output).resolve()
         self.folder = target.with_name(f".{target.name}.results")
         self._output = output
@@ -57,8 +53,7 @@ class Results:
         if resume and before is not None:
             old = before if isinstance(before, dict) else {}
             names = {**old, **self._settings}
-            keys = [name for name in names if old.get(name) != self._settings.get(name)]
-            if keys:
+            if keys := [name for name in names if old.get(name) != self._settings.get(name)]:
                 raise InvalidInput(
                     f"--resume: {self.folder} holds results for other settings "
                     f"({', '.join(keys)}); set what was set then, or leave --resume out to compute "
@@ -114,10 +109,7 @@ def made_from(settings: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[
 
 
 def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The manifest of an output that was made from the same settings and is whole; None if not.
-
-    Results of another command beside it are removed then.
-    """
+    """The manifest of a whole output from these settings, beside which results go; None if not."""
     manifest: dict[str, Any] | None = read_manifest(Path(output) / name)
     same = isinstance(manifest, dict) and made_from(settings, manifest).items() <= manifest.items()
     if not same or not all_there(output):

@@ -17,7 +17,7 @@ import json
 import os
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from glob import escape
 from itertools import islice
@@ -28,11 +28,10 @@ from planner.exceptions import InvalidFile
 
 MANIFEST = "results.json"  # the file of a run that lists, under `files`, every file of that run
 
+# Folders of results that this process works on, and whether it could lock them; and hidden folders
+# that it fills, which appear whole, so that no file in them is staged.
 _CLAIMED: dict[Path, bool] = {}
-"""Folders of results that this process works on, and whether it could lock them."""
-
 _FILLED: set[Path] = set()
-"""Hidden folders that this process fills; they appear whole, so that no file in them is staged."""
 
 
 @contextmanager
@@ -75,10 +74,10 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
 def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
     """Hand out an empty folder, and put it in the place of ``path`` once it is filled.
 
-    The last run's folder stays as it is until then, and for good where the block raises; killed
-    between two renames, the process leaves it beside, as ``.NAME.old-…``. It is replaced only if it
-    is empty or holds nothing but the files that its own manifest lists: a user's files are never
-    removed. Of an ``export``, the name of a format, a manifest is written here.
+    The last run's folder stays until then, and for good where the block raises; killed between two
+    renames, the process leaves it beside, as ``.NAME.old-…``. It is replaced only if it is empty
+    or holds nothing but the files that its own manifest lists: a user's files are never removed.
+    Of an ``export``, the name of a format, a manifest is written here.
     """
     target = _target(str(path) or ".")
     with claimed(path) as locked:
@@ -127,10 +126,9 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
 
 @contextmanager
 def claimed(path: Path | str) -> Iterator[bool]:
-    """Keep other commands away from a folder of results, and from what is beside it, in the block.
+    """Keep other commands away from a folder of results in the block, after a check of it.
 
-    Yields whether it could be locked; in a nested block the outer block's answer. The folder is
-    checked first, see :func:`check_folder`.
+    Yields whether it could be locked; in a nested block the outer block's answer.
     """
     path = str(path) or "."
     target = _target(path)
@@ -152,24 +150,28 @@ def check_writable(path: Path | str) -> None:
     target = Path(path)
     if str(path) == "-" or _is_device(target):
         return
-    folder = target.resolve().parent
-    with writing(path):
-        folder.stat()
-        if not os.access(folder, os.W_OK | os.X_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    _check_access(target.resolve().parent, path)
 
 
 def check_folder(path: Path | str) -> None:
     """Make sure that a folder of results can be made or replaced; see :func:`output_folder`."""
-    above = next(each for each in _replaceable(path).parents if each.exists())
-    if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
-        number = errno.EACCES if above.is_dir() else errno.ENOTDIR
-        raise cannot_write(path, OSError(number, os.strerror(number)))
+    _check_access(next(each for each in _replaceable(path).parents if each.exists()), path)
 
 
-def list_files(folder: Path) -> list[str]:
-    """Every file below ``folder``, as sorted paths relative to it."""
-    return sorted(_files_below(folder))
+def _check_access(folder: Path, path: Path | str) -> None:
+    """Raise InvalidFile about ``path`` if the folder takes no files."""
+    with writing(path):
+        is_folder = stat.S_ISDIR(folder.stat().st_mode)
+        if not is_folder or not os.access(folder, os.W_OK | os.X_OK):
+            number = errno.EACCES if is_folder else errno.ENOTDIR
+            raise OSError(number, os.strerror(number))
+
+
+def list_files(folder: Path, but: Collection[str] = (), most: int | None = None) -> list[str]:
+    """Every file below ``folder``, ``but`` these, as sorted paths relative to it."""
+    files = (file for file in folder.rglob("*") if not file.is_dir())
+    names = (file.relative_to(folder).as_posix() for file in files)
+    return sorted(islice((name for name in names if name not in but), most))
 
 
 def all_there(folder: Path | str) -> bool:
@@ -208,10 +210,7 @@ def _target(path: Path | str) -> Path:
 
 
 def _beside(target: Path, age: str) -> Path:
-    """An unused hidden name beside a file or folder.
-
-    Chosen before anything is made, so that a signal at any moment finds the name to clear away.
-    """
+    """An unused hidden name, chosen before anything is made: a signal finds what to clear away."""
     return target.with_name(f".{target.name}.{age}-{os.urandom(8).hex()}")
 
 
@@ -242,10 +241,7 @@ def _lock(target: Path, path: Path | str, *, shared: bool) -> Iterator[bool]:
 
 
 def _locked(place: Path, *, shared: bool) -> int:
-    """Descriptor of a lock file that is locked, and still there.
-
-    BlockingIOError: another process has locked it, and one of the two locks is exclusive.
-    """
+    """Descriptor of a lock file that is locked, and still there; BlockingIOError of a busy one."""
     while True:
         descriptor = os.open(place, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         try:
@@ -297,10 +293,6 @@ def _is_device(target: Path) -> bool:
     return not stat.S_ISREG(mode)
 
 
-def _files_below(folder: Path) -> Iterator[str]:
-    return (file.relative_to(folder).as_posix() for file in folder.rglob("*") if not file.is_dir())
-
-
 def _replaceable(path: Path | str) -> Path:
     """The folder of a run, resolved; it is new, empty or holds nothing but an earlier run's."""
     path = str(path) or "."
@@ -309,9 +301,7 @@ def _replaceable(path: Path | str) -> Path:
         return target
     if not target.is_dir():
         raise InvalidFile(path, "is a file, expected a folder; choose another name")
-    ours = _files_of_run(target)
-    foreign = sorted(islice((file for file in _files_below(target) if file not in ours), 1000))
-    if foreign:
+    if foreign := list_files(target, _files_of_run(target), most=1000):
         least, more = "at least " if len(foreign) == 1000 else "", len(foreign) - 1
         others = f" and {least}{more} more" if more else ""
         raise InvalidFile(

@@ -22,9 +22,7 @@ from planner.validation import freeze
 
 MOST_COLUMNS = 10_000  # columns of a table: a robot that records everything has some thousands
 MOST_CELLS = 10_000_000  # cells of a table: some 70 bytes of memory each
-DECIMALS = 12
-"""Decimals that are written: beyond any sensor, and short for numbers that were short before."""
-
+DECIMALS = 12  # that are written: beyond any sensor, and short for numbers that were short before
 DELIMITERS = ",;\t"  # possible delimiters of cells
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
@@ -101,10 +99,9 @@ class Table(Source):
 def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
-    Lines that begin with ``#`` are comments; where numbers follow at once, the last of these
-    lines is the header. A first line ``sep=;``, or else the commonest of
-    :data:`DELIMITERS` in the header, is the delimiter. Where it is not a comma, numbers may have
-    decimal commas.
+    Lines that begin with ``#`` are comments; where numbers follow at once, the last of these lines
+    is the header. A first line ``sep=;``, or else the commonest of :data:`DELIMITERS` in the
+    header, is the delimiter. Where it is not a comma, numbers may have decimal commas.
     """
     stream = io.StringIO(read_text(path), newline="")
     declared, title, line, text = "", "", 0, ""
@@ -179,8 +176,7 @@ def table_text(names: Sequence[str], values: Array) -> str:
 def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """A header and rows as CSV; every CSV file of this package is written by it.
 
-    A spreadsheet takes a text that begins with ``=``, ``+``, ``-`` or ``@`` as a formula: such a
-    text is written with an apostrophe before it, which :func:`read_table` takes off the titles.
+    Texts that spreadsheets take as formulas have an apostrophe before them, as have read titles.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

@@ -15,9 +15,7 @@ from typing import Any
 from planner.exceptions import InvalidFile
 from planner.files.staging import cannot_write, reason, staged
 
-MOST_BYTES = 64 * 2**20
-"""Longest text that is read [bytes]: a million requests for three joints come to half of it."""
-
+MOST_BYTES = 64 * 2**20  # longest text that is read: twice a million requests for three joints
 STANDARD_STREAM = "-"  # the name of standard input and standard output
 MOST_PARTS = 100  # parts of a dotted key: reading one takes memory by the square of their number
 

@@ -21,23 +21,13 @@ from planner.files.text import read_json, read_text
 from planner.trajectory import Array
 from planner.validation import as_number
 
-ACTION, STATE = "action", "observation.state"
-"""Features that hold the requested and the actual angles."""
-
+ACTION, STATE = "action", "observation.state"  # features of the requested and the actual angles
 INFO = Path("meta", "info.json")  # the description of a dataset
 _EPISODE = re.compile(r"episode_(\d+)\.parquet", re.ASCII)
+# Columns of every dataset that count rows, and their types: a row's time [s] in its episode, the
+# number of the episode, and that of its task, are read.
 TIME, EPISODE, TASK = "timestamp", "episode_index", "task_index"
-"""Columns of a row's time [s] in its episode, of the episode's number, and of its task's."""
-
-COUNTED = {
-    "timestamp": "float32",
-    "frame_index": "int64",
-    "episode_index": "int64",
-    "index": "int64",
-    "task_index": "int64",
-}
-"""Columns of every dataset that count rows, and their types."""
-
+COUNTED = {TIME: "float32"} | dict.fromkeys(("frame_index", EPISODE, "index", TASK), "int64")
 MOST_BYTES = 2**28  # unfolded columns of one file [bytes]: 22 hours at 30 Hz of 6 joints
 
 
@@ -97,8 +87,7 @@ def _rows(
 def lerobot_episodes(path: Path | str, options: LogOptions) -> list[tuple[Path, int | None]]:
     """File and number of the chosen episodes of a dataset, or of one of its files, in order.
 
-    An unreadable file is among them, so that its error is raised when its rows are read; the
-    number is None where its name has none.
+    An unreadable file has the number in its name, or None; its rows raise the error.
     """
     find_dataset(Path(path))  # or the error that there is none
     files = _chosen(Path(path), options.episode_numbers())
@@ -175,10 +164,7 @@ def _joints(dataset: Dataset, episode: EpisodeRows) -> dict[str, tuple[int, int]
 
 
 def _read(file: Path, *names: str) -> list[Array]:
-    """Columns of a file, NaN in empty cells: features of shape (n, width), others (n,).
-
-    Some versions of LeRobot write single numbers as lists of one.
-    """
+    """Columns of a file, NaN in empty cells: features of shape (n, width), others (n,)."""
     with importing("reading Parquet", "parquet"):
         import pyarrow as pa
         from pyarrow import parquet
@@ -188,13 +174,12 @@ def _read(file: Path, *names: str) -> list[Array]:
         with parquet.ParquetFile(file) as parts:
             present = parts.schema_arrow.names
             for name in names:
+                problem = f"{present.count(name)} columns '{name}', expected one"
                 if name not in present:
                     hint = nearest(name, present)
-                    raise InvalidFile(
-                        file, f"no column '{name}'{hint}; columns: {', '.join(present)}"
-                    )
-                if present.count(name) > 1:
-                    raise InvalidFile(file, f"{present.count(name)} columns '{name}', expected one")
+                    problem = f"no column '{name}'{hint}; columns: {', '.join(present)}"
+                if present.count(name) != 1:
+                    raise InvalidFile(file, problem)
             batches, size = [], 0
             # Rows are unfolded some at a time, as a small file cannot fill all of the memory. The
             # size in its description is not used: pyarrow ends the process where that is damaged.
@@ -258,10 +243,7 @@ class Dataset:
         return next((f for name in names if (f := self.root / "meta" / name).is_file()), None)
 
     def tasks(self) -> dict[int, str]:
-        """The texts of its tasks by number: lines of JSON up to v2.1, rows of Parquet from v3.0 on.
-
-        Empty where their file is unreadable: an episode can be used without the text of its task.
-        """
+        """Texts of its tasks by number: JSON up to v2.1, then Parquet; {} of an unreadable file."""
         from pyarrow import ArrowException, parquet
 
         file, entries = self.task_file, list[Any]()
@@ -340,7 +322,7 @@ def _flat(names: Any) -> list[str]:
 
 
 def _numbers(file: Path, array: Any, name: str) -> Array:
-    """Numbers of a column, of which a cell may be a list."""
+    """Numbers of a column, of which a cell may be a list: of one, in some versions of LeRobot."""
     import pyarrow as pa
     from pyarrow import compute
 

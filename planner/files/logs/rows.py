@@ -28,13 +28,12 @@ from planner.validation import as_positive, shown
 
 ALL_JOINTS = "all"  # the key of all joints of a log
 ROLES = ("requested", "actual")  # columns of a joint that may have units of their own
-SLOW_TIME, SLOW_SHARE, SLOW_RANGE = 1.0, 0.4, 0.5
-"""Requests are slow if they travel at most this share of their range in this time [s]: the joint
-then lags by its delay and friction only, to both sides. For a scale to be fitted they must span
-this share of the range of all."""
+SPARSE = 0.5  # rows so far apart [s] hardly show a joint's motion: their times may be their numbers
 
-SPARSE = 0.5
-"""Rows so far apart [s] hardly show how a joint moves: their times may be numbers of rows."""
+# Requests are slow if they travel at most this share of their range in this time [s]: the joint
+# then lags by its delay and friction only, to both sides. For a scale to be fitted they must span
+# this share of the range of all.
+SLOW_TIME, SLOW_SHARE, SLOW_RANGE = 1.0, 0.4, 0.5
 
 MOST_SHARE = 2.0  # largest magnitude of a share of the range
 
@@ -180,23 +179,22 @@ Recorded = Mapping[str, Callable[[], Rows]]
 def make_log(rows: Rows) -> Log:
     """Check rows and make a log of them.
 
-    A row whose time or request is missing is left out, and so is one that repeats the row before,
-    time and all. Where only the angle or the load is missing,
-    as after a failed read, the request was sent: the row stays, as not measured.
+    A row without a time or a request is left out, and so is one that repeats the row before. Where
+    only the angle or the load is missing the request was sent: the row stays, as not measured.
     """
     rows, measured = _cleaned(rows)
     rows = _with_fitted_scale(rows, measured)
-    source = rows.source
+    source, problem = rows.source, ""
     if rows.request_scale.unit != rows.angle_scale.unit:
-        raise rows.wrong(
+        problem = (
             f"requests in {rows.request_scale.name} but angles in {rows.angle_scale.name}; "
-            "expected angles for both, or shares of the range for both",
+            "expected angles for both, or shares of the range for both"
         )
-    if len(rows.times) < FEWEST_ROWS:
-        raise rows.wrong(
-            f"rows of samples: got {len(rows.times)}, expected at least {FEWEST_ROWS}; record "
-            "longer",
-        )
+    elif len(rows.times) < FEWEST_ROWS:
+        problem = f"rows of samples: got {len(rows.times)}, expected at least {FEWEST_ROWS}"
+        problem += "; record longer"
+    if problem:
+        raise rows.wrong(problem)
     check_increasing(_checked(rows, "time", rows.times, Scale("s", 1.0, 0.0, "s")), rows.fault)
     requests = _checked(rows, "requested angle", rows.requests, rows.request_scale)
     angles = _checked(rows, "actual angle", rows.angles, rows.angle_scale)
@@ -234,8 +232,8 @@ def make_log(rows: Rows) -> Log:
 def _cleaned(rows: Rows) -> tuple[Rows, Mask]:
     """The rows with a time and a request that do not repeat the row before, and which are whole.
 
-    Angles and loads that are missing are those before, or the first ones: values between two
-    readings would hide where an encoder starts again.
+    Missing angles and loads are those before, or the first ones: values between two readings would
+    hide where an encoder starts again.
     """
     lost = np.isnan(rows.times) | np.isnan(rows.requests)
     partial = lost | rows.unread
@@ -386,21 +384,19 @@ def _check_one_unit(rows: Rows, requests: Array, angles: Array) -> None:
     latest = min(len(angles) // 2, round(0.5 / float(np.median(np.diff(rows.times)))))
 
     def follows(late: int) -> bool:
-        inputs, outputs = requests[: len(requests) - late], angles[late:]
-        inputs, outputs = inputs - inputs.mean(), outputs - outputs.mean()
-        return bool(inputs @ outputs > 0.7 * np.sqrt((inputs @ inputs) * (outputs @ outputs)))
+        (inputs, both), (_, outputs) = np.cov(requests[: len(requests) - late], angles[late:])
+        return bool(both > 0.7 * np.sqrt(inputs * outputs))
 
     if not any(follows(late) for late in range(0, latest + 1, 1 + latest // 25)):
         return
-    large, small = ("requested", "actual") if spans[0] > spans[1] else ("actual", "requested")
-    units = {"requested": rows.request_scale.name, "actual": rows.angle_scale.name}
+    large, small = ROLES if spans[0] > spans[1] else ROLES[::-1]
+    units = dict(zip(ROLES, (rows.request_scale.name, rows.angle_scale.name), strict=True))
     if units[large] == "rad":
-        wrong, named, held = large, "radians", "degrees"
+        wrong, named, held, units[large] = large, "radians", "degrees", "deg"
     elif units[small] == "deg":
-        wrong, named, held = small, "degrees", "radians"
+        wrong, named, held, units[small] = small, "degrees", "radians", "rad"
     else:
         return
-    units[wrong] = "deg" if held == "degrees" else "rad"
     option = ",".join(f"{column}={unit}" for column, unit in units.items())
     raise rows.wrong(
         f"the {large} angles span {ratio:.3g} times as much as the {small} ones: the {wrong} ones "
@@ -413,8 +409,7 @@ def _in_radian_steps(numbers: Array) -> bool:
     """Whether numbers lie on the steps of a sensor of 12 bits in radians, as no degrees do.
 
     The unit vectors of the deviations from these steps are averaged step by step, as a joint rests
-    on some for long. Numbers elsewhere have a mean of 0.1; those rounded to a thousandth of a
-    radian 0.44.
+    on some for long: 0.1 elsewhere, 0.44 where rounded to a thousandth of a radian.
     """
     steps = numbers / ENCODER_STEP
     whole, number = np.unique(np.rint(steps), return_inverse=True)
@@ -430,16 +425,11 @@ def _doubts(rows: Rows) -> tuple[str, ...]:
     if not FASTEST <= step < SPARSE:
         doubt = "is the unit of time right" if step < FASTEST else "are the times in seconds"
         doubts.append(f"one row every {step:.3g} s: {doubt}?")
-    for what, numbers, unit in (
-        ("requested", rows.requests, rows.request_scale.name),
-        ("actual", rows.angles, rows.angle_scale.name),
-    ):
+    scales = rows.request_scale, rows.angle_scale
+    for what, numbers, (unit, *_) in zip(ROLES, (rows.requests, rows.angles), scales, strict=True):
+        span, largest = float(np.ptp(numbers)), float(np.abs(numbers).max())
         if unit == "rad" and not_radians(numbers):
-            doubts.append(
-                f"{what} angles reach {float(np.abs(numbers).max()):.3g} rad: are they degrees?"
-            )
-        elif unit == "deg" and 0.0 < float(np.ptp(numbers)) < LEAST_DEG:
-            doubts.append(
-                f"{what} angles span only {float(np.ptp(numbers)):.2g} degrees: are they radians?"
-            )
+            doubts.append(f"{what} angles reach {largest:.3g} rad: are they degrees?")
+        elif unit == "deg" and 0.0 < span < LEAST_DEG:
+            doubts.append(f"{what} angles span only {span:.2g} degrees: are they radians?")
     return tuple(doubts)
