@@ -69,10 +69,9 @@ def _pose(value: Any) -> dict[str, float] | None:
 
 
 PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
-"""The unit of every parameter."""
-
 REQUIRED = tuple(each.name for each in fields(JointModel) if each.default is MISSING)
 
+# Keys beside the parameters, for the first fields of Evidence.
 TESTED = {
     "expected_error": _numbers("[rad] rms error on rows that were not fitted"),
     "tested_speed": _numbers("[rad/s] fastest motion of the logs"),
@@ -87,15 +86,10 @@ TESTED = {
     ),
     "error_over_delay": _numbers("[-] error on rows that were not fitted over a pure delay's"),
 }
-"""Keys beside the parameters, for the first fields of Evidence."""
 
-EVIDENCE = {
-    **dict(zip(TESTED, Evidence._fields, strict=False)),
-    "verdict": "verdict",
-    "verdict_reason": "reason",
-    "correlations": "correlations",
-}
-"""The field of Evidence for each of its keys but the intervals."""
+# The field of Evidence for each of its keys but the intervals.
+EVIDENCE = dict(zip(TESTED, Evidence._fields, strict=False))
+EVIDENCE |= {"verdict": "verdict", "verdict_reason": "reason", "correlations": "correlations"}
 
 MODEL = {
     # parameters and intervals are checked when all are known
@@ -114,23 +108,15 @@ MODEL = {
     ),
     "verdict_reason": Key(_text, "the reason in words"),
 }
-"""Every key of a model."""
 
+# Keys above all tables: the place and the type of the servos, and all.
 BUS = {
     "bus": Key(bus_name, EXPECTED_BUS),
     "port": Key(_text, "a text in quotes, without null characters"),
     "baud_rate": Key(as_whole, "a whole number"),
 }
-"""Keys above all tables for the place and the type of the servos."""
-
-ABOVE = {
-    "joint": Key(
-        _text, "the name of a joint", "was identified; this model holds for joints of any name"
-    ),
-    **MODEL,
-    **BUS,
-}
-"""Every key above all tables."""
+OF_ANY = "was identified; this model holds for joints of any name"
+ABOVE = {"joint": Key(_text, "the name of a joint", OF_ANY), **MODEL, **BUS}
 
 LEG_KEYS = {
     "urdf": Key(_text, "the description of the robot, a file beside this one"),
@@ -140,6 +126,7 @@ LEG_KEYS = {
     "lock_deg": Key(_pose, "a table of joints that are held, with their angles [deg]"),
 }
 
+# Keys of a servo, beside those of its settings.
 SERVO_KEYS = {
     "id": Key(as_whole, "a whole number, the servo's identifier on the bus"),
     "zero_tick": Key(as_whole, "a whole number", "count at angle 0"),
@@ -151,20 +138,16 @@ SERVO_KEYS = {
         "[rad] least and largest request",
     ),
 }
-"""Keys of a servo, beside those of its settings."""
 
 
 class LegPlace(NamedTuple):
-    """A leg in the file that describes it: the frames at its ends, and locked joints [rad or m].
-
-    Paths start near the pose ``near`` [rad]; None is any.
-    """
+    """A leg in the file that describes it."""
 
     urdf: str
-    base: str
+    base: str  # the frames at its ends
     foot: str
-    locked: Mapping[str, float] = {}
-    near: Mapping[str, float] | None = None
+    locked: Mapping[str, float] = {}  # joints that are held [rad or m]
+    near: Mapping[str, float] | None = None  # pose near which paths start [rad]; None for any
 
 
 class ModelFile(NamedTuple):
@@ -271,10 +254,9 @@ def models_text(
 
     Of a file ``beside``, if there is one, other joints, servos and legs are kept, and its bus where
     none is named. A joint whose table changes nothing of the model above all tables keeps to that
-    model, also to a new one. A model above all tables of a known joint gets a table of its own
-    beside a model of another joint.
+    model, also to a new one, which beside a model of another joint gets a table of its own.
     """
-    models, servos, legs = dict(models), dict(servos or {}), ""
+    models, servos, legs = dict(models), dict(servos or {}), dict[str, dict[str, Any]]()
     if has_content(beside):
         file = read_model_file(beside)
         above = file.joint if file.joint not in ("", of_joint) else ""
@@ -283,7 +265,7 @@ def models_text(
             same = joint and model == file.models.get("")
             kept[joint or above] = models.get("", model) if same else model
         models, servos = kept | models, read_servos(beside, optional=True) | servos
-        bus, legs = read_bus(beside) if bus is None else bus, legs_text(beside)
+        bus, legs = read_bus(beside) if bus is None else bus, _legs(read_toml(beside, example=""))
     # A table inherits the keys above all tables, unless it sets them.
     inherited = models[""].parameters() if "" in models else {}
     blocks = [[_comment(remark) for remark in remarks], _lines(bus or {})]
@@ -301,7 +283,8 @@ def models_text(
             values = {name: own[name] for name in SERVO_KEYS} | own["settings"]
             lines += ["", f"[{key_name((joint,))}.servo]", *_lines(values, SERVO_KEYS)]
         blocks.append(lines)
-    return "\n\n".join("\n".join(lines) for lines in blocks if lines) + "\n" + legs
+    blocks += [[f"[leg.{key_name((name,))}]", *_lines(table)] for name, table in legs.items()]
+    return "\n\n".join("\n".join(lines) for lines in blocks if lines) + "\n"
 
 
 def has_content(path: Path | str) -> bool:
@@ -421,13 +404,6 @@ def read_legs(path: Path | str) -> dict[str, LegPlace]:
     return legs
 
 
-def legs_text(path: Path | str) -> str:
-    """The tables of the legs of a model file as TOML, as they are, but for comments."""
-    legs = _legs(read_toml(path, example='urdf = "robot.urdf"'))
-    tables = ([f"\n[leg.{key_name((name,))}]", *_lines(table)] for name, table in legs.items())
-    return "".join("\n".join([*lines, ""]) for lines in tables)
-
-
 def read_bus(path: Path | str) -> dict[str, Any]:
     """Bus, port and baud rate of a model file, where it has them."""
     file = read_toml(path, example='bus = "feetech"')
@@ -438,10 +414,7 @@ def read_bus(path: Path | str) -> dict[str, Any]:
 def read_servos(
     path: Path | str, joints: Sequence[str] | None = None, *, optional: bool = False
 ) -> dict[str, Servo]:
-    """The servos of a model file, of these joints or of all: its tables ``[<joint>.servo]``.
-
-    There may be none only if they are ``optional``.
-    """
+    """The servos of a model file, of these joints or of all; there may be none if ``optional``."""
     from planner.robot.arm import SETTINGS, Servo  # imports the drivers of the buses
 
     keys = SERVO_KEYS | dict.fromkeys(SETTINGS, Key(as_whole, "a whole number"))
@@ -456,18 +429,17 @@ def read_servos(
             servos[joint] = Servo(**own, settings=settings)
         except InvalidInput as error:
             raise InvalidFile(file.path, f"[{joint}.servo]: {error}") from error
+    problem = ""
     if not servos and not optional:
-        raise InvalidFile(
-            file.path,
+        problem = (
             "no table of a servo; expected tables such as [knee.servo] with id, zero_tick and "
-            "direction, as calibrate writes them",
+            "direction, as calibrate writes them"
         )
-    if missing := [name for name in joints or () if name not in servos]:
-        raise InvalidFile(
-            file.path,
-            f"no servo of {', '.join(missing)}; servos are of {', '.join(servos)}: calibrate it, "
-            "or name the columns alike",
-        )
+    elif missing := [name for name in joints or () if name not in servos]:
+        problem = f"no servo of {', '.join(missing)}; servos are of {', '.join(servos)}: "
+        problem += "calibrate it, or name the columns alike"
+    if problem:
+        raise InvalidFile(file.path, problem)
     return servos if joints is None else {name: servos[name] for name in joints}
 
 

@@ -11,7 +11,6 @@ from hypothesis import given
 
 from planner import InvalidFile, JointModel, read_models
 from planner.files.joint_model import (
-    legs_text,
     models_text,
     read_bus,
     read_legs,
@@ -94,8 +93,7 @@ def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapsh
     )
     about = {"": {"": "any joint\nof all"}, "knee": {"lag": "[s] by hand"}}
     remarks = ["measured\ttwice", "and\nagain"]
-    text = models_text(models, remarks=remarks, about=about, servos=servos, bus=bus)
-    text += legs_text(file)
+    text = models_text(models, beside=file, remarks=remarks, about=about, servos=servos, bus=bus)
     again = tmp_path / "again.toml"
     again.write_text(text)
     assert read_models(again) == models
@@ -198,7 +196,6 @@ def test_joints_called_leg_and_port_are_joints(file):
     model = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
     file.write_text(f"[leg]\n{model}[port]\n{model}")
     assert read_legs(file) == read_bus(file) == {}
-    assert legs_text(file) == ""
     assert list(read_model_file(file).models) == ["leg", "port"]
 
 
