@@ -26,30 +26,25 @@ from planner.trajectory import Array
 if TYPE_CHECKING:
     from planner.robot.arm import Servo
 
+# By format: the package that writes it, its name in messages, and the extra with the package.
 NEEDS = {
     "yaml": ("yaml", "a trajectory as YAML", "yaml"),
     "bag": ("rosbags", "a ROS 2 bag", "bags"),
     "mcap": ("rosbags", "a ROS 2 bag", "bags"),
     "lerobot": ("pyarrow", "a LeRobot dataset", "parquet"),
 }
-"""By format: the package that writes it, its name in messages, and the extra with the package."""
 
 TYPE = "trajectory_msgs/msg/JointTrajectory"  # the message's type in ROS 2
-TOPIC = "/joint_trajectory_controller/joint_trajectory"
-"""Where ros2_control's joint trajectory controller listens by default."""
+TOPIC = "/joint_trajectory_controller/joint_trajectory"  # where ros2_control's controller listens
+LEROBOT_VERSION = "v3.0"  # version of the layout
+LEROBOT_TASK = "follow the planned requests"  # default task of an episode
+
+# Quantiles by which some policies normalise, under LeRobot's names.
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 
 
-def check_format(
-    form: str,
-    schedule: Schedule,
-    *,
-    lead: float = 0.0,
-    topic: str = TOPIC,
-) -> None:
-    """Refuse rows whose number, times or joints a format cannot hold, for any angles.
-
-    ``lead`` is the time to the first point of a trajectory [s], ``topic`` that of a bag.
-    """
+def check_format(form: str, schedule: Schedule, *, lead: float = 0.0, topic: str = TOPIC) -> None:
+    """Refuse rows that a format cannot hold, a lead [s] to the first point, or a bag's topic."""
     check_installed(form)
     if form == "lerobot":
         frame_rate(schedule.period)
@@ -83,8 +78,7 @@ def write_controller_csv(
 ) -> None:
     """Write ``t_s`` and one ``<joint>_<unit>`` column per joint; ``-`` is standard output.
 
-    In the units ``ticks`` and ``us`` they are the nearest counts of the joints' ``servos``, which
-    raise InvalidInput for a count that a servo does not take.
+    In ``ticks`` and ``us`` they are the nearest counts of the ``servos``, which must take them.
     """
     names = [TIME, *(f"{name}_{unit}" for name in schedule.names)]
     if servos is None:
@@ -114,8 +108,8 @@ def joint_trajectory(
 ) -> dict[str, Any]:
     """The message: a point per request, at its time after the lead [s], by position [rad].
 
-    With a stamp of zero controllers begin when the message arrives, and lead the joints to the
-    first point until the lead is over. With velocities they follow cubic splines.
+    By its stamp of zero controllers begin at once, and lead the joints to the first point until
+    the lead is over. With velocities they follow cubic splines.
     """
     times = schedule.nanoseconds + round(lead * NANOSECONDS)
     positions = np.round(schedule.requests, DECIMALS) + 0.0  # no negative zero
@@ -141,13 +135,9 @@ def joint_trajectory(
 
 
 def write_trajectory_yaml(path: Path | str, message: Mapping[str, Any]) -> None:
-    """Write the message of :func:`joint_trajectory` to a file, or to standard output for ``-``.
-
-    By PyYAML, with which ROS reads it. Names such as ``on``, which YAML 1.1 would read as other
-    types, are quoted.
-    """
+    """Write the message of :func:`joint_trajectory` to a file, or to standard output for ``-``."""
     with importing("a trajectory as YAML", "yaml"):
-        import yaml
+        import yaml  # with which ROS reads it, and which quotes names such as `on`
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # in C where there is one
     text = yaml.dump(
         dict(message),
@@ -201,18 +191,12 @@ def write_bag(
         inner.rmdir()
 
 
-LEROBOT_VERSION = "v3.0"  # version of the layout
-LEROBOT_TASK = "follow the planned requests"  # default task of an episode
-QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-"""Quantiles by which some policies normalise, under LeRobot's names."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Layout of a dataset's rows: the names of the numbers of each feature, and rows a second."""
+    """Layout of a dataset's rows."""
 
-    features: Mapping[str, Sequence[str]]
-    rate: float
+    features: Mapping[str, Sequence[str]]  # names of the numbers of each
+    rate: float  # rows a second
     robot_type: str | None = None
 
 
@@ -222,8 +206,7 @@ def lerobot_dataset(
 ) -> Iterator[Callable[[Mapping[str, Array], str], None]]:
     """Write a dataset, episode by episode; the folder appears where the block does not raise.
 
-    Of an episode that is written only its description remains in memory. ``beside`` are further
-    files by name, with their text, which the block may still add to.
+    ``beside`` are further files by name, with their text, which the block may still add to.
     """
     with importing("a LeRobot dataset", "parquet"):
         import pyarrow as pa
@@ -313,12 +296,8 @@ def frame_rate(period: float) -> float:
 
 
 def _info(layout: Layout, episodes: int, rows: int, tasks: int) -> dict[str, Any]:
-    features: dict[str, Any] = {
-        name: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
-        for name, names in layout.features.items()
-    }
-    for name, kind in COUNTED.items():
-        features[name] = {"dtype": kind, "shape": [1], "names": None}
+    own = [(name, "float32", list(names)) for name, names in layout.features.items()]
+    columns = [*own, *((name, kind, None) for name, kind in COUNTED.items())]
     return {
         "codebase_version": LEROBOT_VERSION,
         "robot_type": layout.robot_type,
@@ -332,7 +311,10 @@ def _info(layout: Layout, episodes: int, rows: int, tasks: int) -> dict[str, Any
         "splits": {"train": f"0:{episodes}"},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": None,
-        "features": features,
+        "features": {
+            name: {"dtype": kind, "shape": [len(names or [""])], "names": names}
+            for name, kind, names in columns
+        },
     }
 
 
@@ -350,11 +332,7 @@ def _figures_of(column: Any) -> dict[str, Any]:
 
 
 def _of_all(episodes: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
-    """The figures of a column in all episodes.
-
-    Variances add up by the parallel-axis theorem. A quantile is the mean of theirs, weighted by
-    rows, as in LeRobot.
-    """
+    """The figures of a column in all episodes; a quantile is the mean of theirs, as in LeRobot."""
 
     def each(figure: str) -> Any:
         return np.array([episode[f"stats/{name}/{figure}"] for episode in episodes])
@@ -370,25 +348,18 @@ def _of_all(episodes: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
         "min": each("min").min(axis=0),
         "max": each("max").max(axis=0),
         "mean": mean,
+        # by the parallel-axis theorem
         "std": np.sqrt(average(each("std") ** 2 + (each("mean") - mean) ** 2)),
         **{name: average(each(name)) for name in QUANTILES},
         "count": count.sum(axis=0),
     }
 
 
-_KEYS = ("name", "field_name", "pandas_type", "numpy_type", "metadata")
-_COLUMNS = (
-    ("task_index", "task_index", "int64", "int64", None),
-    ("task", "task", "unicode", "object", None),
-)
+# LeRobot reads the tasks with pandas, and looks them up in the index, which this names.
 _INDEXED_BY_TASK = {
-    "pandas": json.dumps(
-        {
-            "index_columns": ["task"],
-            "column_indexes": [],
-            "columns": [dict(zip(_KEYS, column, strict=True)) for column in _COLUMNS],
-            "pandas_version": "2.0.0",
-        }
-    )
+    "pandas": '{"index_columns": ["task"], "column_indexes": [], "columns": ['
+    '{"name": "task_index", "field_name": "task_index", "pandas_type": "int64", '
+    '"numpy_type": "int64", "metadata": null}, '
+    '{"name": "task", "field_name": "task", "pandas_type": "unicode", "numpy_type": "object", '
+    '"metadata": null}], "pandas_version": "2.0.0"}'
 }
-"""LeRobot reads the tasks with pandas, and looks them up in the index, which this names."""
