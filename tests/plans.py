@@ -49,7 +49,6 @@ def track(
     desired,
     *,
     cyclic,
-    norm="rms",
     limits=(-math.inf, math.inf),
     max_step=math.inf,
     start=None,
@@ -60,10 +59,12 @@ def track(
     lower, upper = limits
     columns = {"lower": lower, "upper": upper, "max_step": max_step, "start": start, "first": first}
     return Problem(
-        models=(model,),
+        names=("",),
+        models=((model,),),
         desired=desired[:, np.newaxis],
         cyclic=cyclic,
-        norm=norm,
-        loads=np.broadcast_to(0.0 if load is None else load, (1, len(desired))).copy(),
+        norm="rms",
+        smoothness=0.0,
+        load=None if load is None else np.array(load, ndmin=2).T,
         **{name: None if value is None else np.array([value]) for name, value in columns.items()},
     )

@@ -156,9 +156,9 @@ def approximations(
     For a joint that gravity slows down further ones follow, within its least top speeds on the
     path.
     """
-    (model,) = problem.models
+    model = problem.nominal[0]
     desired, cyclic = problem.desired[:, 0], problem.cyclic
-    low, high = slope_limits(model, problem.loads[0])
+    low, high = slope_limits(model, problem.load_of_drives[0])
 
     def fitted(segments: int | None, low: float, high: float) -> PiecewiseLinear:
         least, most = low * (1.0 + AT_TOP_SPEED), high * (1.0 + AT_TOP_SPEED)
@@ -173,7 +173,7 @@ def approximations(
 
     limits = [(low, high)]
     if model.most_pose_sag > 0.0:
-        slower = slope_limits(model, problem.loads[0], desired)
+        slower = slope_limits(model, problem.load_of_drives[0], desired)
         slower = max(low, slower[0]), min(high, slower[1])
         limits += [slower] if slower != limits[0] else []
     curves = []
@@ -192,7 +192,7 @@ def inverted(
 
     Refined curves are tried, too. A curve of more lines must be better by half a percent.
     """
-    (model,), load = problem.models, problem.loads[0]
+    (model,), load = problem.drives, problem.load_of_drives[0]
     answers = []
     for curve in curves:
         candidates = [curve]
@@ -324,7 +324,7 @@ def initial_guess(problem: Problem) -> tuple[Array, Array]:
     Every sample is a knot: request k is on the line from sample i = floor(k + l + a/2) on, raised
     by its C_m (section 3). From rest the ideal is clipped to the attainable range.
     """
-    (model,), desired, cyclic = problem.models, problem.desired[:, 0], problem.cyclic
+    (model,), desired, cyclic = problem.drives, problem.desired[:, 0], problem.cyclic
     count, torques = len(desired), problem.torques[0]
     ideal = nearest_within_speeds(model, desired, torques, cyclic=cyclic)
     if problem.start is not None:
@@ -375,7 +375,7 @@ def within_attainable_range(
 
 def below_top_speed(problem: Problem, ideal: Array) -> int:
     """Number of samples that the ideal [rad], (n, 1), reaches below the joint's top speeds."""
-    (model,) = problem.models
+    model = problem.nominal[0]
     limits = model.speed_limits(problem.torques[0], ideal[:, 0])
     low, high = np.multiply(limits, (1.0 - BARELY_SLOWER) * model.period)
     before = ideal[-1:, 0] if problem.cyclic else ideal[:1, 0]

@@ -61,7 +61,7 @@ def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
 
     if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
         return first  # no free request acts before the end
-    (model,), samples, cyclic = problem.models, len(problem.desired), problem.cyclic
+    (model,), samples, cyclic = problem.drives, len(problem.desired), problem.cyclic
     unit, size, torques = model.theta_0, model.law.states, problem.torques[0]
     opti: Any = casadi.Opti()
     angles, requests, radius = opti.variable(samples), opti.variable(samples), opti.parameter()

@@ -79,7 +79,7 @@ def refined_curve(
     change line ``ahead`` samples before a knot.
     """
     knots, values = np.array(curve.knots), np.array(curve.values)
-    steps = COARSEST, FINEST, problem.models[0].v_max * curve.tick
+    steps = COARSEST, FINEST, problem.nominal[0].v_max * curve.tick
     search(*tracked(problem, curve, rule, ahead), knots, values, steps, MOST_WORK)
     return replace(curve, knots=knots, values=values)
 
@@ -88,7 +88,7 @@ def tracked(
     problem: Problem, curve: PiecewiseLinear, rule: Rule, ahead: float
 ) -> tuple[Spec, Lines]:
     """The first arguments of :func:`search`."""
-    (model,), load = problem.models, problem.loads[0]
+    (model,), load = problem.drives, problem.load_of_drives[0]
     low, high = slope_limits(model, load)
     slopes, offsets = offset_table(model, rule)
     by_load = np.empty((3, 0))

@@ -6,9 +6,9 @@ Import this module where it is used, inside functions, as ``model/kernel.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from itertools import chain
 from operator import attrgetter
 
 import numpy as np
@@ -35,10 +35,8 @@ from planner.planning.gauss_newton import (
     roughness,
     simulate_all,
 )
-from planner.planning.task import Norm, Robust, Task
+from planner.planning.task import Task
 from planner.trajectory import Array
-
-NO_LEG = np.empty((0, 10, 3))
 
 RIDGE = 1e-4
 """Curvature added to that of a foot's squared errors, where a joint that does not move the foot has
@@ -59,53 +57,50 @@ LEAST_FOOT_MOTION = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Problem:
-    """Joints that should reach a goal by requests within limits: (10) of ``docs/math.md``.
+class Problem(Task):
+    """A task as (10) of ``docs/math.md``: joints that should reach a goal by requests in limits.
 
     A scenario is one model for each joint. The same requests drive the joints of every scenario,
     and the cost is the weighted sum of their squared errors. Requests have shape (n, J) for J
-    joints, angles (n, A) with the joints of one scenario after the other. Fields without a comment
-    are those of the task.
+    joints, angles (n, A) with the joints of one scenario after the other. Desired angles are those
+    without the disturbance; limits may have shape (n, J).
+
+    Attributes:
+        links: The constants of the foot's leg, with which errors count in radians of a typical
+            joint's turn, as in :class:`Spec`.
+        first: From rest: the requests that hold the joints at the start [rad], (J,); by default in
+            the middle of the dead bands of the nominal models.
+        near: Near which requests stay [rad], (n, J); by default R* of (10).
+        shares: Weights of the scenarios, together 1; by default even.
     """
 
-    models: tuple[JointModel, ...]  # those of the nominal scenario, then of further ones, (A,)
-    desired: Array  # desired angles, for a foot those that bring it nearest [rad], (n, J)
-    lower: Array  # limits on the requests [rad], (J,) or (n, J)
-    upper: Array
-    max_step: Array
-    loads: Array  # torque on each model's joint at each sample [N m], (A, n)
-    smoothness: float = 0.0
-    # desired positions, and the disturbance of the joints' angles: ``Spec.goal``; None where the
-    # one joint should follow the desired angles
-    foot: Array | None = None
-    # the constants of the foot's leg, with which errors count in radians of a typical joint's turn
-    leg: Array = field(default_factory=lambda: NO_LEG)
-    cyclic: bool = True
-    norm: Norm = "rms"
-    start: Array | None = None
-    # from rest: the requests that hold the joints at the start [rad], (J,); by default in the
-    # middle of the dead bands of the nominal models
+    links: Array = field(default_factory=lambda: np.empty((0, 10, 3)))
     first: Array | None = None
-    near: Array | None = None  # near which requests stay [rad], (n, J); by default R* of (10)
-    weights: tuple[float, ...] = (1.0,)  # of the scenarios, together 1
-    robust: Robust | None = None
+    near: Array | None = None
+    shares: tuple[float, ...] = ()
+
+    @cached_property
+    def drives(self) -> tuple[JointModel, ...]:
+        """The models of the nominal scenario, then of further ones, (A,)."""
+        return tuple(chain.from_iterable(self.scenarios))
+
+    @cached_property
+    def load_of_drives(self) -> Array:
+        """Torque on each model's joint at each sample [N m], (A, n)."""
+        return np.vstack([self.loads_on(each) for each in self.scenarios])
 
     @property
-    def joints(self) -> int:
-        """Number of joints J, which have requests of their own."""
-        return int(self.desired.shape[1])
-
-    @property
-    def nominal(self) -> tuple[JointModel, ...]:
-        """The joints of the nominal scenario."""
-        return self.models[: self.joints]
+    def weight_of_scenarios(self) -> Array:
+        """Weight of each scenario, together 1."""
+        count = len(self.scenarios)
+        return np.array(self.shares or (1.0 / count,) * count)
 
     @cached_property
     def first_requests(self) -> Array | None:
         """From rest: the requests that hold the joints, not yet within the limits [rad], (J,)."""
         if self.start is None or self.first is not None:
             return self.first
-        return rest_requests(self.nominal, self.start, self.loads[: self.joints, 0])
+        return rest_requests(self.nominal, self.start, self.load_of_drives[: len(self.names), 0])
 
     @property
     def resting(self) -> Array:
@@ -115,40 +110,45 @@ class Problem:
     @cached_property
     def ages(self) -> RequestAges:
         """The ages of the requests that act on any of the joints between two samples."""
-        return request_ages(*self.models)
+        return request_ages(*self.drives)
 
     @property
     def settling(self) -> float:
         """Time in which the slowest of the joints settles [samples]."""
-        times = [model.theta_0 / model.v_max + model.time_constant for model in self.models]
-        return max(times) / self.models[0].period
+        times = (model.theta_0 / model.v_max + model.time_constant for model in self.drives)
+        return max(times) / self.period
 
     @cached_property
     def torques(self) -> Array:
         """Torque on each model's joint in the period that ends in each sample [N m], (A, n)."""
-        return np.asarray(load_by_period(self.loads, cyclic=self.cyclic))
+        return np.asarray(load_by_period(self.load_of_drives, cyclic=self.cyclic))
 
     @cached_property
     def spec(self) -> Spec:
         """The problem as arrays, for the compiled search."""
-        parts = max(map(attrgetter("law.states"), self.models))
-        periods, drives = np.empty((2, len(self.models), len(self.desired))), []
-        for number, (model, torque) in enumerate(zip(self.models, self.torques, strict=True)):
+        parts = max(map(attrgetter("law.states"), self.drives))
+        periods, drives = np.empty((2, len(self.drives), len(self.desired))), []
+        for number, (model, torque) in enumerate(zip(self.drives, self.torques, strict=True)):
             periods[0, number] = model.compliance * torque
             periods[1, number] = model.faster_per_tick(torque)
-            start = math.nan if self.start is None else self.start[number % self.joints]
+            start = math.nan if self.start is None else self.start[number % len(self.names)]
             coasts = max(1.0 / model.law.share, model.hold) if parts > 1 else 1.0
             drives.append((*model.law, model.hold, model.theta_0, coasts, start))
         first, bounds = self.first_requests, np.empty((4, *self.desired.shape))
         bounds[LOWER], bounds[UPPER], bounds[LARGEST_CHANGE] = self.lower, self.upper, self.max_step
         bounds[FIRST] = np.clip(0.0 if first is None else first, bounds[LOWER], bounds[UPPER])
-        near, centring = self.near, NEARNESS
-        if near is None:
-            near = np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints]))
-            centring = CENTRING if any(map(attrgetter("dead_band"), self.models)) else 0.0
-        foot, samples = self.foot, np.arange(len(self.desired))[:, np.newaxis]
+        centring, near = NEARNESS, np.array(self.near)
+        if self.near is None:
+            near = np.array(
+                rest_requests(self.nominal, self.desired, self.load_of_drives[: len(self.names)])
+            )
+            centring = CENTRING if any(map(attrgetter("dead_band"), self.drives)) else 0.0
+        goal, samples = np.array(self.desired), np.arange(len(self.desired))[:, np.newaxis]
         each, bending = np.empty((2, len(samples), 3))
         each[:], bending[:] = (1.0, 0.0, 0.0), (1.0, -2.0, 1.0)
+        if self.goal == "foot":
+            added = np.zeros_like(goal) if self.disturbance is None else self.disturbance
+            goal = np.hstack([self.desired_foot, added])
         rows = Rows(np.repeat(samples, 3, axis=1), each, near)
         spec = Spec(
             cyclic=self.cyclic,
@@ -157,24 +157,24 @@ class Problem:
             largest=self.norm == "max",
             worst=self.robust == "worst",
             limited=bool(np.isfinite(self.max_step).any()),
-            ridge=0.0 if foot is None else RIDGE,
+            ridge=RIDGE if self.goal == "foot" else 0.0,
             drives=np.array(drives, dtype=np.float64),
-            weights=weights_by_tick(*self.models),
+            weights=weights_by_tick(*self.drives),
             acting=acting(self.ages, len(self.desired), cyclic=self.cyclic),
             periods=periods,
             bounds=bounds,
             near=rows,
             smooth=rows,
-            goal=np.array(self.desired) if foot is None else foot,
-            leg=self.leg,
-            shares=np.array(self.weights),
+            goal=goal,
+            leg=np.array(self.links),
+            shares=self.weight_of_scenarios,
         )
         limit(spec, near)  # in place; second differences are of requests within the limits
         bends = samples if self.cyclic else samples[:-1]
         numbers = (bends + np.array([-1, 0, 1])) % len(near)
         numbers[0, 0] = numbers[0, 0] if self.cyclic else 0
         factors = bending[: len(bends)]
-        centre = np.zeros((len(bends), self.joints))
+        centre = np.zeros((len(bends), len(self.names)))
         if self.near is not None:
             centre = np.einsum("kp,kpj->kj", factors, near[numbers])
         if centring > 0.0:
@@ -200,7 +200,7 @@ class Problem:
 
     def exact_angles(self, requests: Array) -> Array:
         """Angles of the exact models [rad], (n, A); NaN where a joint has no steady cycle."""
-        angles = np.empty((len(requests), len(self.models)))
+        angles = np.empty((len(requests), len(self.drives)))
         simulate_all(self.spec, np.ascontiguousarray(requests), angles)
         return angles
 
@@ -210,7 +210,7 @@ class Problem:
 
     def errors_of_models(self, angles: Array) -> tuple[float, Array]:
         """The error that counts, and those it comes from: see :func:`gauss_newton.judge`."""
-        errors = np.empty(len(self.weights) + 1)
+        errors = np.empty(len(self.scenarios) + 1)
         return judge(self.spec, np.ascontiguousarray(angles), errors), errors
 
     def error(self, angles: Array) -> float:
@@ -224,66 +224,43 @@ class Problem:
     def distances(self, angles: Array) -> Array:
         """Weighted root of the squared errors over the scenarios [rad], (n,)."""
         values = self.errors(angles)[0]
-        return np.asarray(np.sqrt(np.einsum("kcm,kcm,c->k", values, values, self.weights)))
+        return np.asarray(
+            np.sqrt(np.einsum("kcm,kcm,c->k", values, values, self.weight_of_scenarios))
+        )
 
     @property
     def unlimited(self) -> Problem:
         """The same problem for the root mean square, without limits on the requests."""
-        any_request = np.full(self.joints, math.inf)
+        any_request = np.full(len(self.names), math.inf)
         return replace(
             self, lower=-any_request, upper=any_request, max_step=any_request, norm="rms"
         )
 
-    def in_scenarios(
-        self, scenarios: Sequence[tuple[JointModel, ...]], loads: Array, robust: Robust
-    ) -> Problem:
-        """The same problem in several scenarios, with even weights; first requests stay."""
-        return replace(
-            self,
-            models=tuple(model for each in scenarios for model in each),
-            loads=loads,
-            weights=(1.0 / len(scenarios),) * len(scenarios),
-            first=self.first_requests,
-            robust=robust,
-        )
-
 
 def problem_of(task: Task) -> Problem:
-    """The problem of a task, for the nominal models: of a joint, or of all joints of a leg.
+    """The problem of a task for its nominal models: of a joint, or of all joints of a leg.
 
     A foot's errors are scaled by how far a radian of a joint moves it.
     """
     models, loads = task.nominal, task.loads_on(task.nominal)
-    desired, foot, links = task.desired, None, NO_LEG
-    added = np.zeros_like(desired) if task.disturbance is None else task.disturbance
+    problem = Problem(**{each.name: getattr(task, each.name) for each in fields(Task)})
+    problem, desired = replace(problem, models=tuple((each,) for each in models)), task.desired
     if task.disturbance is not None or task.goal == "foot":  # where requests can hold them
+        added = 0.0 if task.disturbance is None else task.disturbance
         least, most = (rest_angles(models, end, loads) for end in (task.lower, task.upper))
         desired = np.clip(desired - added, least, most)
-    if task.goal == "foot":
-        assert task.leg is not None, "a foot belongs to a leg"
-        moved = float(np.sqrt(np.mean(task.foot_jacobians(desired + added) ** 2)))
-        length = float(np.max(np.abs(task.leg.chain.tip), initial=LEAST_FOOT_MOTION))
-        if moved <= LEAST_FOOT_MOTION * length:
-            raise Infeasible(
-                "leg: none of its joints moves the foot along an axis that counts; choose another "
-                "foot frame, or give the axis along which it moves a weight"
-            )
-        links = np.zeros((len(task.leg.chain.links) + 1, 10, 3))
-        for own, link in zip(links, task.leg.chain.links, strict=False):
-            own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
-        links[-1, 0], links[-1, 1] = task.leg.chain.tip, task.axis_scales / moved
-        foot = np.hstack([task.desired_foot, added])
-    return Problem(
-        models=models,
-        desired=np.ascontiguousarray(desired),
-        foot=foot,
-        leg=links,
-        cyclic=task.cyclic,
-        norm=task.norm,
-        lower=task.lower,
-        upper=task.upper,
-        max_step=task.max_step,
-        smoothness=task.smoothness,
-        start=task.start,
-        loads=loads,
-    )
+    if task.goal == "angles":
+        return replace(problem, desired=np.ascontiguousarray(desired))
+    assert task.leg is not None, "a foot belongs to a leg"
+    moved = float(np.sqrt(np.mean(task.foot_jacobians(desired + added) ** 2)))
+    length = float(np.max(np.abs(task.leg.chain.tip), initial=LEAST_FOOT_MOTION))
+    if moved <= LEAST_FOOT_MOTION * length:
+        raise Infeasible(
+            "leg: none of its joints moves the foot along an axis that counts; choose another foot "
+            "frame, or give the axis along which it moves a weight"
+        )
+    links = np.zeros((len(task.leg.chain.links) + 1, 10, 3))
+    for own, link in zip(links, task.leg.chain.links, strict=False):
+        own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
+    links[-1, 0], links[-1, 1] = task.leg.chain.tip, task.axis_scales / moved
+    return replace(problem, desired=np.ascontiguousarray(desired), links=links)

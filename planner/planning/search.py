@@ -198,7 +198,7 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
         from planner.planning.direct_transcription import transcribed_requests  # slow to import
 
         return transcribed_requests(problem, requests, ideal)
-    (model,), error = problem.models, itemgetter(1)
+    (model,), error = problem.drives, itemgetter(1)
     from_start = partial(minimise, problem, angles=ideal, stages=NARROW)
     starts, best = [requests], from_start(requests)
     near = FAR * problem.error(ideal)
@@ -263,7 +263,7 @@ def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
 
     Speeds are means over the period before, integrals 0.
     """
-    count, drives = len(problem.models), problem.spec.drives
+    count, drives = len(problem.drives), problem.spec.drives
     states = np.zeros((len(angles), problem.spec.parts * count))
     states[:, :count] = angles
     if problem.spec.parts > 1:
@@ -298,15 +298,14 @@ def first_request_freed(
     Of a long path the beginning is searched first. A difference that does not show there does not
     show in the whole.
     """
-    (model,), middle = problem.models, problem.first_requests
+    (model,), middle = problem.drives, problem.first_requests
     assert middle is not None, "from rest a first request holds the joint"
     within = 1.0 - 1e-9  # rounding must not move the joint
     firsts = [middle + edge * model.dead_band for edge in (-within, within)]
     count = math.ceil(BEGINNING * (problem.ages.oldest + problem.settling))
     if len(problem.desired) > 2 * count:
-        beginning = replace(
-            problem, desired=problem.desired[:count], loads=problem.loads[:, :count]
-        )
+        load = None if problem.load is None else problem.load[:count]
+        beginning = replace(problem, desired=problem.desired[:count], load=load)
         beginning, _, _ = first_request_freed(beginning, best_requests(beginning, solver), solver)
         if beginning.first is None:
             return problem, requests, None
@@ -451,11 +450,10 @@ def for_all_models(
     if len(scenarios) == 1:
         return requests, None
     small = [stage for stage in search if stage.radius <= ROBUST_RADIUS]
-    of_foot = nominal.foot is not None and nominal.smoothness > 0.0
+    of_foot = nominal.goal == "foot" and nominal.smoothness > 0.0
     weight = ROBUST_FOOT_SMOOTHING if of_foot else ROBUST_SMOOTHING
     stages = [stage._replace(weight=weight, smoothing=True) for stage in small]
-    loads = np.vstack([task.loads_on(each) for each in scenarios])
-    problem = nominal.in_scenarios(scenarios, loads, task.robust or "mean")
+    problem = replace(nominal, models=task.models, robust=task.robust, first=nominal.first_requests)
     angles = problem.exact_angles(requests)
     before = problem.error(angles)
     if before == math.inf:
@@ -464,10 +462,10 @@ def for_all_models(
     latest, answer = best, problem
     for _ in range(ROUNDS if problem.robust == "worst" else 0):
         angles = problem.exact_angles(latest)
-        weights = problem.weights * problem.errors_of_models(angles)[1][:-1]
+        weights = problem.weight_of_scenarios * problem.errors_of_models(angles)[1][:-1]
         if not 0.0 < np.sum(weights) < math.inf:
             break
-        problem = replace(problem, weights=tuple((weights / np.sum(weights)).tolist()))
+        problem = replace(problem, shares=tuple((weights / np.sum(weights)).tolist()))
         latest, error = minimise(problem, latest, angles, stages[-3:])
         if error < least:
             best, least, answer = latest, error, problem
@@ -502,9 +500,9 @@ def judged(problem: Problem, requests: Array, angles: Array | None = None) -> Mo
     angles = problem.exact_angles(requests) if angles is None else angles
     if math.isnan(angles[0, 0]):
         return Motion(requests, angles, *(math.inf,) * 5)
-    weights = np.asarray(problem.weights)
-    shares = np.repeat(weights, problem.joints)  # mean squared error for a radian of each model
-    if problem.foot is not None:
+    weights = problem.weight_of_scenarios
+    shares = np.repeat(weights, len(problem.names))  # mean squared error for a radian of each model
+    if problem.goal == "foot":
         jacobians = problem.errors(angles)[1]
         shares *= np.einsum("kcij,kcij->cj", jacobians, jacobians).ravel() / len(angles)
     models = problem.nominal * len(weights)  # drawn models were not tested
@@ -512,7 +510,7 @@ def judged(problem: Problem, requests: Array, angles: Array | None = None) -> Mo
     model_error = math.sqrt(float(shares @ known**2))
     unseen = ENCODER_STEP * math.sqrt(float(np.sum(shares)))
     error, errors = problem.errors_of_models(angles)
-    alike = problem.foot is not None or any(map(attrgetter("dead_band"), problem.models))
+    alike = problem.goal == "foot" or any(map(attrgetter("dead_band"), problem.drives))
     negligible = unseen if alike else 0.0
     return Motion(requests, angles, error, float(errors[-1]), model_error, unseen, negligible)
 
@@ -659,7 +657,7 @@ def smoother(
         return best
     search, now, cost = search_from(problem, start.requests, start.angles), least, 0.0
     spec, pattern = problem.spec, pattern_of(problem.spec, smoothing=True)
-    varying = problem.foot is not None
+    varying = problem.goal == "foot"
     for model in problem.nominal:
         varying |= model.evidence is not None and model.evidence.depends_on_motion
     if power != 2.0 and error:  # the sum of the powers at the start, in units of the error
@@ -768,11 +766,11 @@ def shaking_rests(problem: Problem, requests: Array, margin: int) -> Mask | None
     rests = np.split(requests[rows], np.flatnonzero(np.diff(rows) > 1) + 1)
     turns = [[reversals(column, cyclic=False) for column in each.T] for each in rests]
     most = int(np.max(np.sum(turns, axis=0))) - 1
-    return resting if most > SHAKING * len(rows) * problem.models[0].period else None
+    return resting if most > SHAKING * len(rows) * problem.period else None
 
 
 def shakes(problem: Problem, requests: Array) -> bool:
     """Whether requests of a joint, (n, 1), change direction much more often than its path does."""
     turns = reversals(requests[:, 0], cyclic=problem.cyclic)
     turns -= reversals(problem.desired[:, 0], cyclic=problem.cyclic)
-    return turns > SHAKING * len(requests) * problem.models[0].period
+    return turns > SHAKING * len(requests) * problem.period

@@ -137,12 +137,14 @@ def test_the_search_for_knots_counts_the_error_of_the_simulated_requests(terms, 
         knots, values = np.array(curve.knots), np.array(curve.values)
         found = pattern_search.search(*tracking, knots, values, (0.0, 1.0, 0.0), 0)
         stack = CurveStack.of([curve])
-        requests = requests_of(model, stack, rule="exact", load=problem.loads[0]).T
+        requests = requests_of(model, stack, rule="exact", load=problem.load_of_drives[0]).T
         error = problem.exact_error(problem.admissible(requests))
         # Offsets from a table are good to some 1e-5 of theta_0.
         assert math.sqrt(found / len(desired)) == pytest.approx(error, abs=1e-4 * model.theta_0)
         refined = pattern_search.refined_curve(problem, curve, rule="exact", ahead=ahead)
-        better = requests_of(model, CurveStack.of([refined]), rule="exact", load=problem.loads[0]).T
+        better = requests_of(
+            model, CurveStack.of([refined]), rule="exact", load=problem.load_of_drives[0]
+        ).T
         assert problem.exact_error(problem.admissible(better)) < error
 
 

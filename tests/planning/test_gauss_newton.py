@@ -42,8 +42,8 @@ def joint(seed, *, cyclic, samples=10, inertia=False, friction=False, scenarios=
     start = None if cyclic else float(np.median(desired)) + 0.01
     problem = track(replace(model, **terms), desired, cyclic=cyclic, start=start, **options)
     speeds = [model.v_max * (1.0 + 0.1 * c) for c in range(scenarios)]
-    models = [(replace(model, v_max=speed, **terms),) for speed in speeds]
-    return problem.in_scenarios(models, np.zeros((scenarios, samples)), "mean")
+    candidates = tuple(replace(model, v_max=speed, **terms) for speed in speeds)
+    return replace(problem, models=(candidates,), robust="mean")
 
 
 def leg_problem():
@@ -57,7 +57,7 @@ def point_at(problem, stage, unit=1.0):
     rng = np.random.default_rng(0)
     point = allocated(problem.spec, smoothing=stage.smoothing)
     noise = rng.normal(size=point.requests.shape)
-    angles = np.tile(problem.desired, len(problem.weights))
+    angles = np.tile(problem.desired, len(problem.scenarios))
     point.states[:, : angles.shape[1]] = angles
     states = point.states + 0.05 * rng.normal(size=point.states.shape)
     requests = problem.admissible(problem.desired + 0.05 * noise)
@@ -67,7 +67,7 @@ def point_at(problem, stage, unit=1.0):
 def within_a_unit(problem, stage, unit):
     """A point whose errors are of about a unit, where no weight is at its least."""
     rng = np.random.default_rng(1)
-    angles = np.tile(problem.desired, len(problem.weights))
+    angles = np.tile(problem.desired, len(problem.scenarios))
     angles += unit * rng.choice([-1.0, 1.0], angles.shape) * rng.uniform(0.6, 1.2, angles.shape)
     return evaluated(problem, stage, problem.desired, angles, unit)
 
@@ -114,7 +114,7 @@ def split(unknowns, point):
 def terms_of(problem, point, damping):
     """What counts beside the cost: requests by the damping, speeds a little."""
     speeds = np.zeros(point.states.shape)
-    speeds[:, len(problem.models) :] = SPEED_TERM
+    speeds[:, len(problem.drives) :] = SPEED_TERM
     return np.concatenate([np.full(point.requests.size, damping), speeds.ravel()])
 
 
@@ -238,7 +238,7 @@ def test_the_step_within_limits_is_that_of_a_convex_solver(
 def test_the_gradient_is_half_the_slope_of_the_cost(kind, power):
     problem = leg_problem() if kind == "leg" else joint(1, cyclic=True, scenarios=2)
     if kind == "models":
-        problem = replace(problem, norm="max", weights=(0.4, 0.6))
+        problem = replace(problem, norm="max", shares=(0.4, 0.6))
     stage, unit = Stage(0.3, 0.0, power), 0.1
     point = within_a_unit(problem, stage, unit)
     count = point.quadratic.shape[2]

@@ -207,7 +207,7 @@ def foot_problem(models=ERS210A, **options):
     task = Task.of(models, walk.desired_foot[::4], leg=walk.leg, **options)
     problem = problem_of(task)
     beside = 0.05 * np.random.default_rng(0).normal(size=problem.desired.shape)
-    return problem, np.tile(problem.desired + beside, len(problem.models) // 3)
+    return problem, np.tile(problem.desired + beside, len(problem.drives) // 3)
 
 
 def test_the_weights_of_the_worst_models_grow_until_their_errors_are_equal():
@@ -226,8 +226,8 @@ def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenar
     models = [ERS210A.with_evidence(Evidence(each)) for each in noise]
     nominal, _ = foot_problem(models)
     drawn = (ERS210A,) * 3  # those that were drawn were not tested
-    both = nominal.in_scenarios([tuple(models), drawn], np.zeros((6, len(nominal.desired))), "mean")
-    both = replace(both, weights=weights)
+    candidates = tuple(zip(models, drawn, strict=True))
+    both = replace(nominal, models=candidates, robust="mean", shares=weights)
     rng = np.random.default_rng(1)
     angles = np.tile(nominal.desired, 2) + 0.05 * rng.normal(size=(22, 6))
     found = judged(both, both.resting, angles)
