@@ -37,9 +37,9 @@ from planner.recording.recorded_path import (
     RecordedPath,
     check_length,
     first_logs,
-    is_gripper,
     models_from,
     recorded_path,
+    without_grippers,
 )
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
@@ -167,7 +167,7 @@ def _models_of(
     file = read_model_file(model.file)
     models = file.models
     recorded = [log.joint for log in first_logs(recordings)]
-    used = joints or [name for name in recorded if not is_gripper(name)] or recorded
+    used = joints or without_grippers(recorded)
     of_joints = {name: models.get(name, models.get("")) for name in used}
     words = refusal({name: each.evidence for name, each in of_joints.items() if each})
     return JointModels(

@@ -20,17 +20,14 @@ from planner.files.table import write_table
 from planner.recording.replaying import JointReplay, Replay
 from planner.trajectory import Array
 
-Episode = tuple[Layout, dict[str, Array], str]
-"""Layout of a dataset, rows of an episode by feature, and its task in words."""
-
 HEAD = "head"  # the array of an encoded episode that holds all but its rows, as JSON
+
+# Layout of a dataset, rows of an episode by feature, and its task in words.
+Episode = tuple[Layout, dict[str, Array], str]
 
 
 def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
-    """Layout of a planned dataset, as in that which was read; an episode's rows and task.
-
-    Actions are planned, observations re-timed.
-    """
+    """A planned episode in the layout that was read: actions planned, observations re-timed."""
     rate = frame_rate(replay.period)
     if not recording.is_episode:
         action = [as_written(joint, joint.requests) for joint in replay.joints]
@@ -102,10 +99,7 @@ def decoded(content: bytes) -> tuple[Layout, dict[str, Array], dict[str, Any]]:
 def write_replay(
     file: str, recording: Recording, replay: Replay, form: Literal["csv", "joints", "lerobot"]
 ) -> None:
-    """Write the requests of one recording as a log's, as a path's, or as a dataset of one episode.
-
-    A csv has the columns and units of the recording, joints those of ``plan``.
-    """
+    """Write requests as in the recording (csv), as ``plan`` does, or as a dataset."""
     names, requests = replay.names, replay.requests
     if form == "lerobot":
         layout, rows, task = lerobot_episode(recording, replay)

@@ -26,21 +26,18 @@ from planner.validation import as_number, as_positive, check_choice, freeze, sho
 if TYPE_CHECKING:
     from planner.files.logs import Recording
 
-Track = Literal["state", "action"]
-"""The recorded signal to follow: the measured angles, or the requests."""
+Track = Literal["state", "action"]  # the recorded signal to follow: the angles, or the requests
+Models = JointModel | Mapping[str, JointModel]  # of all joints, or by joint; "" is the default
 
-Models = JointModel | Mapping[str, JointModel]
-"""One model for all joints, or models by joint; the key "" holds the default model."""
-
+# Which signal is followed, and the reason.
 WHY: Mapping[Track, str] = {
     "state": "the state, the measured angles, with the errors that the robot made",
     "action": "the action, what the robot was asked to do, as chosen: its errors are not repeated",
 }
-"""Which signal is followed, and the reason."""
 
+# Share by which a model's period may differ from the recording's and keep its number of ticks:
+# identified clocks differ by 1e-4. Beyond it ticks are divided anew.
 SAME_PERIOD = 0.01
-"""Share by which a model's period may differ from the recording's and keep its number of ticks:
-identified clocks differ by 1e-4. Beyond it ticks are divided anew."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,19 +110,21 @@ class RecordedPath:
 def _rows(name: str, duration: float, period: float, speed: float) -> int:
     """How many requests a replay has; too many or too few are refused."""
     count = duration / speed / period
-    rows = math.floor(min(count, 2.0 * MOST_SAMPLES) + 1e-6) + 1
-    where = f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second"
+    rows, problem = math.floor(min(count, 2.0 * MOST_SAMPLES) + 1e-6) + 1, ""
     if count > MOST_SAMPLES:
-        raise InvalidInput(
-            f"{where} the replay has {count:.3g} requests, expected at most {MOST_SAMPLES}; choose "
-            "a shorter part, a higher speed or a lower rate"
+        problem = (
+            f"the replay has {count:.3g} requests, expected at most {MOST_SAMPLES}; choose a "
+            "shorter part, a higher speed or a lower rate"
         )
-    if rows < 3:
+    elif rows < 3:
         remain = f"{rows} request remains" if rows == 1 else f"{rows} requests remain"
-        raise InvalidInput(
-            f"{where} {remain} of {duration:.4g} s, expected 3 or more; choose a longer part, a "
-            "lower speed or a higher rate"
+        problem = (
+            f"{remain} of {duration:.4g} s, expected 3 or more; choose a longer part, a lower "
+            "speed or a higher rate"
         )
+    if problem:
+        where = f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second"
+        raise InvalidInput(f"{where} {problem}")
     return rows
 
 
@@ -157,22 +156,17 @@ def recorded_path(
     chosen = _models_of(names, models, joints)
     first, last = _part(logs, begin, end)
     period, origin = _period(logs, rate), _origin(logs)
-    remarks: list[str] = []
-    paths = []
+    remarks, paths = list[str](), []
     for name, recorded in zip(names, logs, strict=True):
         log, jumps = unwrapped(recorded)
         if jumps:
-            remarks.append(
-                f"{name}: its encoder, or its requests, started again {jumps} times; the angles go "
-                "on"
-            )
+            words = f"its encoder, or its requests, started again {jumps} times; the angles go on"
+            remarks.append(f"{name}: {words}")
         times, angles = log.times - origin, log.angles
         sound = sound_rows(log)
         if not sound.all() and sound.any():
-            remarks.append(
-                f"{name}: {int((~sound).sum())} angles that are missing, or that no joint takes, "
-                "are bridged"
-            )
+            words = "angles that are missing, or that no joint takes, are bridged"
+            remarks.append(f"{name}: {int((~sound).sum())} {words}")
             angles = np.interp(times, times[sound], angles[sound])
         freeze(times, angles)
         model, reason = chosen[name]
@@ -226,15 +220,14 @@ def _models_of(
         _check_named("joints", "joint", name, names)
         if name not in with_model:
             _check_named("models", "model of", name, by_joint)
-    arms = [name for name in with_model if not is_gripper(name)]
-    planned = joints or arms or with_model
+    planned = joints or without_grippers(with_model)
     if not planned:
         raise InvalidInput(
             f"models: of {', '.join(by_joint) or 'no joint'}, but the joints of the recording are "
             f"{', '.join(names)}; rename the tables of the model file to them"
         )
 
-    chosen: dict[str, tuple[JointModel | None, str]] = {}
+    chosen = dict[str, tuple[JointModel | None, str]]()
     for name in names:
         reason = "a gripper" if is_gripper(name) else "not chosen"
         reason = reason if joints or name in with_model else "no model"
@@ -255,6 +248,12 @@ def is_gripper(name: str) -> bool:
     """Whether a joint is a gripper by its name."""
     words = ("gripper", "jaw", "claw", "finger", "thumb", "hand")
     return any(word in name.lower() for word in words)
+
+
+def without_grippers(names: Iterable[str]) -> list[str]:
+    """The joints but for grippers, or all where all are."""
+    every = list(names)
+    return [name for name in every if not is_gripper(name)] or every
 
 
 def _origin(logs: Sequence[Log]) -> float:
@@ -363,14 +362,11 @@ def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
 def models_from(
     recordings: Sequence[Recording], joints: Sequence[str], progress: Callable[[str], None]
 ) -> JointModels:
-    """Models of these joints, or of all but grippers, identified from the recordings themselves.
-
-    Raises InvalidInput without a recording of a joint, and where no model fits any of them.
-    """
+    """Models of these joints, or of all but grippers, identified from the recordings themselves."""
     from planner.identification.identify import identify  # slow to import
 
     used = recordings[:10]  # more of the same robot add little, and time grows with each
-    by_joint: dict[str, list[Log]] = {}
+    by_joint = dict[str, list[Log]]()
     failure: PlannerError = InvalidInput("no recording could be read")
     for recording in used:
         try:
@@ -382,11 +378,8 @@ def models_from(
         raise failure
     for name in joints:
         _check_named("joints", "joint", name, by_joint)
-    chosen = joints or [name for name in by_joint if not is_gripper(name)] or list(by_joint)
-    models: dict[str, JointModel] = {}
-    remarks: list[str] = []
-    refused: dict[str, str] = {}
-    for name in chosen:
+    models, remarks, refused = dict[str, JointModel](), list[str](), dict[str, str]()
+    for name in joints or without_grippers(by_joint):
         progress(f"identifying {name}")
         try:
             identification = identify(by_joint[name])

@@ -19,8 +19,8 @@ from planner.recording.recorded_path import Models, Path, RecordedPath, Track, r
 from planner.trajectory import Array, Mask, most_lost, rms, stretches
 from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze, read_only
 
+# Requests of a joint: as recorded, the path as it is, that with the best time shift, a plan.
 Kind = Literal["resent", "direct", "shifted", "planned"]
-"""Requests of a joint: as recorded, the path as it is, that with the best time shift, a plan."""
 
 
 def replay(
@@ -113,9 +113,8 @@ def replay_at(
 ) -> Replay:
     """The replay whose request k belongs to a moment of the recording [s], increasing, shape (n,).
 
-    The reported ``speed`` is by default the recorded duration over that of the replay. Plans for
-    these moments that are ``known`` are not used under a load of the pose, which depends on all
-    joints. The other arguments are those of :func:`replay`.
+    Plans for these moments that are ``known`` are not used under a load of the pose, which depends
+    on all joints; the reported ``speed`` is by default the mean one. See :func:`replay`.
     """
     if load is None and path.load_at is not None:
         load = path.load_at(moments)
@@ -255,10 +254,7 @@ class JointReplay:
         return shifted(self._by_rms.task)
 
     def error_of(self, kind: Kind) -> Array:
-        """Angles minus desired angles of a planned joint under one kind of requests, shape (n,).
-
-        Only this kind is simulated: the best time shift takes dozens of simulations.
-        """
+        """Angles minus desired angles of a planned joint under one kind of requests, shape (n,)."""
         assert self.predicted is not None, "only a planned joint has errors"
         angles: Array = self.predicted if kind == "planned" else getattr(self, kind)
         return angles - self.desired
@@ -270,22 +266,17 @@ class JointReplay:
 
     @cached_property
     def lower_bound(self) -> float:
-        """Lower bound on the rms error of any requests for a planned joint, whatever its norm.
-
-        NaN under a load of the pose: other requests would meet another load.
-        """
+        """Lower bound on the rms error of any requests; NaN under a load of the pose."""
         return math.nan if self.plan.task.load_of_pose else float(self._by_rms.lower_bounds[0])
 
     @cached_property
     def resent_may_serve(self) -> bool:
         """Whether the recorded requests may serve better than the plan, if sent as recorded.
 
-        They moved the joint along its recorded angles once, so that their error by the model is
-        mostly the model's own. Unless the error to expect of the plan is less than half of that,
-        the model does not show that the plan is better. False where the torque was off at a
-        replayed row: something else moved the joint.
+        They moved the joint so once: their error is mostly the model's, which does not show that
+        the plan is better unless the error to expect of it is less than half of that.
         """
-        driven = bool(np.all(self.path.log.torque_on[self._rows]))
+        driven = bool(np.all(self.path.log.torque_on[self._rows]))  # else something else moved it
         return driven and self.plan.expected[0].error > 0.5 * rms(self.error_of("resent"))
 
     @cached_property
@@ -355,8 +346,7 @@ class Replay(ReadOnly, Summarised):
     def resent_may_serve(self) -> tuple[JointReplay, ...]:
         """The planned joints that the recorded requests may move better than the plan.
 
-        There are none at another speed than the recorded one, nor along the recorded requests: the
-        effect of the recorded requests was not measured there.
+        Their effect was measured at the recorded speed and along the recorded angles only.
         """
         if self.speed != 1.0 or self.path.track != "state":
             return ()
@@ -364,16 +354,13 @@ class Replay(ReadOnly, Summarised):
 
     @property
     def contradicted(self) -> tuple[str, ...]:
-        """The joints that moved faster in the replayed part of the recording than their models can.
-
-        By a load a joint may exceed the top speed of its model a little: 5 % are no contradiction.
-        """
+        """The joints that moved faster in the replayed part than their models can."""
         names = []
         for each in self.planned:
-            assert each.path.model is not None, "planned joints have models"
             inside = (each.path.times >= self.path.first) & (each.path.times <= self.path.last)
             part = replace(each.path.log, torque_on=each.path.log.torque_on & inside)
-            limits = each.path.model.speed_limits(0.0, part.angles)
+            limits = each.plan.models[0].speed_limits(0.0, part.angles)
+            # by a load a joint may exceed the top speed of its model a little
             if measured_speed(part) > 1.05 * max(np.max(np.abs(limit)) for limit in limits):
                 names.append(each.name)
         return tuple(names)

@@ -21,9 +21,7 @@ from planner.validation import Summarised, Summary, as_number, check_choice, sho
 if TYPE_CHECKING:
     from kinematics import Leg
 
-Retime = Literal["constant", "varying"]
-"""One factor for the whole recording, or one that changes along it."""
-
+Retime = Literal["constant", "varying"]  # one factor for the whole recording, or one along it
 Progress = Callable[[str], None]
 
 RESOLUTION = 0.01  # factors are found to this share
@@ -318,10 +316,7 @@ class _Search:
         return low, low
 
     def contradicted(self) -> tuple[str, ...]:
-        """Joints whose motion at the recorded speed no requests reach by their models.
-
-        Raises Infeasible where requests reach it if the replay begins at a later row.
-        """
+        """Joints whose motion no requests reach at its speed; Infeasible if from a later row on."""
         path = self.path
         if not self.bounded or path.track != "state" or not self.misses(1.0):
             return ()
@@ -363,10 +358,9 @@ class _Search:
     def varying(self, constant: Replay) -> Replay:
         """A replay whose factor changes along the recording, at least as fast as the constant one.
 
-        Every round multiplies the factor at each moment by (0.97 tolerance / error)^0.4, as errors
-        of a saturated joint grow faster than the speed, and by 1.25 at most, with the largest error
-        nearby. It then limits the acceleration, forward and backward in time, to that from
-        standstill to the constant factor in half a second.
+        Every round multiplies the factor at each moment by (0.97 tolerance / error)^0.4, with the
+        largest error nearby, and by 1.25 at most. It then limits the acceleration, both ways in
+        time, to that from standstill to the constant factor in half a second.
         """
         path = self.path
         at = np.arange(path.first, path.last + GRID, GRID)
@@ -401,11 +395,9 @@ class _Search:
         return self.replays.get(speed)
 
     def attempt(self, moments: Array, speed: float | None = None) -> Replay | None:
-        """A replay within the tolerance, or near it.
+        """A replay within the tolerance, or near it; None if a faster one has no load that settles.
 
         Joints that a plan of least rms error leaves beyond it are planned for the largest error.
-        None where a load of the pose leaves none, though another speed had one: a joint cannot move
-        against the inertia of a faster motion, or the load does not settle.
         """
         try:
             replay = replay_at(self.path, moments, speed=speed, **self.options)
@@ -442,9 +434,8 @@ class _Search:
     ) -> Iterator[tuple[str, float]]:
         """Each planned joint's lower bound on its largest error over the tolerance.
 
-        The replay begins at ``first``, from rest, and ends at ``last`` at the latest [s of the
-        recording]. Joints of known top speed come first: their bounds hold for the joints, not only
-        the models.
+        From rest at ``first`` to ``last`` [s of the recording]; joints of known top speed, whose
+        bounds hold not only for their models, come first.
         """
         part = replace(self.path, first=first, last=min(last, self.path.last))
         moments, unknown = part.moments(speed), self.path.open_top_speeds
