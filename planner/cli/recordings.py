@@ -43,9 +43,9 @@ from planner.recording.recorded_path import (
 )
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
-from planner.report.episodes_page import episode_results, resent_words
 from planner.report.plan_results import off_by
-from planner.report.replay_page import LOG_UNITS
+from planner.report.replay_page import episode_results, resent_words
+from planner.report.wording import UNITS
 from planner.robot.schedule import Schedule
 from planner.trajectory import Array, error_norm
 
@@ -69,7 +69,7 @@ class ReplayTask:
         """Read the recording and plan its replay, if asked for the fastest within the tolerance."""
         run, replay, speed = self.settings, self.settings.replay, self.settings.path.speed or 1.0
         logs, arm, limits = self.recording.read(), self.arm(), {}
-        factors = {log.joint or "joint": LOG_UNITS[log.unit][1] for log in logs}
+        factors = {log.joint or "joint": UNITS[log.unit].factor for log in logs}
         for name, (low, high) in values_by_joint("limits", run.limits, [*factors]).items():
             limits[name] = low / factors[name], high / factors[name]
         path = recorded_path(
@@ -83,7 +83,7 @@ class ReplayTask:
             limits=limits or None,
         )
         path = _with_load(run.plan, replace(path, name=self.recording.name), arm)
-        units = {each.name: LOG_UNITS[each.unit][1] for each in path.planned}
+        units = {each.name: UNITS[each.unit].factor for each in path.planned}
         options = search_options(run.plan, path.period, units)
         options |= {"solver": run.plan.solver, "progress": progress}
         if not replay.fastest:
@@ -229,9 +229,9 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
     errors: list[tuple[str, float, str, float]] = []  # of what, how large, in which unit, allowed
     if tolerance.deg is not None:
         for joint in replay.planned:
-            unit, factor = LOG_UNITS[joint.path.unit]
-            error = factor * error_norm(joint.errors["planned"], norm)
-            errors.append((joint.name, error, unit, tolerance.deg))
+            unit = UNITS[joint.path.unit]
+            error = unit.factor * error_norm(joint.errors["planned"], norm)
+            errors.append((joint.name, error, unit.name, tolerance.deg))
     if tolerance.cm is not None:
         ratio = error_norm(task.measure(replay.path).errors(replay, "planned"), norm)
         errors.append(("the foot", ratio * tolerance.cm, "cm", tolerance.cm))

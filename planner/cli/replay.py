@@ -166,7 +166,7 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
 
 def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None = None) -> Answer:
     """The errors of the plans of many recordings, and a warning for each that failed."""
-    from planner.report.episodes_page import episodes_page, episodes_text
+    from planner.report.replay_page import episodes_page, episodes_text
 
     failure, title = "", ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
     origins = [*(("recordings", name) for name in logs), ("track", document["track"])]

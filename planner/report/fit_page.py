@@ -10,7 +10,7 @@ import numpy as np
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, line
 from planner.report.page import Page
 from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, LOWER_BOUND, MUTED
-from planner.report.wording import Table, by_columns, words_of
+from planner.report.wording import Columns, Table, table_of, words_of
 
 if TYPE_CHECKING:
     from planner.approximation.fit_pwl import Choices, PiecewiseLinearFit
@@ -42,13 +42,13 @@ def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
 
 def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:
     """The number of lines of every joint, and its errors."""
-    curves = fits.values()
-    columns = [
-        ("lines", [f"{len(each.slopes)}" for each in curves]),
-        ("rms [deg]", [f"{np.degrees(each.rms):.3f}" for each in curves]),
-        ("max [deg]", [f"{np.degrees(each.max_error):.3f}" for each in curves]),
-    ]
-    return by_columns("joint", fits, columns, label="Lines")
+    columns: Columns = {
+        "lines": "{segments}",
+        "rms [deg]": "{rms_deg:.3f}",
+        "max [deg]": "{max_deg:.3f}",
+    }
+    rows = ((name, fit_results(fit)) for name, fit in fits.items())
+    return table_of("joint", rows, columns, "Lines")
 
 
 def fit_figure(name: str, fit: PiecewiseLinearFit, number: int) -> Figure:

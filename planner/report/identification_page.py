@@ -27,12 +27,11 @@ from planner.report.identification_text import (
     parameters,
     parameters_table,
     profile,
-    units_of,
     verdict,
 )
 from planner.report.page import Page, parameters_of
 from planner.report.style import Role
-from planner.report.wording import Column, Table, by_columns, words_of
+from planner.report.wording import UNITS, Column, Row, Table, words_of
 from planner.trajectory import Array, index_of_largest, stretches
 
 CLOSE_UP = 3.0
@@ -61,7 +60,7 @@ def identification_page(identifications: Mapping[str, Identification]) -> Page:
 
 def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, Any]:
     """What the page shows of a joint: figures, tables, and numbers in the units of the page."""
-    units, (error, where), (points, *_) = units_of(found), telling_error(found), cloud_of(found)
+    units, (error, where), (points, *_) = UNITS[found.unit], telling_error(found), cloud_of(found)
     estimates = parameters(found)
 
     def angle(radians: float) -> str:
@@ -97,16 +96,15 @@ def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, An
 
 def logs_table(identification: Identification) -> Table:
     """Every log: its rows, its length, which rows were not fitted and why, and how it was read."""
-    fits = identification.fits
-    left_out = [", ".join(f"{n} {reason}" for reason, n in fit.left_out.items()) for fit in fits]
-    columns: list[tuple[str | Column, list[str]]] = [
-        ("rows used", [f"{fit.used.sum()} of {len(fit.used)}" for fit in fits]),
-        ("seconds", [f"{fit.log.times[-1] - fit.log.times[0]:.1f}" for fit in fits]),
-        ("rate", [f"{1.0 / fit.log.period:.1f} Hz" for fit in fits]),
-        (Column("rows left out, and why", words=True), [each or "none" for each in left_out]),
-        (Column("how it was read", words=True), ["; ".join(fit.log.notes) for fit in fits]),
-    ]
-    return by_columns("log", [fit.log.name for fit in fits], columns, label="Logs")
+    columns = ["rows used", "seconds", "rate"]
+    words = [Column(title, words=True) for title in ("rows left out, and why", "how it was read")]
+    rows = []
+    for fit in identification.fits:
+        log, left_out = fit.log, [f"{n} {reason}" for reason, n in fit.left_out.items()]
+        cells = [f"{fit.used.sum()} of {len(fit.used)}", f"{log.times[-1] - log.times[0]:.1f}"]
+        cells += [f"{1.0 / log.period:.1f} Hz", ", ".join(left_out) or "none", "; ".join(log.notes)]
+        rows.append(Row(log.name, cells))
+    return Table("log", [*columns, *words], rows, "Logs")
 
 
 # The figures.
@@ -133,7 +131,7 @@ def cloud_of(identification: Identification) -> tuple[SpeedPoints, float, float]
 
 def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     """The paper's Figure 5, from data: speed against error, with the identified f over it."""
-    model, units = identification.model, units_of(identification)
+    model, units = identification.model, UNITS[identification.unit]
     points, reach, highest = cloud_of(identification)
     factor, corners = units.factor, model.corners()
     right, high = factor * reach, factor * highest
@@ -179,8 +177,8 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
         off=points.off.any(),
         guessed=not identification.saturates and seen,
     )
-    across = Axis("request minus angle", units.angle, (-right, right), decimals=3)
-    panel = Panel(Axis("speed", units.speed, (-high, high)), curves, words=words, height=2.2)
+    across = Axis("request minus angle", units.words, (-right, right), decimals=3)
+    panel = Panel(Axis("speed", f"{units.sign}/s", (-high, high)), curves, words=words, height=2.2)
     return Figure(f"{prefix}speed", *about, across, [panel])
 
 
@@ -229,7 +227,7 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
 
     Above are requests, angles and prediction, below them the residuals.
     """
-    units, log, held_out = units_of(identification), fit.log, fit.held_out
+    units, log, held_out = UNITS[identification.unit], fit.log, fit.held_out
     factor, times = units.factor, log.times - log.times[0]
     angles = factor * log.angles
     predicted = factor * np.where(held_out, fit.held_out_predicted, fit.predicted)
@@ -255,18 +253,18 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     noise, known = factor * identification.noise, math.isfinite(identification.noise)
     noises = [Span(-2.0 * noise, 2.0 * noise, style.CLOSED_FORM, 0.16, "y")] if known else []
     top, low = ([curve for curve in curves if len(curve.y)] for curves in (above, below))
-    quantity, whole = "angle" if units.angle == "deg" else "position", (0.0, float(times[-1]))
+    quantity, whole = "angle" if units.words == "deg" else "position", (0.0, float(times[-1]))
     about = words_of(
         "log",
         held_out=held_out.any(),
-        noise=f"{noise:.2g} {units.angle}" if known else "unknown",
+        noise=f"{noise:.2g} {units.words}" if known else "unknown",
         outliers=len(outliers),
         least=float(np.min(log.weights[fit.used], initial=1.0)),
         seconds=CLOSE_UP,
     )
-    residual = Axis("residual", units.angle)
+    residual = Axis("residual", units.words)
     panels = [
-        Panel(Axis(quantity, units.angle), top, spans=shades, height=1.9),
+        Panel(Axis(quantity, units.words), top, spans=shades, height=1.9),
         Panel(residual, low, "measured − predicted", spans=[*shades, *noises]),
     ]
     views = {"whole log": whole, "close-up": close_up(fit)}

@@ -26,7 +26,7 @@ from planner.identification.result import (
     telling_error,
 )
 from planner.report.page import PARAMETERS
-from planner.report.wording import NOTHING, Column, Row, Table, by_columns, phrase, rendered_text
+from planner.report.wording import NOTHING, UNITS, Column, Row, Table, phrase, rendered_text
 
 ALTERNATIVES = {
     "raw": ("the request itself", ""),
@@ -54,18 +54,6 @@ RECORD: dict[str, dict[Topic, str]] = {
     "slow-triangle": {"friction": "dry friction", "shaken": "calm motion", "threshold": "theta_0"},
 }
 """Signals of `excite` that settle a topic, and what each shows; for several, the combined one."""
-
-
-class Units(NamedTuple):
-    """The units of a joint, and its factor: a radian in degrees, or all of a range in percent."""
-
-    factor: float
-    angle: str
-    speed: str
-
-    def sized(self, error: float | None) -> tuple[str, str]:
-        """An error [rad] as a number and its unit."""
-        return (NOTHING, "") if error is None else (f"{self.factor * error:.3g}", self.angle)
 
 
 class Parameter(NamedTuple):
@@ -101,16 +89,9 @@ class Parameter(NamedTuple):
         return (self.value, self.unit) if self.ends.bounded else self.bounds
 
 
-def units_of(identification: Identification) -> Units:
-    """Degrees for angles; percent for shares of a range."""
-    if identification.unit == "rad":
-        return Units(math.degrees(1.0), "deg", "deg/s")
-    return Units(100.0, "% of range", "%/s")
-
-
 def parameters(identification: Identification) -> list[Parameter]:
     """Every parameter with its interval, in the order of :data:`PARAMETERS`."""
-    model, units, rows = identification.model, units_of(identification), list[Parameter]()
+    model, units, rows = identification.model, UNITS[identification.unit], list[Parameter]()
     intervals = {**identification.intervals, "gain": identification.gain_interval}
     beside = {
         "lag": model.lag + model.acceleration_time,
@@ -128,9 +109,9 @@ def parameters(identification: Identification) -> list[Parameter]:
         if unit == "s":
             factor, unit = 1e3, "ms"
         elif "rad" in unit:
-            if units.angle == "deg":
+            if units.words == "deg":
                 si = (f"{figure(estimate, ends)} {unit}", between(ends))
-            angle = units.angle if unit == "rad" else units.speed.removesuffix("/s")
+            angle = units.words if unit == "rad" else units.sign
             factor, unit = units.factor, unit.replace("rad", angle)
         shown, half = Interval(*(factor * end for end in ends)), 0.5 * (ends.upper - ends.lower)
         rough = not half <= 0.2 * abs(beside.get(name, estimate))
@@ -172,7 +153,7 @@ def parameters_table(identification: Identification, *, page: bool = False) -> T
 
 def errors_table(identification: Identification) -> Table:
     """The errors of the simpler descriptions, and of the joint model at the end."""
-    units, rows = units_of(identification), list[Row]()
+    units, rows = UNITS[identification.unit], list[Row]()
     every: tuple[Alternative | Identification, ...] = identification.alternatives
     for each in (*every, identification):
         about, kind = "the joint model", "model"
@@ -183,12 +164,12 @@ def errors_table(identification: Identification) -> Table:
             kind = ""
         cells = [units.sized(error)[0] for error in (each.rms, each.held_out_rms)]
         rows.append(Row(about, cells, kind=kind))
-    return Table(f"rms error [{units.angle}]", ("all rows", "held out"), rows, "Errors")
+    return Table(f"rms error [{units.words}]", ("all rows", "held out"), rows, "Errors")
 
 
 def verdict(identification: Identification) -> str:
     """Whether the model holds, and what it adds, in one sentence."""
-    units, (error, where) = units_of(identification), telling_error(identification)
+    units, (error, where) = UNITS[identification.unit], telling_error(identification)
     words = {
         "holds": "the model holds",
         "usable": "the model is usable, but not exact",
@@ -240,7 +221,7 @@ def joints_table(identifications: Mapping[str, Identification], *, page: bool = 
             ("held out", each.held_out_rms),
             ("best delay", delays[0] if delays else None),
         ):
-            columns[title].append(units_of(each).sized(error))
+            columns[title].append(UNITS[each.unit].sized(error))
     shown = []
     for title, cells in columns.items():
         units = {unit for _, unit in cells if unit}
@@ -248,8 +229,9 @@ def joints_table(identifications: Mapping[str, Identification], *, page: bool = 
         words = [f"{size} {unit}" if unit not in ("", common) else size for size, unit in cells]
         shown.append((f"{title} [{common}]" if common else title, words))
     kinds = ["" if each.accepted else "broken" for each in found]
-    names = [joint or "unnamed" for joint in identifications]
-    return by_columns("joint", names, shown, label="Joints", kinds=kinds)
+    every = zip(identifications, kinds, *(words for _, words in shown), strict=True)
+    rows = [Row(joint or "unnamed", cells, kind=kind) for joint, kind, *cells in every]
+    return Table("joint", (title for title, _ in shown), rows, "Joints")
 
 
 def explained(identifications: Mapping[str, Identification]) -> str:
@@ -417,37 +399,33 @@ def shown_by(excitation: Excitation) -> str:
 
 def excitation_text(excitation: Excitation, expected: Identification, *, model: str) -> str:
     """Text on a test signal: what it would determine, its parts, and the expected intervals."""
-    estimates, units = parameters(expected), units_of(expected)
+    estimates, units = parameters(expected), UNITS[expected.unit]
     missing = [row.brief for row in estimates if not row.determined]
     rough = [row.brief for row in estimates if row.determined and row.rough]
     each: dict[str, list[str]] = {}
     for part in excitation.parts:
         each.setdefault(part.name, [part.determines]).append(f"{part.begin:.0f} to {part.end:.0f}")
     dead_band = next((term for term in expected.terms if term.name == "dead_band"), None)
+    parts = [Row(name, (", ".join(times), what)) for name, (what, *times) in each.items()]
     known = ["no" if not row.determined else "roughly" if row.rough else "yes" for row in estimates]
-    parts = [
-        ("time [s]", [", ".join(times) for _, *times in each.values()]),
-        ("determines", [what for what, *_ in each.values()]),
+    rows = [
+        Row(each.brief, (f"{each.value} {each.unit}", each.interval, determined, each.judgement))
+        for each, determined in zip(estimates, known, strict=True)
     ]
-    columns = [
-        ("identified", [f"{row.value} {row.unit}" for row in estimates]),
-        ("95 % interval", [row.interval for row in estimates]),
-        ("determined", known),
-        ("known", [row.judgement for row in estimates]),
-    ]
+    columns = ("identified", "95 % interval", "determined", "known")
     return rendered_text(
         "excitation.txt",
         of=excitation,
         meaning=shown_by(excitation),
         missing=missing,
         rough=rough,
-        parts=by_columns("part", each, parts),
+        parts=Table("part", ("time [s]", "determines"), parts),
         model=model,
-        expected=by_columns("parameter", [row.brief for row in estimates], columns),
+        expected=Table("parameter", columns, rows),
         dead_band=dead_band
         and units.factor * (dead_band.interval.upper - expected.model.dead_band),
         inf=math.inf,
-        unit=units.angle,
+        unit=units.words,
         warnings=expected.warnings,
     )
 

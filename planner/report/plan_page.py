@@ -8,24 +8,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED
-from planner.planning.plan import DEGREE, Plan
+from planner.planning.plan import Plan
 from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
-from planner.report.plan_results import PlanAnswer, motions_table, no_bound
-from planner.report.wording import (
-    Column,
-    Row,
-    Table,
-    by_columns,
-    percent,
-    signed,
-    thousandths,
-    words_of,
-)
-from planner.trajectory import Array, size
+from planner.report.plan_results import NORMS, SHIFTED, WITHOUT, PlanAnswer, no_bound, sizes_of
+from planner.report.wording import Column, Columns, Table, signed, table_of, words_of
+from planner.trajectory import Array
 
-WITHOUT = style.DIRECT._replace(label="without a plan")
+DIRECT = style.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
 
 
@@ -39,22 +30,22 @@ def plan_page(
     """
     plan, role, timeline = answer.plan, style.ROLES[answer.method], Timeline.of(answer.plan)
     requests = [
-        Row(f"{timeline.step * k:.6g}", thousandths(angles))
+        (f"{timeline.step * k:.6g}", angles)
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
     ]
+    formats: Columns = {name: f"{{0[{j}]:.3f}}" for j, name in enumerate(plan.names)}
     foot, joints, as_given = answer.foot, answer.joints, None
     if foot_given is not None:
-        as_given = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
+        as_given = sizes_of(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
     if foot is None:
         unit, subject = "degrees", "joints" if len(joints) > 1 else "joint"
-        planned, direct = (size(errors, DEGREE) for errors in (plan.errors, plan.direct.errors))
         expected = float(np.degrees(np.nan_to_num(plan.expected_rms).max()))
+        planned = sizes_of(plan.errors) | {"without_plan": sizes_of(plan.direct.errors)}
     else:
-        unit, subject = "cm", "feet" if answer.parts else "foot"
-        planned, direct = foot.planned, foot.direct
-        expected = foot.expected or 0.0 if plan.task.leg else 0.0
+        unit, subject, planned = "cm", "feet" if answer.parts else "foot", foot
+        expected = foot["expected_rms"] or 0.0 if plan.task.leg else 0.0
     parts = answer.parts or ({"": plan} if plan.task.leg else {})
-    feet = {name: [(WITHOUT, part.direct), (role, part)] for name, part in parts.items()}
+    feet = {name: [(DIRECT, part.direct), (role, part)] for name, part in parts.items()}
     return Page(
         "plan",
         answer=answer,
@@ -64,22 +55,20 @@ def plan_page(
         unit=unit,
         subject=subject,
         planned=planned,
-        direct=direct,
         expected=expected,
         as_given=as_given,
         jumps=jumps_of(plan),
-        unknown=[each.name for each in answer.fast if each.name in answer.open_top_speeds],
+        unknown=[name for name in answer.fast if name in answer.open_top_speeds],
         open=OPEN_TOP_SPEED,
         notes=notes,
-        worst=max(joints, key=lambda each: each.planned.rms),
-        busy=max(joints, key=lambda each: each.load),
+        worst=max(joints, key=lambda name: float(joints[name]["rms"])),
+        busy=max(joints, key=lambda name: float(joints[name]["speed_ratio"])),
         leg=leg_figure(plan, role) if plan.task.leg else None,
         distances=figure.foot_figure(timeline, feet) if feet else None,
         joints=joints_table(answer),
         no_bound=no_bound(plan),
-        motions=motions_table(plan.names, plan.motions),
         pictures=[joint_figure(plan, role, j) for j in range(len(plan.names))],
-        requests=Table(timeline.unit, plan.names, requests, "Requests"),
+        requests=table_of(timeline.unit, requests, formats, "Requests"),
         models=models_table(plan.names, plan.models),
     )
 
@@ -95,33 +84,32 @@ def jumps_of(plan: Plan) -> list[int]:
 
 def joints_table(answer: PlanAnswer) -> Table:
     """Errors, speeds and limits of joints, and lower bounds where there are any."""
-    task, joints, norms = answer.plan.task, answer.joints, ("rms", "max")
-    is_shift, early = answer.plan.method == "shift", [f"{1e3 * each.lead:.0f}" for each in joints]
-    shifts = [(f"{each.early:.3f}", lead) for each, lead in zip(joints, early, strict=True)]
-    planned = Column("best time shift [deg]" if is_shift else "planned [deg]", norms)
-    (bound, least), gaps = answer.bounds
-    bounded = any(not math.isnan(each.bound) for each in joints)
-    speeds = [(f"{each.speed:.0f}", f"{each.top:.0f}") for each in joints]
-    limits = []
-    for lower, upper in np.degrees([task.lower, task.upper]).T.tolist():
+    task, norms, is_shift = answer.plan.task, ("rms", "max"), answer.plan.method == "shift"
+    rows = []
+    ends = np.degrees([task.lower, task.upper]).T.tolist()
+    for name, (_, each), (lower, upper) in zip(task.names, answer.rows, ends, strict=True):
         low, high = (signed(f"{limit:.1f}").removesuffix(".0") for limit in (lower, upper))
         one_sided = f"at least {low}" if math.isfinite(lower) else f"at most {high}"
-        known = [math.isfinite(each) for each in (lower, upper)]
-        limits.append(f"{low} to {high}" if all(known) else one_sided if any(known) else "none")
-    columns = [
-        (planned, [thousandths(each.planned) for each in joints]),
-        is_shift and ("early [ms]", early),
-        bool(answer.on_robot) and ("on the robot [deg]", answer.on_robot),
-        (Column("without a plan [deg]", norms), [thousandths(each.direct) for each in joints]),
-        not is_shift and (Column("best time shift", ("rms [deg]", "early [ms]")), shifts),
-        bounded and (f"{bound} [deg]", least),
-        bounded and gaps,
-        (Column("speed [deg/s]", ("desired", "top")), speeds),
-        ("too fast", [percent(each.share, 0) for each in joints]),
-        ("limits [deg]", limits),
-        ("at or beyond limits", [f"{each.at_limit}" for each in joints]),
-    ]
-    return by_columns("joint", answer.plan.names, columns, label="Joints")
+        known = [math.isfinite(end) for end in (lower, upper)]
+        limits = f"{low} to {high}" if all(known) else one_sided if any(known) else "none"
+        early = f"{1e3 * each['best_shift']['lead_s']:.0f}"
+        rows.append((name, each | {"limits": limits, "early": early}))
+    bounded = any(each["lower_bound"] is not None for _, each in rows)
+    columns: Columns = {
+        Column("best time shift [deg]" if is_shift else "planned [deg]", norms): NORMS,
+        "early [ms]": is_shift and "{early}",
+        "on the robot [deg]": answer.tested and "{on_robot}",
+        Column("without a plan [deg]", norms): WITHOUT,
+        Column("best time shift", ("rms [deg]", "early [ms]")): not is_shift
+        and (SHIFTED[0], "{early}"),
+        f"{answer.bound} [deg]": bounded and "{lower_bound:.3f}",
+        "gap": bounded and "{gap:.2%}",
+        Column("speed [deg/s]", ("desired", "top")): ("{desired_speed:.0f}", "{top_speed:.0f}"),
+        "too fast": "{share_too_fast:.0%}",
+        "limits [deg]": "{limits}",
+        "at or beyond limits": "{requests_at_limits}",
+    }
+    return table_of("joint", rows, columns, "Joints")
 
 
 # The figures.
@@ -135,7 +123,7 @@ def leg_figure(plan: Plan, role: style.Role) -> Figure:
     desired, *others = map(task.leg.joint_positions, motions)
     # the leg may not reach where its foot should be
     desired = np.concatenate([desired[:, :-1], task.desired_foot[:, None]], axis=1)
-    drawn = zip((WITHOUT, role), others, strict=True)
+    drawn = zip((DIRECT, role), others, strict=True)
     return Timeline.of(plan).leg("leg", words_of("plan_leg"), desired, drawn)
 
 
@@ -146,7 +134,7 @@ def joint_figure(plan: Plan, role: style.Role, j: int) -> Figure:
         Timeline.of(plan),
         f"joint_{j}",
         words_of("plan_joint", name=plan.names[j], shift=plan.method == "shift"),
-        angles=[desired, (plan.direct.predicted[:, j], WITHOUT), (plan.predicted[:, j], role)],
+        angles=[desired, (plan.direct.predicted[:, j], DIRECT), (plan.predicted[:, j], role)],
         requests=[desired, (plan.requests[:, j], style.REQUESTED)],
         limits=(plan.task.lower[j], plan.task.upper[j]),
         clock=plan.task.leg is not None or len(plan.names) > 1,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,14 +18,7 @@ from planner.model.evidence import (
     untested_words,
 )
 from planner.model.joint import JointModel
-from planner.planning.plan import (
-    DEGREE,
-    ErrorsOfModels,
-    FootInversion,
-    Inversion,
-    Plan,
-    RequestMotion,
-)
+from planner.planning.plan import DEGREE, ErrorsOfModels, FootInversion, Inversion, Plan
 from planner.planning.time_shift import (
     CLEARLY,
     has_refused,
@@ -33,59 +26,92 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.wording import Column, Row, Table, by_columns, number, percent, thousandths
-from planner.trajectory import Array, Distance, error_norm, rms, size
+from planner.report.wording import Column, Columns, Table, number, percent, table_of
+from planner.trajectory import Array, error_norm, rms, size
 
 if TYPE_CHECKING:
     from kinematics import Leg
 
+Numbers = dict[str, Any]
+"""Numbers of a joint or a foot in its unit, named as for machines: see :func:`in_unit`."""
 
-AT_LIMIT = math.radians(1e-6)
-"""A request this close to a limit is at it [rad]."""
+ERRORS = {
+    "rms",
+    "max",
+    "expected_rms",
+    "expected_on_robot_rms",
+    "expected_range",
+    "lower_bound",
+    "errors",
+    "noise",
+}
+OVER_MODELS = {"of_each", *ErrorsOfModels._fields}
+PATHS = {"requests", "desired", "predicted", "angles", "learnt"}
+MOTION = {"largest_step", "path_length", "desired_path_length", "beyond_desired", "beyond_limits"}
+SIZES = ERRORS | OVER_MODELS | PATHS | MOTION
+"""Numbers in the unit of their joint or foot."""
 
+SPEEDS = {"desired_speed", "top_speed"}
+"""Numbers in this unit per second."""
 
-class JointNumbers(NamedTuple):
-    """Numbers of one joint of a plan, angles in its unit: degrees, or percent of its range."""
+AT_LIMIT = 1e-6
+"""A request this close to a limit is at it [deg]."""
 
-    name: str
-    unit: str  # "deg" or "percent"
-    label: str  # the name, with the unit where that is not degrees
-    planned: Distance  # error by the plan
-    direct: Distance  # error when the desired angles are requested as they are
-    early: float  # root mean square error under the best time shift
-    lead: float  # of that shift [s]
-    expected: Expectation  # error to expect on the robot [rad]
-    expected_early: float  # under the shift; NaN where that is unknown
-    bound: float  # lower bound on the error of any requests; NaN where there is none
-    gap: float  # relative distance of the error from it
-    speed: float  # of the path where that is largest for the joint [unit/s]
-    top: float  # the joint's top speed there [unit/s]
-    load: float  # that speed over the top speed [-]
-    share: float  # of the path beyond the top speed [-]
-    at_limit: int  # requests at a limit or beyond it
-    beyond: float  # how far requests go beyond the limits
-
-
-class FootNumbers(NamedTuple):
-    """Errors of a foot [cm]: by the plan, without one, and under the best time shift."""
-
-    planned: Distance
-    direct: Distance
-    early: Distance
-    expected: float | None  # to expect on the robot, rms; None where it is unknown
-    expected_early: float | None  # under the shift
+MOTIONS: Columns = {
+    "largest step [deg]": "{largest_step:.2f}",
+    "reversals/s": "{reversals_per_s:.1f}",
+    "length [deg]": "{path_length:.1f}",
+    "desired": "{desired_path_length:.1f}",
+    "outside desired [deg]": "{beyond_desired:.2f}",
+}
+"""How requests move, beside the desired path."""
 
 
-def foot_numbers(feet: Sequence[Plan]) -> FootNumbers:
-    """The numbers of a foot, or of several together."""
-    shifts = [shifted(foot.task) for foot in feet]
-    each = (feet, [foot.direct for foot in feet], shifts)
-    planned, direct, early = (
-        size(np.concatenate([plan.distances for plan in plans]), 100.0) for plans in each
-    )
-    known = [plans[0].expected_foot if len(feet) == 1 else None for plans in (feet, shifts)]
-    expected, expected_early = (None if error is None else 100.0 * error for error in known)
-    return FootNumbers(planned, direct, early, expected, expected_early)
+NORMS = ("{rms:.3f}", "{max:.3f}")
+WITHOUT = ("{without_plan[rms]:.3f}", "{without_plan[max]:.3f}")
+SHIFTED = ("{best_shift[rms]:.3f}", "{best_shift[max]:.3f}")
+"""Formats of the errors of a plan, without one, and of the best time shift."""
+
+
+def in_unit(numbers: Mapping[str, Any], unit: str) -> Numbers:
+    """Numbers for machines, named with their unit."""
+    units = dict.fromkeys(SIZES, f"_{unit}") | dict.fromkeys(SPEEDS, f"_{unit}_per_s")
+    return {
+        name + units.get(name, ""): in_unit(value, unit) if isinstance(value, dict) else value
+        for name, value in numbers.items()
+    }
+
+
+def sizes_of(errors: Array, factor: float = DEGREE) -> Numbers:
+    """The sizes of errors, times the factor to their unit."""
+    return size(errors, factor)._asdict()
+
+
+def motion_of(plan: Plan, j: int, factor: float = DEGREE) -> Numbers:
+    """How the requests to a joint move, with the factor to its unit."""
+    motion = plan.motions[j]
+    return {
+        "largest_step": factor * motion.largest_step,
+        "reversals_per_s": motion.reversals_per_s,
+        "path_length": factor * motion.path_length,
+        "desired_path_length": factor * motion.desired_length,
+        "beyond_desired": factor * motion.beyond,
+    }
+
+
+def foot_numbers(feet: Sequence[Plan]) -> Numbers:
+    """The errors of a foot, or of several together [cm]."""
+
+    def numbers(plans: Sequence[Plan]) -> Numbers:
+        known = plans[0].expected_foot if len(plans) == 1 else None
+        sizes = sizes_of(np.concatenate([plan.distances for plan in plans]), 100.0)
+        return sizes | {"expected_rms": None if known is None else 100.0 * known}
+
+    direct = np.concatenate([foot.direct.distances for foot in feet])
+    return numbers(feet) | {
+        "without_plan": sizes_of(direct, 100.0),
+        "best_shift": numbers([shifted(foot.task) for foot in feet]),
+    }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,38 +134,47 @@ class PlanAnswer:
         return shifted(self.plan.task)
 
     @cached_property
-    def joints(self) -> list[JointNumbers]:
-        """The numbers of every joint."""
-        plan, shift, task = self.plan, self.shift, self.plan.task
-        excess = np.maximum(task.lower - plan.requests, plan.requests - task.upper)
-        most, numbers = excess.max(axis=0), list[JointNumbers]()
-        bounded = task.goal == "angles" and self.method != "foot-optimal"
+    def joints(self) -> dict[str, Numbers]:
+        """The numbers of every joint: degrees, or percent of its range."""
+        plan, shift, task, joints = self.plan, self.shift, self.plan.task, dict[str, Numbers]()
+        excess = np.degrees(np.maximum(task.lower - plan.requests, plan.requests - task.upper))
+        bounded = task.goal == "angles" and self.method != "foot-optimal" and not task.load_of_pose
         for j, (name, model) in enumerate(zip(plan.names, plan.models, strict=True)):
-            has_bound = bounded and not (task.load_of_pose or model.exceeds_v_max)
+            has_bound = bounded and not model.exceeds_v_max
+            inversion = plan.inversions[j] if plan.inversions else None
+            expected, most = plan.expected[j], float(excess[:, j].max())
+            ends = np.degrees([expected.low, expected.high]).tolist()
             speed, top = np.degrees(plan.speeds[j].highest).tolist()
-            unit = self.units[j] if self.units else "deg"
-            numbers.append(
-                JointNumbers(
-                    name=name,
-                    unit=unit,
-                    label=name if unit == "deg" else f"{name} [% of its range]",
-                    planned=size(np.ascontiguousarray(plan.errors[:, j]), DEGREE),
-                    direct=size(np.ascontiguousarray(plan.direct.errors[:, j]), DEGREE),
-                    early=math.degrees(rms(shift.errors[:, j])),
-                    lead=shift.leads[j],
-                    expected=plan.expected[j],
-                    expected_early=math.degrees(shift.expected[j].error),
-                    bound=math.degrees(plan.lower_bounds[j]) if has_bound else math.nan,
-                    gap=float(plan.gaps[j]) if has_bound else math.nan,
-                    speed=speed,
-                    top=top,
-                    load=speed / top,
-                    share=float(plan.too_fast[j]),
-                    at_limit=int(np.sum(excess[:, j] >= -AT_LIMIT)),
-                    beyond=math.degrees(most[j]) if most[j] > AT_LIMIT else 0.0,
-                )
-            )
-        return numbers
+            joints[name] = {
+                **sizes_of(plan.errors[:, j]),
+                "norm": inversion and inversion.norm,
+                "solver": plan.solver,
+                "expected_rms": math.degrees(expected.error),
+                "expected_range": ends if np.isfinite(ends).all() else None,
+                "untested": list(expected.untested),
+                "lower_bound": math.degrees(plan.lower_bounds[j]) if has_bound else None,
+                "gap": float(plan.gaps[j]) if has_bound else None,
+                "over_models": inversion and over_models(inversion, DEGREE),
+                "without_plan": sizes_of(plan.direct.errors[:, j]),
+                "best_shift": {
+                    "lead_s": shift.leads[j],
+                    "rms": math.degrees(rms(shift.errors[:, j])),
+                    "expected_rms": math.degrees(shift.expected[j].error),
+                },
+                **verdict_results(model),
+                # where the path is fastest for the joint
+                "desired_speed": speed,
+                "top_speed": top,
+                "speed_ratio": speed / top,
+                "share_too_fast": float(plan.too_fast[j]),
+                "requests_at_limits": int(np.sum(excess[:, j] >= -AT_LIMIT)),
+                "beyond_limits": most if most > AT_LIMIT else 0.0,
+                **motion_of(plan, j),
+                "requests": np.degrees(plan.requests[:, j]).tolist(),
+                "predicted": np.degrees(plan.predicted[:, j]).tolist(),
+                **({} if task.load is None else {"load_Nm": task.load[:, j].tolist()}),
+            }
+        return joints
 
     @cached_property
     def parts(self) -> dict[str, Plan]:
@@ -147,12 +182,12 @@ class PlanAnswer:
         return {name: self.plan.of_leg(leg) for name, leg in self.legs.items()}
 
     @cached_property
-    def feet(self) -> dict[str, FootNumbers]:
+    def feet(self) -> dict[str, Numbers]:
         """The numbers of every foot of the legs, by name."""
         return {name: foot_numbers([part]) for name, part in self.parts.items()}
 
     @cached_property
-    def foot(self) -> FootNumbers | None:
+    def foot(self) -> Numbers | None:
         """The numbers of the foot, or of all feet together; None where there is none."""
         feet = list(self.parts.values()) or ([self.plan] if self.plan.task.leg else [])
         return foot_numbers(feet) if feet else None
@@ -179,10 +214,10 @@ class PlanAnswer:
         return list(filter(None, [untested, *lines, start_words(self.plan)]))
 
     @property
-    def fast(self) -> list[JointNumbers]:
+    def fast(self) -> dict[str, Numbers]:
         """The joints that cannot follow, the worst first; less leaves no error worth a remark."""
-        fast = (each for each in self.joints if each.share >= 0.005 or each.load > 1.01)
-        return sorted(fast, key=lambda each: -each.load)
+        ranked = sorted(self.joints.items(), key=lambda pair: -float(pair[1]["speed_ratio"]))
+        return {k: n for k, n in ranked if n["share_too_fast"] >= 0.005 or n["speed_ratio"] > 1.01}
 
     @property
     def open_top_speeds(self) -> list[str]:
@@ -193,82 +228,85 @@ class PlanAnswer:
     # The tables.
 
     @property
-    def bounds(self) -> list[tuple[str, list[str]]]:
-        """Columns of the lower bounds, of what error where that is not the rms error, and gaps."""
-        title = "lower bound (max)" if self.plan.task.norm == "max" else "lower bound"
-        gaps = [percent(each.gap) for each in self.joints]
-        return [(title, [number(each.bound, 3) for each in self.joints]), ("gap", gaps)]
+    def rows(self) -> list[tuple[str, Numbers]]:
+        """The joints, with their unit where that is not degrees, and the errors on the robot."""
+        rows, units = list[tuple[str, Numbers]](), self.units or ["deg"] * len(self.joints)
+        for (name, each), unit in zip(self.joints.items(), units, strict=True):
+            ends = [f"{end:.3g}" for end in each["expected_range"] or ()]
+            note = f"\n{' to '.join(ends)}" if len(set(ends)) > 1 else ""
+            label = name if unit == "deg" else f"{name} [% of its range]"
+            rows.append((label, each | {"on_robot": number(each["expected_rms"], 3) + note}))
+        return rows
 
     @property
-    def on_robot(self) -> list[str]:
-        """Error to expect of each joint on the robot, rms, its range in a note; [] if unknown."""
-        cells = []
-        for each in self.plan.expected:
-            error, *ends = np.degrees([each.error, each.low, each.high])
-            low, high = (f"{end:.3g}" for end in ends)
-            cells.append(number(error, 3) + ("" if low == high else f"\n{low} to {high}"))
-        return cells if any(math.isfinite(each.error) for each in self.plan.expected) else []
+    def tested(self) -> bool:
+        """Whether it is known what error to expect of some joint on the robot."""
+        return any(math.isfinite(each["expected_rms"]) for each in self.joints.values())
+
+    @property
+    def bound(self) -> str:
+        """What lower bounds are called, with the error that they are about if not the rms error."""
+        return "lower bound (max)" if self.plan.task.norm == "max" else "lower bound"
 
     @property
     def over_models(self) -> Table | None:
         """Errors of a robust plan over the models that joints may have, and of the nominal plan."""
-        unit, factor, labels = "deg", DEGREE, [each.label for each in self.joints]
-        results: Sequence[Inversion | FootInversion] = self.plan.inversions
+        unit, named = "deg", [(name, each["over_models"]) for name, each in self.rows]
         if self.plan.of_foot is not None:
-            unit, factor, labels, results = "cm", 100.0, ["foot"], [self.plan.of_foot]
-        rows = []
-        for label, robust in zip(labels, results, strict=True):
-            if robust.nominal is None:
-                return None
-            kinds = {self.plan.task.robust: robust, "nominal model": robust.nominal}
-            for kind, result in kinds.items():
-                errors = [f"{factor * error:.3f}" for error in result.over_models]
-                rows.append(Row(f"{label}, for the {kind}", errors))
-        columns = (f"{which} [{unit}]" for which in ErrorsOfModels._fields)
-        return Table("plan", columns, rows, "Errors over the models")
+            unit, named = "cm", [("foot", over_models(self.plan.of_foot, 100.0))]
+        kinds = {"robust_plan": self.plan.task.robust, "nominal_plan": "nominal model"}
+        rows = [
+            (f"{name}, for the {words}", errors[kind])
+            for name, errors in named
+            for kind, words in kinds.items()
+            if errors
+        ]
+        columns: Columns = {f"{k} [{unit}]": f"{{{k}:.3f}}" for k in ErrorsOfModels._fields}
+        return table_of("plan", rows, columns, "Errors over the models") if rows else None
 
     @property
     def feet_table(self) -> Table:
         """How far the foot of each leg of a robot is from its path."""
         feet, norms = self.feet.values(), ("rms", "at most")
-        robot = [f"{each.expected:.3f}" for each in feet if each.expected is not None]
-        columns = [
-            (Column("plan [cm]", norms), [thousandths(each.planned) for each in feet]),
-            (Column("without a plan [cm]", norms), [thousandths(each.direct) for each in feet]),
-            (Column("best shift [cm]", norms), [thousandths(each.early) for each in feet]),
-            len(robot) == len(feet) and ("on the robot, rms [cm]", robot),
-        ]
-        return by_columns("foot", self.feet, columns, label="Feet")
+        columns: Columns = {
+            Column("plan [cm]", norms): NORMS,
+            Column("without a plan [cm]", norms): WITHOUT,
+            Column("best shift [cm]", norms): SHIFTED,
+        }
+        if all(each["expected_rms"] is not None for each in feet):
+            columns["on the robot, rms [cm]"] = "{expected_rms:.3f}"
+        return table_of("foot", self.feet.items(), columns, "Feet")
+
+    @property
+    def motions(self) -> Table:
+        """How the requests move, beside the desired path."""
+        label = "How the requests move"
+        return table_of("requests", self.joints.items(), MOTIONS, label)
 
     # For machines, and for people on a terminal.
 
     def document(self) -> dict[str, Any]:
         """The plan for machines; fields that a plan for the foot does not have are null."""
-        plan, task = self.plan, self.plan.task
+        plan, task, foot = self.plan, self.plan.task, None
         step, method = float(np.min(task.max_step)), "shift" if self.recommended else self.method
+        joints = zip(self.joints.items(), self.units or ["deg"] * len(self.joints), strict=True)
+        if self.of_foot and self.foot:
+            bound, inversion = plan.foot_bound, plan.of_foot
+            foot = self.foot | {
+                "norm": inversion and inversion.norm,
+                "lower_bound": None if bound is None else 100.0 * bound,
+                "gap": None if bound is None else inversion and inversion.gap,
+                "over_models": inversion and over_models(inversion, 100.0),
+                "predicted_m": plan.foot.tolist(),
+            }
         feet = {
             name: {
-                **named(each.planned, "cm"),
-                "expected_rms_cm": each.expected,
-                "without_plan_rms_cm": each.direct.rms,
-                "best_shift_rms_cm": each.early.rms,
+                **{f"{key}_cm": each[key] for key in ("rms", "max", "expected_rms")},
+                "without_plan_rms_cm": each["without_plan"]["rms"],
+                "best_shift_rms_cm": each["best_shift"]["rms"],
             }
             for name, each in self.feet.items()
         }
-        foot = None
-        if self.of_foot and self.foot:
-            numbers, bound, inversion = self.foot, plan.foot_bound, plan.of_foot
-            early = {"rms_cm": numbers.early.rms, "expected_rms_cm": numbers.expected_early}
-            foot = {
-                **named(numbers.planned, "cm"),
-                "expected_rms_cm": numbers.expected,
-                "norm": inversion and inversion.norm,
-                "best_shift": early,
-                "lower_bound_cm": None if bound is None else 100.0 * bound,
-                "gap": None if bound is None else inversion and inversion.gap,
-                "over_models": inversion and _over_models(inversion, "cm", 100.0),
-                "predicted_m": plan.foot.tolist(),
-            }
         return {
             "method": self.method,
             "recommended_method": None if has_refused(plan) else method,
@@ -279,104 +317,71 @@ class PlanAnswer:
             "max_step_deg": None if math.isinf(step) else math.degrees(step),
             "unreachable_samples": self.unreachable,
             "lower_bound_withdrawn": no_bound(plan) or None,
-            "joints": {each.name: self._joint(j, each) for j, each in enumerate(self.joints)},
-            "foot": foot,
+            "joints": {name: in_unit(each, unit) for (name, each), unit in joints},
+            "foot": foot and in_unit(foot, "cm"),
             **({"legs": feet} if feet else {}),
             "within_tolerance": None if self.missed is None else not self.missed,
         }
 
-    def _joint(self, j: int, numbers: JointNumbers) -> dict[str, Any]:
-        """A joint for machines."""
-        plan, unit, expected = self.plan, numbers.unit, numbers.expected
-        motion = plan.motions[j]
-        inversion = plan.inversions[j] if plan.inversions else None
-        ends = np.degrees([expected.low, expected.high]).tolist()
-        return {
-            **named(numbers.planned, unit),
-            "norm": inversion and inversion.norm,
-            "solver": plan.solver,
-            f"expected_rms_{unit}": math.degrees(expected.error),
-            f"expected_range_{unit}": ends if np.isfinite(ends).all() else None,
-            "untested": list(expected.untested),
-            f"lower_bound_{unit}": inversion and math.degrees(inversion.lower_bound),
-            "gap": inversion and inversion.gap,
-            "over_models": inversion and _over_models(inversion, unit, DEGREE),
-            "best_shift": {
-                "lead_s": numbers.lead,
-                f"rms_{unit}": numbers.early,
-                f"expected_rms_{unit}": numbers.expected_early,
-            },
-            **verdict_results(plan.models[j]),
-            f"largest_step_{unit}": math.degrees(motion.largest_step),
-            "reversals_per_s": motion.reversals_per_s,
-            f"path_length_{unit}": math.degrees(motion.path_length),
-            f"desired_path_length_{unit}": math.degrees(motion.desired_length),
-            f"beyond_desired_{unit}": math.degrees(motion.beyond),
-            f"requests_{unit}": np.degrees(plan.requests[:, j]).tolist(),
-            f"predicted_{unit}": np.degrees(plan.predicted[:, j]).tolist(),
-            **({} if plan.task.load is None else {"load_Nm": plan.task.load[:, j].tolist()}),
-        }
-
     def text(self) -> str:
         """The plan for people."""
-        joints, plan = self.joints, self.plan
-        columns = [
-            ("rms [deg]", [f"{each.planned.rms:.3f}" for each in joints]),
-            ("max [deg]", [f"{each.planned.max:.3f}" for each in joints]),
-            *([("on the robot", self.on_robot)] if self.on_robot else []),
-            *self.bounds,
-        ]
-        table = by_columns("joint", [each.label for each in joints], columns)
+        joints, plan, task = self.joints, self.plan, self.plan.task
+        columns: Columns = {"rms [deg]": "{rms:.3f}", "max [deg]": "{max:.3f}"}
+        if self.tested:
+            columns["on the robot"] = "{on_robot}"
+        columns |= {self.bound: "{lower_bound:.3f}", "gap": "{gap:.2%}"}
         lines = [
             f"{len(plan.requests)} requests, one every {1e3 * plan.period:.6g} ms; {self.model}",
-            table.text(),
+            table_of("joint", self.rows, columns).text(),
             "",
-            motions_table(plan.names, plan.motions).text(),
+            self.motions.text(),
         ]
-        if over_models := self.over_models:
-            draws = max(map(len, plan.task.models)) - 1
-            words = f"{plan.task.norm} errors over the nominal model and {draws} drawn from its"
-            lines += ["", f"{words} intervals:", over_models.text()]
+        if table := self.over_models:
+            draws = max(map(len, task.models)) - 1
+            words = f"{task.norm} errors over the nominal model and {draws} drawn from its"
+            lines += ["", f"{words} intervals:", table.text()]
         if self.feet:
             lines += ["", self.feet_table.text(), ""]
         if self.of_foot and self.foot:
-            robot, (error, most) = "", self.foot.planned
-            if self.foot.expected is not None:
-                robot = f"; on the robot {self.foot.expected:.3f} cm rms to expect"
-            lines.append(f"foot: {error:.3f} cm rms from its path, {most:.3f} cm at most{robot}")
+            foot, robot = self.foot, ""
+            if foot["expected_rms"] is not None:
+                robot = f"; on the robot {foot['expected_rms']:.3f} cm rms to expect"
+            words = f"foot: {foot['rms']:.3f} cm rms from its path, {foot['max']:.3f} cm at most"
+            lines.append(words + robot)
             if plan.of_foot is not None and plan.foot_bound:
-                norm = "rms" if plan.task.norm == "rms" else "at most"
-                weighted = " as weighted" if len(set(plan.task.weights)) > 1 else ""
+                norm = "rms" if task.norm == "rms" else "at most"
+                weighted = " as weighted" if len(set(task.weights)) > 1 else ""
                 lines.append(
                     f"no requests within the limits bring it below {100.0 * plan.foot_bound:.3f} "
                     f"cm {norm}{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
                 )
         if plan.method == "shift":
-            early = (f"{each.name} {1e3 * each.lead:.0f} ms" for each in joints)
-            lines.append(f"early by: {', '.join(early)}")
+            leads = (
+                f"{n} {1e3 * each['best_shift']['lead_s']:.0f} ms" for n, each in joints.items()
+            )
+            lines.append(f"early by: {', '.join(leads)}")
         else:
             lines.append(f"desired angles sent early instead, rms [deg]: {self._shift_words()}")
         if fast := self.fast:
             worst = ", ".join(
-                f"{each.name} ({percent(each.share, 0)} of the path, up to {each.load:.3g} times "
-                "the top speed)"
-                for each in fast[:4]
+                f"{name} ({percent(each['share_too_fast'], 0)} of the path, up to "
+                f"{each['speed_ratio']:.3g} times the top speed)"
+                for name, each in [*fast.items()][:4]
             )
             more = f" and {len(fast) - 4} more" if len(fast) > 4 else ""
             words = "no requests follow exactly where the path is faster than the joint"
             lines.append(f"{words}: {worst}{more}")
-        if self.on_robot:
-            has_range = any(np.isfinite(each.expected.high) for each in joints)
+        if self.tested:
+            has_range = any(each["expected_range"] for each in joints.values())
             more = ", and the range of 90 % of such motions" if has_range else ""
             words = "on the robot: rms error to expect, by what the models were tested on"
             lines.append(f"{words}{more}")
         lines += self.advice
-        unknown = [each.name for each in joints if each.share and each.name in self.open_top_speeds]
-        if unknown:
+        if unknown := [name for name in self.open_top_speeds if joints[name]["share_too_fast"]]:
             lines.append(f"lower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})")
         if words := no_bound(plan):
             lines.append(f"there is no lower bound {words}")
-        if np.any(np.isfinite(plan.task.max_step)):
+        if np.any(np.isfinite(task.max_step)):
             lines.append("lower bounds are for requests with steps of any size")
         if self.unreachable:
             lines.append(f"{self.unreachable} samples were out of the leg's reach")
@@ -384,30 +389,30 @@ class PlanAnswer:
 
     def _shift_words(self) -> str:
         """The errors of the best time shift."""
-        joints = self.joints
-        if len(joints) > 6:  # too many to list
+        shifts = {label: (each, each["best_shift"]) for label, each in self.rows}
+        leads = {label: 1e3 * early["lead_s"] for label, (_, early) in shifts.items()}
+        if len(shifts) > 6:  # too many to list
             moving = np.ptp(self.plan.desired, axis=0) > 0.0
-            leads = 1e3 * np.array([each.lead for each in joints])[moving if moving.any() else ...]
-            most = max(each.early for each in joints)
-            words = f"at most {most:.3f} ({min(leads):.0f} to {max(leads):.0f} ms early)"
+            few = np.array([*leads.values()])[moving if moving.any() else ...]
+            most = max(early["rms"] for _, early in shifts.values())
+            words = f"at most {most:.3f} ({min(few):.0f} to {max(few):.0f} ms early)"
         else:
             words = ", ".join(
-                f"{j.label} {j.early:.3f}"
-                + ("" if np.isnan(j.expected_early) else f", on the robot {j.expected_early:.3f}")
-                + f" ({1e3 * j.lead:.0f} ms early)"
-                for j in joints
+                f"{label} {early['rms']:.3f}"
+                + f", on the robot {early['expected_rms']:.3f}"
+                * math.isfinite(early["expected_rms"])
+                + f" ({leads[label]:.0f} ms early)"
+                for label, (_, early) in shifts.items()
             )
         if self.of_foot and self.foot is not None:
-            words += f"; foot {self.foot.early.rms:.3f} cm"
-        better = any(j.expected_early < CLEARLY * math.degrees(j.expected.error) for j in joints)
+            words += f"; foot {self.foot['best_shift']['rms']:.3f} cm"
+        better = any(
+            early["expected_rms"] < CLEARLY * each["expected_rms"]
+            for each, early in shifts.values()
+        )
         if better and not (self.recommended or has_refused(self.plan)):
             words += "; on the robot that is better for some joints: see --method shift"
         return words
-
-
-def named(errors: Distance, unit: str) -> dict[str, float]:
-    """The sizes of errors for machines."""
-    return {f"rms_{unit}": errors.rms, f"max_{unit}": errors.max}
 
 
 def no_bound(plan: Plan) -> str:
@@ -448,33 +453,14 @@ def start_words(plan: Plan) -> str:
     )
 
 
-def motions_table(
-    names: Iterable[str], motions: Sequence[RequestMotion], factors: Iterable[float] | None = None
-) -> Table:
-    """How requests move, beside the desired path: by joint, with the factor to degrees."""
-    pairs = [*zip(motions, factors or [DEGREE] * len(motions), strict=True)]
-    columns = [
-        ("largest step [deg]", [f"{factor * m.largest_step:.2f}" for m, factor in pairs]),
-        ("reversals/s", [f"{m.reversals_per_s:.1f}" for m in motions]),
-        ("length [deg]", [f"{factor * m.path_length:.1f}" for m, factor in pairs]),
-        ("desired", [f"{factor * m.desired_length:.1f}" for m, factor in pairs]),
-        ("outside desired [deg]", [f"{factor * m.beyond:.2f}" for m, factor in pairs]),
-    ]
-    return by_columns("requests", names, columns, label="How the requests move")
-
-
-def _over_models(
-    inversion: Inversion | FootInversion, unit: str, factor: float
-) -> dict[str, Any] | None:
-    """Errors over the drawn models, for machines; None without drawn models."""
-    if inversion.nominal is None:
+def over_models(plan: Inversion | FootInversion, factor: float) -> Numbers | None:
+    """Errors over the drawn models, times a factor; None without drawn models."""
+    if plan.nominal is None:
         return None
     return {
-        name: {
-            **{f"{which}_{unit}": factor * e for which, e in plan.over_models._asdict().items()},
-            f"of_each_{unit}": (factor * plan.errors_of_models).tolist(),
-        }
-        for name, plan in (("robust_plan", inversion), ("nominal_plan", inversion.nominal))
+        name: {which: factor * error for which, error in each.over_models._asdict().items()}
+        | {"of_each": (factor * each.errors_of_models).tolist()}
+        for name, each in (("robust_plan", plan), ("nominal_plan", plan.nominal))
     }
 
 
@@ -500,25 +486,22 @@ def simulation_answer(
 
     ``units`` are "deg" or "percent" of each joint; the text begins with a new line.
     """
-    joints, expected, text = dict[str, dict[str, Any]](), list[Expectation](), ""
+    joints, expected, text = dict[str, Numbers](), list[Expectation](), ""
     for j, (name, model, unit) in enumerate(zip(names, models, units, strict=True)):
-        angles, load, joints[name] = predicted[:, j], None if loads is None else loads[:, j], {}
+        angles, load, numbers = predicted[:, j], None if loads is None else loads[:, j], Numbers()
         if desired is not None:
             goal, known, period = desired[:, j], model.evidence, model.period
             each = expectation(known, goal, angles, period=period, cyclic=cyclic, load=load)
             expected.append(each)
-            errors, robot = size(angles - goal, DEGREE), math.degrees(each.error)
-            joints[name] = {
-                **named(errors, unit),
-                f"expected_rms_{unit}": robot,
-                "untested": list(each.untested),
-            }
-            text += f"\n{name}: {errors.rms:.3f} {unit} rms from the desired angles"
-            text += f", {errors.max:.3f} {unit} at most"
-            if math.isfinite(robot):
+            numbers = sizes_of(angles - goal)
+            text += f"\n{name}: {numbers['rms']:.3f} {unit} rms from the desired angles"
+            text += f", {numbers['max']:.3f} {unit} at most"
+            if math.isfinite(each.error):
+                robot = math.degrees(each.error)
                 text += f"; on the robot expect about {robot:.3f} {unit} rms"
-        joints[name] |= verdict_results(model)
-        joints[name][f"angles_{unit}"] = np.degrees(angles).tolist()
+            numbers |= {"expected_rms": math.degrees(each.error), "untested": list(each.untested)}
+        numbers |= {**verdict_results(model), "angles": np.degrees(angles).tolist()}
+        joints[name] = in_unit(numbers, unit)
     words = untested_words(names, expected) if expected else ""
     return joints, f"{text}\n{words}" if words else text
 

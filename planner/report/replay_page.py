@@ -1,43 +1,42 @@
-"""The pages about a replay, with a slider through the episode."""
+"""Replays: their pages, with a slider through the episode, their text and their JSON."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure, style
-from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, line, rounded
+from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, joined, line, rounded
 from planner.report.page import Page, models_table
-from planner.report.plan_results import motions_table, named
+from planner.report.plan_results import MOTIONS, Numbers, in_unit, motion_of, sizes_of
 from planner.report.wording import (
     NOTHING,
+    UNITS,
     Column,
+    Columns,
     Row,
     Table,
-    number,
     phrase,
     rendered_text,
-    thousandths,
+    table_of,
     words_of,
 )
-from planner.trajectory import Array, Distance, size
+from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
     from planner.recording.replaying import JointReplay, Replay
     from planner.recording.retiming import Fastest
 
-LOG_UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
-"""By a log's unit: the unit for people, and the factor to it."""
-
-SIGNS = {"deg": "deg", "percent": "%"}
-"""How a page writes these units."""
+SIGNS = {unit.name: unit.sign for unit in UNITS.values()}
+"""How a page writes units."""
 
 RESENT = (
     "the recorded requests may serve better than the plan, as they have moved the robot along this "
@@ -46,37 +45,42 @@ RESENT = (
 )
 """A remark on replays at the recorded speed."""
 
+MOST_ROWS = 500
+"""Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
+
 AS_IT_IS = style.DIRECT._replace(label="as it is")
 """The path itself as requests."""
 
 
-class JointSizes(NamedTuple):
-    """The sizes of a joint's errors, in degrees or in percent of its range."""
+def joint_numbers(joint: JointReplay) -> Numbers:
+    """The numbers of a joint, degrees or percent of its range; without a plan fewer."""
+    unit, plan, predicted = UNITS[joint.path.unit], joint.inversion, joint.predicted
+    numbers: Numbers = {
+        "planned": False,
+        "reason": joint.path.reason or None,
+        "unit": unit.name,
+        "recorded": sizes_of(joint.recorded_errors, unit.factor),
+        "requests": (unit.factor * joint.requests).tolist(),
+    }
+    if plan is None or predicted is None:
+        return numbers
+    return numbers | {
+        **{kind: sizes_of(errors, unit.factor) for kind, errors in joint.errors.items()},
+        "best_shift_s": joint.lead,
+        "expected_on_robot_rms": unit.factor * joint.plan.expected[0].error,
+        "norm": plan.norm,
+        "lower_bound": unit.factor * joint.lower_bound,
+        **motion_of(joint.plan, 0, unit.factor),
+        "untested": list(joint.plan.expected[0].untested),
+        "faster_than_the_joint_s": [list(span) for span in joint.too_fast],
+        "desired": (unit.factor * joint.desired).tolist(),
+        "predicted": (unit.factor * predicted).tolist(),
+    }
 
-    name: str
-    label: str  # the name, with the unit where that is not degrees
-    unit: str  # in names of results
-    sign: str  # on pages
-    factor: float  # from the unit of its log
-    errors: dict[str, Distance]  # by kind of requests, and "recorded", of the recorded run
-    expected: float  # of the plan, to expect on the robot, rms; NaN where unknown
-    bound: float  # lower bound on the rms error of any requests; NaN where there is none
 
-
-def sizes_of(joint: JointReplay) -> JointSizes:
-    """The sizes of the errors of a joint; of one without a plan those of the recorded run alone."""
-    (unit, factor), planned = LOG_UNITS[joint.path.unit], joint.inversion is not None
-    errors = {"recorded": joint.recorded_errors, **(joint.errors if planned else {})}
-    return JointSizes(
-        name=joint.name,
-        label=joint.name if unit == "deg" else f"{joint.name} [% of its range]",
-        unit=unit,
-        sign=SIGNS[unit],
-        factor=factor,
-        errors={kind: size(each, factor) for kind, each in errors.items()},
-        expected=factor * joint.plan.expected[0].error if planned else math.nan,
-        bound=factor * joint.lower_bound if planned else math.nan,
-    )
+def label_of(joint: JointReplay) -> str:
+    """The name of a joint, with its unit where that is not degrees."""
+    return joint.name if joint.path.unit == "rad" else f"{joint.name} [% of its range]"
 
 
 def replay_page(
@@ -96,18 +100,22 @@ def replay_page(
     """
     there = [joint.path.unit for joint in replay.planned]
     units = {"rad": "degrees", "1": "% of the range"}
-    joints, names = [*map(sizes_of, replay.planned)], [each.name for each in replay.planned]
-    known = [each for each in joints if math.isfinite(each.expected)]
+    joints = {
+        joint.name: joint_numbers(joint) | {"sign": UNITS[joint.path.unit].sign}
+        for joint in replay.planned
+    }
+    expected = {name: each["expected_on_robot_rms"] for name, each in joints.items()}
+    known = {name: error for name, error in expected.items() if math.isfinite(error)}
     fast = {each.name: sum(b - a for a, b in each.too_fast) for each in replay.planned}
     proof, spoken = fastest and fastest.impossible, _spoken(replay, models, fastest)
     return Page(
         "replay",
         replay=replay,
         title=title,
-        several=len(joints) > 1,
+        planned=joints,
         unit=" or ".join(words for each, words in units.items() if each in there),
         most={
-            kind: max(each.errors[kind].max for each in joints)
+            kind: max(each[kind]["max"] for each in joints.values())
             for kind in ("planned", "direct", "resent")
         },
         first_line=phrase("replay.txt", "line", **spoken),
@@ -122,15 +130,15 @@ def replay_page(
         unplanned=[each for each in replay.joints if each.inversion is None],
         resent=spoken["resent"] and phrase("replay.txt", "resent", **spoken),
         remarks=remarks,
-        farthest=max(joints, key=lambda each: each.errors["planned"].rms),
-        expected=max(known, key=lambda each: each.expected, default=None),
+        farthest=max(joints, key=lambda name: float(joints[name]["planned"]["rms"])),
+        expected=max(known, key=lambda name: known[name], default=None),
         moving=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         speeds=[] if fastest is None else speeds_figures(fastest),
         of_foot=fastest is not None and fastest.foot,
         open_speeds=sorted(replay.path.open_top_speeds),
         joints=joints_table(replay),
         pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
-        models=models_table(names, [each.plan.models[0] for each in replay.planned]),
+        models=models_table([*joints], [each.plan.models[0] for each in replay.planned]),
     )
 
 
@@ -139,14 +147,12 @@ def replay_page(
 
 def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms, and how its requests move."""
-    planned = [*map(sizes_of, replay.planned)]
-    labels, factors = [each.label for each in planned], [each.factor for each in planned]
-    motions = [each.plan.motions[0] for each in replay.planned]
+    motions = ((label_of(joint), joint_numbers(joint)) for joint in replay.planned)
     return rendered_text(
         "replay.txt",
         **_spoken(replay, models, fastest),
         joints=joints_table(replay, "rms [deg]"),
-        requests=motions_table(labels, motions, factors),
+        requests=table_of("requests", motions, MOTIONS),
     )
 
 
@@ -162,7 +168,7 @@ def _spoken(replay: Replay, models: str, fastest: Fastest | None) -> dict[str, A
         "unknown": sorted(replay.path.open_top_speeds & fast),
         "open": OPEN_TOP_SPEED,
         "better": RESENT,
-        "resent": [*map(sizes_of, replay.resent_may_serve)],
+        "resent": {joint.name: joint_numbers(joint) for joint in replay.resent_may_serve},
     }
 
 
@@ -175,34 +181,36 @@ def _allowed(fastest: Fastest) -> tuple[float, str]:
 
 def joints_table(replay: Replay, about: str = "joint [deg]") -> Table:
     """Errors of every joint by kind of requests; a terminal shows the root mean squares."""
-    norms, rows = ("rms", "max"), list[Row]()
-    columns = (
-        *(Column(title, norms) for title in ("recorded run", "requests as recorded")),
-        Column("path as it is", norms),
-        Column("best shift", (*norms, "by [ms]"), joined="{0} ({2} ms)"),
-        Column("plan", norms),
-        *map(Column, ("on the robot", "lower bound")),
-        Column("faster than the joint", words=True),
-    )
+    norms, rows = ("rms", "max"), []
     for joint in replay.joints:
-        sizes, fast = sizes_of(joint), "nowhere"
-        pairs = {kind: thousandths(error) for kind, error in sizes.errors.items()}
-        cells: list[str | tuple[str, ...]] = [pairs["recorded"]]
+        fast = "nowhere"
         if joint.inversion is None:
-            cells += [(NOTHING,) * len(column.parts) or NOTHING for column in columns[1:-1]]
-            cells.append(f"{joint.path.reason}: recorded requests, re-timed")
-        else:
-            if spans := joint.too_fast:
-                widest = max(spans, key=lambda span: span[1] - span[0])
-                fast = f"{widest[0]:.2f} to {widest[1]:.2f} s"
-                if len(spans) > 1:
-                    total = sum(last - first for first, last in spans)
-                    fast = f"{total:.2g} s in {len(spans)} parts, such as {fast}"
-            cells += [pairs["resent"], pairs["direct"]]
-            cells += [(*pairs["shifted"], f"{1e3 * joint.lead:.0f}"), pairs["planned"]]
-            cells += [number(sizes.expected, 3), number(sizes.bound, 3), fast]
-        rows.append(Row(sizes.label, cells))
-    return Table(about, columns, rows, "Joints")
+            fast = f"{joint.path.reason}: recorded requests, re-timed"
+        elif spans := joint.too_fast:
+            widest = max(spans, key=lambda span: span[1] - span[0])
+            fast = f"{widest[0]:.2f} to {widest[1]:.2f} s"
+            if len(spans) > 1:
+                total = sum(last - first for first, last in spans)
+                fast = f"{total:.2g} s in {len(spans)} parts, such as {fast}"
+        rows.append((label_of(joint), joint_numbers(joint) | {"fast": fast}))
+    kinds = ("recorded", "resent", "direct", "shifted", "planned")
+    recorded, resent, direct, shifted, planned = (
+        (f"{{{kind}[rms]:.3f}}", f"{{{kind}[max]:.3f}}") for kind in kinds
+    )
+    columns: Columns = {
+        Column("recorded run", norms): recorded,
+        Column("requests as recorded", norms): resent,
+        Column("path as it is", norms): direct,
+        Column("best shift", (*norms, "by [ms]"), joined="{0} ({2} ms)"): (
+            *shifted,
+            "{best_shift_s!m:.0f}",
+        ),
+        Column("plan", norms): planned,
+        "on the robot": "{expected_on_robot_rms:.3f}",
+        "lower bound": "{lower_bound:.3f}",
+        Column("faster than the joint", words=True): "{fast}",
+    }
+    return table_of(about, rows, columns, "Joints")
 
 
 # The figures.
@@ -211,18 +219,17 @@ def joints_table(replay: Replay, about: str = "joint [deg]") -> Table:
 def moment_figure(replay: Replay) -> Figure:
     """The slider through the episode, with the numbers of its moment."""
     timeline, joints = Timeline(replay.period, len(replay.moments), cyclic=False), replay.joints
-    stride, units = timeline.stride, [LOG_UNITS[each.path.unit] for each in joints]
-    kinds = []
+    stride, units, kinds = timeline.stride, [UNITS[each.path.unit] for each in joints], []
     for name, kind in (("path", "desired"), ("request", "requests"), ("predicted", "predicted")):
-        arrays = ((getattr(each, kind), unit) for each, unit in zip(joints, units, strict=True))
-        values = [None if a is None else rounded(a[::stride], by) for a, (_, by) in arrays]
+        arrays = zip((getattr(each, kind) for each in joints), units, strict=True)
+        values = [None if a is None else rounded(a[::stride], unit.factor) for a, unit in arrays]
         kinds.append({"name": name, "values": values})
-    pairs = zip(joints, units, strict=True)
+    pairs = zip(replay.names, units, strict=True)
     live = {
         "kind": "moment",
         "period": stride * timeline.period,
         "samples": len(range(0, timeline.samples, stride)),
-        "joints": [{"name": each.name, "unit": SIGNS[unit]} for each, (unit, _) in pairs],
+        "joints": [{"name": name, "unit": unit.sign} for name, unit in pairs],
         "kinds": kinds,
     }
     return Figure("moment", *words_of("moment"), timeline.axis, live=live)
@@ -246,7 +253,7 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
 def joint_figure(replay: Replay, j: int) -> Figure:
     """A joint: its angles and errors, where it is planned, and its requests."""
     timeline, joint = Timeline(replay.period, len(replay.moments), cyclic=False), replay.joints[j]
-    unit, factor = LOG_UNITS[joint.path.unit]
+    unit = UNITS[joint.path.unit]
     desired = (joint.desired, style.DESIRED._replace(label="path"))
     recorded = (joint.recorded_requests, style.APPROXIMATION._replace(label="recorded requests"))
     planned, fast = list[tuple[Array, style.Role]](), list[Span]()
@@ -262,7 +269,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         timeline,
         f"joint_{j}",
         words_of("replay_joint", joint=joint),
-        unit=(SIGNS[unit], factor),
+        unit=(unit.sign, unit.factor),
         angles=[desired, *planned] if planned else [],
         errors=[(angles - joint.desired, role) for angles, role in planned[1:]],
         requests=[desired, recorded, (joint.requests, style.REQUESTED)],
@@ -313,33 +320,11 @@ def replay_results(replay: Replay, models: str, remarks: Sequence[str]) -> dict[
     """A replay with ``models`` for machines, in degrees or percent; missing values are null."""
     joints = {}
     for joint in replay.joints:
-        sizes, plan = sizes_of(joint), joint.inversion
-        unit, factor = sizes.unit, sizes.factor
-        errors = {kind: named(each, unit) for kind, each in sizes.errors.items()}
-        entry: dict[str, Any] = {
-            "planned": plan is not None,
-            "reason": joint.path.reason or None,
-            "unit": unit,
-            "recorded": errors.pop("recorded"),
-            f"requests_{unit}": (factor * joint.requests).tolist(),
-        }
-        if plan is not None:
-            assert joint.predicted is not None, "a planned joint is simulated"
-            entry |= {
-                **errors,
-                "best_shift_s": joint.lead,
-                f"expected_on_robot_rms_{unit}": sizes.expected,
-                "norm": plan.norm,
-                f"lower_bound_{unit}": sizes.bound,
-                f"largest_step_{unit}": factor * plan.largest_step,
-                "recorded_requests_may_serve": joint in replay.resent_may_serve,
-                "untested": list(joint.plan.expected[0].untested),
-                "top_speed_known": joint.name not in replay.path.open_top_speeds,
-                "faster_than_the_joint_s": [list(span) for span in joint.too_fast],
-                f"desired_{unit}": (factor * joint.desired).tolist(),
-                f"predicted_{unit}": (factor * joint.predicted).tolist(),
-            }
-        joints[joint.name] = entry
+        numbers = joint_numbers(joint)
+        if joint.inversion is not None:
+            numbers["recorded_requests_may_serve"] = joint in replay.resent_may_serve
+            numbers["top_speed_known"] = joint.name not in replay.path.open_top_speeds
+        joints[joint.name] = in_unit(numbers, numbers["unit"])
     return {
         "recording": replay.path.name,
         "track": replay.path.track,
@@ -379,4 +364,136 @@ def fastest_results(fastest: Fastest) -> dict[str, Any]:
         "impossible": impossible,
         "contradicted": list(fastest.contradicted),
         "errors_by_speed": curve,
+    }
+
+
+# Many recordings.
+
+
+def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
+    """The page about the document of ``replay --json`` for many recordings."""
+    rows, failures = document["recordings"], document["left_out"]
+    total = len(rows) + len(failures)
+    off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
+    shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
+    left_out = [Row(_short(name), (reason,)) for name, reason in failures.items()]
+    if len(left_out) > 20:  # that is enough to read
+        left_out[20:] = [Row(f"{len(left_out) - 20} more", (NOTHING,))]
+    reasons = Table("recording", [Column("reason", words=True)], left_out, "Left out")
+    units = sorted({row["unit"] for row in rows})
+    worst = max(rows, key=lambda row: float(row["planned_rms"]))
+    return Page(
+        "episodes",
+        total=total,
+        title=title,
+        rows=rows,
+        median={
+            kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
+            for kind in ("direct", "shifted", "planned")
+        },
+        unit=SIGNS[units[0]] if len(units) == 1 else "deg, or % of a range,",
+        line=episodes_line(document),
+        good=not failures,
+        remarks=document["remarks"],
+        worst={**worst, "recording": _short(worst["recording"]), "sign": SIGNS[worst["unit"]]},
+        errors=[episodes_figure(rows, unit) for unit in units],
+        recordings=episodes_table(shown, fastest=document["speed"] is None),
+        rest=max(len(rows) - MOST_ROWS, 0),
+        left_out=reasons if failures else None,
+    )
+
+
+def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:
+    """Errors of recordings by kind of requests; with their speeds where these are the fastest."""
+    columns: Columns = {
+        "requests": "{requests}",
+        "speed": fastest and "{speed:.3g}",
+        "worst joint": "{worst_joint} [{unit}]",
+        "as recorded": "{resent_rms:.3f}",
+        "path as it is": "{direct_rms:.3f}",
+        "best shift": "{shifted_rms:.3f}",
+        "plan": "{planned_rms:.3f}",
+        "on the robot": "{expected_on_robot_rms:.3f}",
+        "lower bound": "{lower_bound:.3f}",
+    }
+    named = ((row["recording"], row) for row in rows)
+    return table_of("recording", named, columns, "Recordings")
+
+
+def episodes_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
+    """Errors against the number of the recording, in the order in which they were read."""
+    own = [(place, row) for place, row in enumerate(rows, 1) if row["unit"] == unit]
+    places = np.array([float(place) for place, _ in own])
+    notes = tuple(f"{_short(row['recording'])}, {row['worst_joint']}" for _, row in own)
+
+    def values(kind: str) -> Array:
+        return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
+
+    few = range(1, len(rows) + 1) if len(rows) <= 12 else ()  # more have round numbers on the axis
+    numbers = {float(k): str(k) for k in few} or None
+    looks = {"direct_rms": style.DIRECT, "shifted_rms": style.SHIFT, "planned_rms": style.OPTIMAL}
+    curves = []
+    for kind, role in looks.items():
+        marks: Literal["rings", "dots"] = "rings" if role is style.SHIFT else "dots"
+        hidden = role is style.DIRECT
+        curves.append(Curve(role, places, values(kind), marks=marks, notes=notes, hidden=hidden))
+    if np.isfinite(bounds := values("lower_bound")).any():
+        ends = places[:, None] + np.array([-0.4, 0.4])
+        heights = np.column_stack([bounds, bounds])
+        curves.append(Curve(style.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
+    across = Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers)
+    panel = Panel(Axis("error, rms", SIGNS[unit], from_zero=True), curves, height=2.2)
+    return Figure(f"errors_{unit}", *words_of("episodes"), across, [panel])
+
+
+def _short(recording: str) -> str:
+    """A recording without the folders that it is in."""
+    return PurePath(recording).name
+
+
+def episodes_line(document: Mapping[str, Any]) -> str:
+    """One line about the replay: track, number of recordings, speed and models."""
+    rows, speed = document["recordings"], document["speed"]
+    requests = sum(row["requests"] for row in rows)
+    how = "as fast as the tolerance allows" if speed is None else f"at {speed:.4g} times the speed"
+    return (
+        f"follows {document['why']}; {len(rows)} recordings, {requests} requests {how}; "
+        f"{document['models']}"
+    )
+
+
+def episodes_text(document: Mapping[str, Any]) -> str:
+    """Many recordings for people: a line each, about the joint with the largest planned error."""
+    table = episodes_table(document["recordings"], fastest=document["speed"] is None)
+    words = resent_words(document["recordings"])
+    return "\n".join([episodes_line(document), table.text(), *words])
+
+
+def resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The number of recordings whose own requests may be better, with the errors of one example."""
+    of = [row for row in rows if row["recorded_requests_may_serve"]]
+    if not of:
+        return []
+    first = of[0]
+    errors = f"{first['expected_on_robot_rms']:.3f} and {first['resent_rms']:.3f} {first['unit']}"
+    where = f"such as {errors} rms in {first['recording']}"
+    return [f"in {len(of)} of {len(rows)} recordings {RESENT}, {where}"]
+
+
+def episode_results(replay: Replay) -> dict[str, Any]:
+    """The row of a recording in a table of many: the joint with the largest error of its plan."""
+    every = [(joint_numbers(joint), joint) for joint in replay.planned]
+    numbers, worst = max(every, key=lambda pair: float(pair[0]["planned"]["rms"]))
+    return {
+        "recording": replay.path.name,
+        "requests": len(replay.moments),
+        "duration_s": (len(replay.moments) - 1) * replay.period,
+        "speed": replay.speed,
+        "worst_joint": worst.name,
+        "unit": numbers["unit"],
+        **{f"{kind}_rms": numbers[kind]["rms"] for kind in worst.errors},
+        "expected_on_robot_rms": numbers["expected_on_robot_rms"],
+        "lower_bound": numbers["lower_bound"],
+        "recorded_requests_may_serve": worst in replay.resent_may_serve,
+        "remarks": list(replay.path.remarks),
     }

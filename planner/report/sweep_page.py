@@ -12,7 +12,7 @@ from planner.evaluation.sweep import Outcome, Swept
 from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
-from planner.report.wording import Column, Row, Table, by_columns, words_of
+from planner.report.wording import Column, Columns, Row, Table, table_of, words_of
 from planner.validation import finite
 
 WORDS = {
@@ -144,19 +144,18 @@ def command(swept: Swept, outcome: Outcome) -> str:
 
 def points_table(swept: Swept) -> Table:
     """The points of the front with their parameters, speeds and errors."""
-    front, unit = swept.front, swept.error_unit
-    columns = {WORDS[name]: [each.point[k] for each in front] for k, name in enumerate(swept.names)}
+    own = {WORDS[name]: f"{{of.point[{k}]:.4g}}" for k, name in enumerate(swept.names)}
     if "speed" not in swept.names:
-        columns["speed", swept.speed_unit] = [each.speed for each in front]
-    columns["error", unit] = [each.error for each in front]
-    columns["without a plan", unit] = [each.direct for each in front]
-    shown = [
-        (f"{words} [{unit}]" if unit else words, [f"{value:.4g}" for value in values])
-        for (words, unit), values in columns.items()
-    ]
-    fast = [f"{100.0 * p.too_fast:.0f} % {p.slowest}" if p.slowest else "nowhere" for p in front]
-    numbers = [f"{each.number}" + "\nbest" * (each is swept.best) for each in front]
-    return by_columns("point", numbers, [*shown, ("too fast", fast)], label="The Pareto front")
+        own["speed", swept.speed_unit] = "{of.speed:.4g}"
+    own["error", swept.error_unit] = "{of.error:.4g}"
+    own["without a plan", swept.error_unit] = "{of.direct:.4g}"
+    columns: Columns = {f"{k} [{unit}]" if unit else k: each for (k, unit), each in own.items()}
+    rows = []
+    for each in swept.front:
+        fast = f"{100.0 * each.too_fast:.0f} % {each.slowest}" if each.slowest else "nowhere"
+        label = f"{each.number}" + "\nbest" * (each is swept.best)
+        rows.append((label, {"of": each, "fast": fast}))
+    return table_of("point", rows, columns | {"too fast": "{fast}"}, "The Pareto front")
 
 
 def front_figure(swept: Swept) -> Figure:

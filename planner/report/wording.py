@@ -8,14 +8,15 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby, zip_longest
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Literal
+from string import Formatter
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from markupsafe import Markup, escape
 
@@ -27,6 +28,26 @@ NOTHING = "–"
 
 _WIDTH: ContextVar[int | None] = ContextVar("_WIDTH", default=None)
 """Characters of a line; None, as for files, for any number."""
+
+
+class Unit(NamedTuple):
+    """The unit in which a joint's angles are shown."""
+
+    name: str  # in names of results
+    sign: str  # in figures
+    words: str
+    factor: float  # from the unit of its logs
+
+    def sized(self, error: float | None) -> tuple[str, str]:
+        """An error in the unit of the logs as a number, and this unit."""
+        return (NOTHING, "") if error is None else (f"{self.factor * error:.3g}", self.words)
+
+
+UNITS = {
+    "rad": Unit("deg", "deg", "deg", math.degrees(1.0)),
+    "1": Unit("percent", "%", "% of range", 100.0),
+}
+"""Units by those of logs: radians, or shares of the joint's range."""
 
 
 @contextmanager
@@ -101,19 +122,52 @@ class Table:
         return [(name, list(rows)) for name, rows in groupby(self.rows, attrgetter("subject"))]
 
 
-def by_columns(
+Columns = dict[str | Column, str | tuple[str, ...] | Literal[False]]
+"""Title and format of every column, or the formats of its parts; False is no column."""
+
+
+class _Cells(Formatter):
+    """Format strings of cells: ``!d`` shows radians in degrees, ``!m`` seconds in milliseconds.
+
+    What is missing, None or NaN is a dash; there is a blank before a percent sign.
+    """
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
+        try:
+            return super().get_field(field_name, args, kwargs)
+        except (KeyError, TypeError):
+            return None, ""
+
+    def convert_field(self, value: Any, conversion: Any) -> Any:
+        factor = {"d": math.degrees(1.0), "m": 1000.0}.get(conversion)
+        return value if factor is None or value is None else factor * value
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if format_spec.endswith("%"):
+            return percent(value, int(format_spec[1:-1]))
+        return NOTHING if value is None or value != value else format(value, format_spec)
+
+
+def table_of(
     about: str,
-    rows: Iterable[str],
-    columns: Iterable[tuple[str | Column, Sequence[str | tuple[str, ...]]] | Literal[False]],
-    *,
+    rows: Iterable[tuple[str, Any]],
+    columns: Columns,
     label: str = "",
-    kinds: Iterable[str] | None = None,
 ) -> Table:
-    """A table from the labels of its rows and its columns: titles and cells; False is no column."""
-    shown, names = [each for each in columns if each], [*rows]
-    cells = zip(*(own for _, own in shown), strict=True)
-    each = zip(names, cells, [""] * len(names), kinds or [""] * len(names), strict=True)
-    return Table(about, (title for title, _ in shown), (Row(*row) for row in each), label)
+    """A table of pairs of a label and an object, from the title of every column and its format.
+
+    Format strings have names of a mapping, ``{rms:.3f}``, or attributes of other objects,
+    ``{0.rms:.3f}``; several of them are parts of a column.
+    """
+    shown = {title: each for title, each in columns.items() if each}
+
+    def cell(spec: str | tuple[str, ...], row: Any) -> Any:
+        if isinstance(spec, tuple):
+            return tuple(cell(part, row) for part in spec)
+        return _Cells().vformat(spec, (row,), row if isinstance(row, Mapping) else {})
+
+    cells = (Row(name, [cell(each, row) for each in shown.values()]) for name, row in rows)
+    return Table(about, shown, cells, label)
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: int = 1) -> str:
