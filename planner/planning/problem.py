@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from operator import attrgetter
 
@@ -71,13 +71,13 @@ class Problem(Task):
         first: From rest: the requests that hold the joints at the start [rad], (J,); by default in
             the middle of the dead bands of the nominal models.
         near: Near which requests stay [rad], (n, J); by default R* of (10).
-        shares: Weights of the scenarios, together 1; by default even.
+        shares: Weights of the scenarios, together 1.
     """
 
-    links: Array = field(default_factory=lambda: np.empty((0, 10, 3)))
+    links: Array = field(default_factory=partial(np.empty, (0, 10, 3)))
     first: Array | None = None
     near: Array | None = None
-    shares: tuple[float, ...] = ()
+    shares: tuple[float, ...] = (1.0,)
 
     @cached_property
     def drives(self) -> tuple[JointModel, ...]:
@@ -87,13 +87,7 @@ class Problem(Task):
     @cached_property
     def load_of_drives(self) -> Array:
         """Torque on each model's joint at each sample [N m], (A, n)."""
-        return np.vstack([self.loads_on(each) for each in self.scenarios])
-
-    @property
-    def weight_of_scenarios(self) -> Array:
-        """Weight of each scenario, together 1."""
-        count = len(self.scenarios)
-        return np.array(self.shares or (1.0 / count,) * count)
+        return np.vstack(list(map(self.loads_on, self.scenarios)))
 
     @cached_property
     def first_requests(self) -> Array | None:
@@ -167,7 +161,7 @@ class Problem(Task):
             smooth=rows,
             goal=goal,
             leg=np.array(self.links),
-            shares=self.weight_of_scenarios,
+            shares=np.array(self.shares),
         )
         limit(spec, near)  # in place; second differences are of requests within the limits
         bends = samples if self.cyclic else samples[:-1]
@@ -210,23 +204,17 @@ class Problem(Task):
 
     def errors_of_models(self, angles: Array) -> tuple[float, Array]:
         """The error that counts, and those it comes from: see :func:`gauss_newton.judge`."""
-        errors = np.empty(len(self.scenarios) + 1)
+        errors = np.empty(len(self.shares) + 1)
         return judge(self.spec, np.ascontiguousarray(angles), errors), errors
-
-    def error(self, angles: Array) -> float:
-        """The error that counts; inf where angles are NaN."""
-        return self.errors_of_models(angles)[0]
 
     def exact_error(self, requests: Array) -> float:
         """Error of the exact models; inf where a joint has no steady cycle."""
-        return self.error(self.exact_angles(requests))
+        return self.errors_of_models(self.exact_angles(requests))[0]
 
     def distances(self, angles: Array) -> Array:
         """Weighted root of the squared errors over the scenarios [rad], (n,)."""
         values = self.errors(angles)[0]
-        return np.asarray(
-            np.sqrt(np.einsum("kcm,kcm,c->k", values, values, self.weight_of_scenarios))
-        )
+        return np.asarray(np.sqrt(np.einsum("kcm,kcm,c->k", values, values, self.shares)))
 
     @property
     def unlimited(self) -> Problem:
@@ -237,14 +225,18 @@ class Problem(Task):
         )
 
 
+OF_TASK = tuple(map(attrgetter("name"), fields(Task)))
+"""The fields of a task."""
+
+
 def problem_of(task: Task) -> Problem:
     """The problem of a task for its nominal models: of a joint, or of all joints of a leg.
 
     A foot's errors are scaled by how far a radian of a joint moves it.
     """
-    models, loads = task.nominal, task.loads_on(task.nominal)
-    problem = Problem(**{each.name: getattr(task, each.name) for each in fields(Task)})
-    problem, desired = replace(problem, models=tuple((each,) for each in models)), task.desired
+    models, loads, desired = task.nominal, task.loads_on(task.nominal), task.desired
+    given = dict(zip(OF_TASK, attrgetter(*OF_TASK)(task), strict=True))
+    problem = Problem(**given | {"models": tuple(zip(models, strict=True))})
     if task.disturbance is not None or task.goal == "foot":  # where requests can hold them
         added = 0.0 if task.disturbance is None else task.disturbance
         least, most = (rest_angles(models, end, loads) for end in (task.lower, task.upper))

@@ -201,7 +201,7 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
     (model,), error = problem.drives, itemgetter(1)
     from_start = partial(minimise, problem, angles=ideal, stages=NARROW)
     starts, best = [requests], from_start(requests)
-    near = FAR * problem.error(ideal)
+    near = FAR * problem.errors_of_models(ideal)[0]
     limited = math.isfinite(model.max_acceleration) and best[1] > near + ENCODER_STEP
     if limited:  # share of the time that the ideal's changes of speed take at the limit
         padded = np.pad(ideal[:, 0], 1, mode="wrap" if problem.cyclic else "edge")
@@ -342,7 +342,7 @@ def nearer(problem: Problem, requests: Array, executed: Array) -> Array:
     """
     start, best = problem.admissible(executed), problem.exact_error(requests)
     angles = problem.exact_angles(start)
-    if math.inf in (best, problem.error(angles)):
+    if math.inf in (best, problem.errors_of_models(angles)[0]):
         return requests
     nearby = replace(problem, near=start)
     answer = smoothed(nearby, minimise(nearby, start, angles, NEAR)[0])
@@ -453,16 +453,22 @@ def for_all_models(
     of_foot = nominal.goal == "foot" and nominal.smoothness > 0.0
     weight = ROBUST_FOOT_SMOOTHING if of_foot else ROBUST_SMOOTHING
     stages = [stage._replace(weight=weight, smoothing=True) for stage in small]
-    problem = replace(nominal, models=task.models, robust=task.robust, first=nominal.first_requests)
+    problem = replace(
+        nominal,
+        models=task.models,
+        robust=task.robust,
+        first=nominal.first_requests,
+        shares=(1.0 / len(scenarios),) * len(scenarios),
+    )
     angles = problem.exact_angles(requests)
-    before = problem.error(angles)
+    before = problem.errors_of_models(angles)[0]
     if before == math.inf:
         angles = np.tile(nominal.desired, len(scenarios))
     best, least = minimise(problem, requests, angles, stages)
     latest, answer = best, problem
     for _ in range(ROUNDS if problem.robust == "worst" else 0):
         angles = problem.exact_angles(latest)
-        weights = problem.weight_of_scenarios * problem.errors_of_models(angles)[1][:-1]
+        weights = problem.shares * problem.errors_of_models(angles)[1][:-1]
         if not 0.0 < np.sum(weights) < math.inf:
             break
         problem = replace(problem, shares=tuple((weights / np.sum(weights)).tolist()))
@@ -500,7 +506,7 @@ def judged(problem: Problem, requests: Array, angles: Array | None = None) -> Mo
     angles = problem.exact_angles(requests) if angles is None else angles
     if math.isnan(angles[0, 0]):
         return Motion(requests, angles, *(math.inf,) * 5)
-    weights = problem.weight_of_scenarios
+    weights = np.asarray(problem.shares)
     shares = np.repeat(weights, len(problem.names))  # mean squared error for a radian of each model
     if problem.goal == "foot":
         jacobians = problem.errors(angles)[1]

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -550,7 +550,7 @@ def models_of_joints(
             f"robust: got {robust!r} for a sequence of one model, which the joint has in any case; "
             "expected several models, or the model by itself, from whose intervals others are drawn"
         )
-    if len(periods := sorted({each[0].period for each in several})) > 1:
+    if len(periods := sorted(set(map(attrgetter("period"), map(itemgetter(0), several))))) > 1:
         raise InvalidInput(
             f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
             "period: joints that are requested at different rates are not planned together"

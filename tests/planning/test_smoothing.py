@@ -244,7 +244,7 @@ def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenar
         )
     expected = np.sqrt(squares)
     assert [found.mean, found.model_error, found.unseen] == pytest.approx(expected, rel=ROUNDING)
-    assert found.error == both.error(angles)
+    assert found.error == both.errors_of_models(angles)[0]
 
 
 def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion():
