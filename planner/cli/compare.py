@@ -51,7 +51,6 @@ def compare(*, run: Run, level: Level) -> Answer:
     from planner.cli.desired import check_angles, desired_of, leg_title, model_words
     from planner.cli.planning import inputs_of, notes_of, origins_of
     from planner.evaluation.cross_check import cross_check
-    from planner.planning.task import limits_of_each
     from planner.report.comparison_page import comparison_page, comparison_text, verdict_line
 
     desired = desired_of(run)
@@ -60,19 +59,18 @@ def compare(*, run: Run, level: Level) -> Answer:
     leg = desired.leg
     whole = leg if leg is not None and set(desired.names) == set(leg.joint_names) else None
     desired = desired if whole is None else desired.of_leg(whole)  # in its order
-    load = desired.load(desired.angles) if callable(desired.load) else desired.load
     with Progress(len(desired.names) + (whole is not None)) as progress:
         check = cross_check(
             desired.models,
             desired.angles,
             cyclic=desired.cyclic,
-            limits=limits_of_each(desired.limits, desired.names) if desired.limits else None,
+            limits=desired.limits,
             segments=run.plan.segments,
             leg=whole,
             norm=run.plan.norm,
             level=level,
             names=desired.names,
-            load=load,
+            load=desired.torques,
             progress=progress,
         )
     unreachable = desired.unreachable

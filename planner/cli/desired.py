@@ -29,6 +29,7 @@ from planner.files.paths import (
 from planner.files.text import STANDARD_STREAM
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel, joint_of_top_speed
+from planner.planning.task import limits_of_each
 from planner.trajectory import Array, most_lost
 
 if TYPE_CHECKING:
@@ -49,13 +50,12 @@ class Desired:
     models: tuple[JointModel, ...]
     units: tuple[str, ...]  # the joints' units in the file
     cyclic: bool = True  # whether the path repeats for ever
-    remarks: tuple[str, ...] = ()  # what the user should know about the path
+    remarks: Sequence[str] = ()  # what the user should know about path and models
     loads: Array | None = None  # torques in the file [N m], shape (n, k); None without any
     load: Load | None = None  # torques on the joints, if the settings have any
 
-    # by joint: smallest and largest request, and rest angle [rad]
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    starts: Mapping[str, float] = field(default_factory=dict)
+    limits: tuple[Array, Array] | None = None  # smallest and largest requests [rad], each (k,)
+    starts: Mapping[str, float] = field(default_factory=dict)  # rest angles by joint [rad]
 
     # the leg that the settings name, or by name the legs of a whole robot with all joints here
     leg: Leg | None = None
@@ -78,6 +78,11 @@ class Desired:
         pairs = zip(self.names, self.units, strict=True)
         return {name: "percent" if unit in SHARES else "deg" for name, unit in pairs}
 
+    @property
+    def torques(self) -> Array | None:
+        """The load at the desired angles [N m], shape (n, k)."""
+        return self.load(self.angles) if callable(self.load) else self.load
+
     @contextmanager
     def units_in_messages(self) -> Iterator[None]:
         """Let messages about single joints inside the block use their units."""
@@ -90,7 +95,6 @@ class Desired:
     def of_leg(self, leg: Leg) -> Desired:
         """The joints of a leg in its order, under a load of their desired poses."""
         columns = [self.names.index(name) for name in leg.joint_names]
-        load = self.load(self.angles) if callable(self.load) else self.load
         return replace(
             self,
             names=leg.joint_names,
@@ -98,14 +102,14 @@ class Desired:
             angles=self.angles[:, columns],
             models=tuple(self.models[j] for j in columns),
             leg=leg,
-            load=None if load is None else load[:, columns],
+            limits=self.limits and (self.limits[0][columns], self.limits[1][columns]),
+            load=None if self.torques is None else self.torques[:, columns],
         )
 
     def write(self, path: Path | str, angles: Array, loads: Array | None = None) -> None:
         """Write angles or requests [rad] and torques [N m], (n, k), as CSV in the joints' units."""
-        write_joint_path(
-            path, self.names, angles, period=self.period, units=self.units, loads=loads
-        )
+        period, units = self.period, self.units
+        write_joint_path(path, self.names, angles, period=period, units=units, loads=loads)
 
 
 def desired_of(run: settings.Run) -> Desired:
@@ -121,33 +125,30 @@ def desired_of(run: settings.Run) -> Desired:
         )
     if path.loads is not None and run.plan.load is None:
         words = "the load in the path's columns is not used: ask for it with "
-        remarks += (f'{words}‹plan.load = "column"›',)
+        remarks.append(f'{words}‹plan.load = "column"›')
     legs = {} if leg is not None else legs_of(run, among=names)
-    limits = _limits_of(run, names, legs.values() if leg is None else (leg,))
-    starts = starts_of(run.start, names, cyclic=cyclic)
-    angles, foot, foot_given, unreachable = path.values, None, None, 0
-    if of_foot and leg is not None:  # by inverse kinematics
-        solution = leg.inverse(path.values, unreachable=run.leg.unreachable)
-        angles, foot, unreachable = solution.angles, path.values, int((~solution.reachable).sum())
-        if unreachable and run.leg.unreachable == "clamp":
-            foot, foot_given = leg.foot_positions(angles), foot
     desired = Desired(
         run,
         names,
-        angles,
+        path.values,
         models,
         units=("deg",) * len(names) if of_foot else path.units,
         cyclic=cyclic,
-        remarks=(*remarks, *refused_models(names, models)),
+        remarks=[*remarks, refused_models(names, models)],
         loads=path.loads,
-        limits=limits,
-        starts=starts,
+        limits=_limits_of(run, names, legs.values() if leg is None else (leg,)),
+        starts=starts_of(run.start, names, cyclic=cyclic),
         leg=leg,
         legs=legs,
-        foot=foot,
-        foot_given=foot_given,
-        unreachable=unreachable,
     )
+    if of_foot and leg is not None:  # by inverse kinematics
+        angles, reachable, _ = leg.inverse(path.values, unreachable=run.leg.unreachable)
+        unreachable, foot, given = int((~reachable).sum()), path.values, None
+        if unreachable and run.leg.unreachable == "clamp":
+            foot, given = leg.foot_positions(angles), foot
+        desired = replace(
+            desired, angles=angles, foot=foot, foot_given=given, unreachable=unreachable
+        )
     return replace(desired, load=_load_of(desired))
 
 
@@ -191,8 +192,8 @@ def load_joints(file: str, run: settings.Run) -> Desired:
     path = read_joint_path(file, joints=run.path.joints)
     models = models_of(run, path.names, units=path.units)
     path.check_period(models[0].period)
-    cyclic, remarks = repeats(path.values, run.plan.cyclic)
-    remarks = (*remarks, *refused_models(path.names, models))
+    cyclic, closing = repeats(path.values, run.plan.cyclic)
+    remarks = closing, refused_models(path.names, models)
     return Desired(
         run, path.names, path.values, models, path.units, cyclic, remarks, loads=path.loads
     )
@@ -200,15 +201,16 @@ def load_joints(file: str, run: settings.Run) -> Desired:
 
 def _in_step(
     path: SampledPath, run: settings.Run, period: float
-) -> tuple[SampledPath, bool, tuple[str, ...]]:
+) -> tuple[SampledPath, bool, list[str]]:
     """The path with a sample every ``period`` [s], whether it repeats, and remarks on it."""
     rows, speed = path.values, run.path.speed
-    closed, remarks = repeats(rows, run.plan.cyclic)
+    closed, closing = repeats(rows, run.plan.cyclic)
+    remarks = [closing]
     if len(rows) >= 10 and set(path.units) == {"deg"}:
         span, name = float(np.max(np.degrees(np.ptp(rows, axis=0)))), path.names[0]
         if 0.0 < span < LEAST_DEG:
             words = f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then "
-            remarks += (f"{words}rename {name}_deg to {name}_rad",)
+            remarks.append(f"{words}rename {name}_deg to {name}_rad")
     resample = run.path.rate_hz is not None
     resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
     new_rows = resampled.values
@@ -221,38 +223,34 @@ def _in_step(
     new_times = np.asarray(step * np.arange(len(new_rows)), dtype=np.float64)
     if lost := most_lost(times, rows, new_times, new_rows):
         worst, share = lost
-        words = (
+        remarks.append(
             f"{path.path}: with a request every {1e3 * period:.3g} ms the path of "
             f"{path.names[worst]} is missed by {100.0 * share:.0f} % of its motion (rms), and the "
             "errors are those from the path that is left: plan with a higher rate (--rate-hz) to "
             "keep it"
         )
-        remarks += (words,)
     return resampled, closed, remarks
 
 
-def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[str, ...]]:
+def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, str]:
     """Whether a path of these rows (n, k) repeats, and a remark if its ends have decided that."""
     if cyclic is not None:
-        return cyclic, ()
+        return cyclic, ""
     steps = np.abs(np.diff(rows, axis=0)).max(axis=0)
     gaps = np.abs(rows[-1] - rows[0])
     if np.all(gaps <= 3.0 * steps):  # the last sample is about a step before the first
         ends = np.abs(np.stack([rows[1] - rows[0], rows[-1] - rows[-2]]))
-        if not np.all(ends <= 0.01 * steps):
-            return True, ()
-        remark = (
+        at_rest = (
             "the path begins and ends at rest in the same place: it is taken as a cycle; "
             "‹plan.cyclic = false› plans a motion that is executed once"
         )
-        return True, (remark,)
+        return True, at_rest if np.all(ends <= 0.01 * steps) else ""
     apart = np.max(gaps / np.maximum(steps, np.finfo(float).tiny))
-    remark = (
+    return False, (
         f"the path does not close, its ends are {apart:.3g} times its largest step apart: it is "
         "taken as a motion from rest, as with ‹plan.cyclic = false›; ‹plan.cyclic = true› lets it "
         "repeat"
     )
-    return False, (remark,)
 
 
 def check_angles(names: Sequence[str], units: Sequence[str]) -> None:
@@ -281,19 +279,20 @@ def values_by_joint(
 
 def _limits_of(
     run: settings.Run, names: Sequence[str], legs: Iterable[Leg]
-) -> dict[str, tuple[float, float]]:
-    """Ranges of joints [rad]: of the settings, or else common to the servos and the legs."""
-    limits = dict[str, tuple[float, float]]()
+) -> tuple[Array, Array] | None:
+    """Limits of joints [rad]: of the settings, or else common to the servos and the legs."""
+    spans = dict[str, tuple[float, float]]()
     for leg in legs:
-        limits |= zip(leg.joint_names, map(tuple, np.transpose(leg.limits).tolist()), strict=True)
+        spans |= zip(leg.joint_names, map(tuple, np.transpose(leg.limits).tolist()), strict=True)
     file = robot_file(run)
     servos = {} if file is None else read_servos(file, optional=True)
     for name in servos.keys() & {*names}:
-        (low, high), (lower, upper) = servos[name].limits, limits.get(name, (-math.inf, math.inf))
-        limits[name] = max(lower, low), min(upper, high)
+        (low, high), (lower, upper) = servos[name].limits, spans.get(name, (-math.inf, math.inf))
+        spans[name] = max(lower, low), min(upper, high)
     for name, (low, high) in values_by_joint("limits", run.limits, names).items():
-        limits[name] = math.radians(low), math.radians(high)
-    return {name: limits[name] for name in names if name in limits}
+        spans[name] = math.radians(low), math.radians(high)
+    own = {name: spans[name] for name in names if name in spans}
+    return limits_of_each(own, names) if own else None
 
 
 def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
@@ -489,11 +488,9 @@ def _in_percent(model: JointModel) -> JointModel:
     return scaled.with_evidence(model.evidence and model.evidence.scaled(factor))
 
 
-def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[str, ...]:
+def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> str:
     """A remark on joints whose models are not to be planned with."""
-    evidence = [model.evidence for model in models]
-    words = refusal(dict(zip(names, evidence, strict=True)))
-    return (words,) if words else ()
+    return refusal(dict(zip(names, (model.evidence for model in models), strict=True)))
 
 
 def model_words(model: settings.Model) -> str:

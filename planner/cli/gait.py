@@ -106,7 +106,7 @@ def gait(
         if run.tolerance.cm is not None:
             run.path.rate_hz = 1.0 / period
             models = models_of(run, leg.joint_names, leg)
-            options.warn_of(refused_models(leg.joint_names, models))
+            options.warn_of([refused_models(leg.joint_names, models)])
             with Progress() as progress:
                 cycle = shortest_cycle(
                     models,

@@ -367,7 +367,7 @@ def check_parallel(workers: int | None, scheduler: str | None) -> None:
 
 def warn_of(remarks: Iterable[str]) -> None:
     """Print remarks on a path or an answer, with settings as options."""
-    for remark in remarks:
+    for remark in filter(None, remarks):
         warn(in_options(remark))
 
 

@@ -18,7 +18,7 @@ from planner.files.text import toml_value
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan
-from planner.planning.task import Task, checked_leg, limits_of_each
+from planner.planning.task import Task, checked_leg
 from planner.report.plan_results import PlanAnswer, against_tolerances
 from planner.trajectory import index_of_largest
 
@@ -151,21 +151,20 @@ def task_of(desired: Desired, *, by_joint: bool = False, in_limits: bool = True)
     too, and the limits of a closed form, which ignores them, or of a plan that is not ``in_limits``
     are not checked.
     """
-    chosen, limits, leg = desired.settings.plan, desired.limits, desired.leg
+    chosen, leg = desired.settings.plan, desired.leg
     options = search_options(chosen, desired.period)
-    options["cyclic"] = desired.cyclic
+    options |= {"cyclic": desired.cyclic, "limits": desired.limits}
     options["load"] = None if callable(desired.load) else desired.load
     if chosen.method == "foot-optimal" and desired.foot is not None and not by_joint:
-        options["weights"] = chosen.weights
-        options["limits"] = tuple(zip(*(limits[name] for name in desired.names), strict=True))
-        return Task.of(desired.models, desired.foot, leg=checked_leg(leg), **options)
-    if in_limits and chosen.method != "closed-form":
-        options["limits"] = limits
+        leg, options["weights"] = checked_leg(leg), chosen.weights
+        return Task.of(desired.models, desired.foot, leg=leg, **options)
+    if not in_limits or chosen.method == "closed-form":
+        options["limits"] = None
     options |= {"start": desired.starts, "names": desired.names}
     task = Task.of(desired.models, desired.angles, **options)
-    lower, upper = limits_of_each(limits, desired.names)
     if leg is not None and leg.joint_names == desired.names:
         task = replace(task, leg=leg, foot=desired.foot)
+    lower, upper = desired.limits or (task.lower, task.upper)
     return replace(task, lower=lower, upper=upper)
 
 

@@ -109,7 +109,8 @@ class Space:
         for point in self.grid():
             with suppress(PlannerError):  # such as a point out of reach
                 desired = self.desired(point)
-                yield from refused_models(desired.names, desired.models)
+                if refused := refused_models(desired.names, desired.models):
+                    yield refused
                 break
         rounded = [
             f"{each:g} becomes {whole:g}"

@@ -208,14 +208,14 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False)
     from planner.cli.planning import plan_of, task_of
     from planner.planning.plan import Plan
 
-    chosen, load = desired.settings.plan, desired.load
+    chosen = desired.settings.plan
     of_foot = chosen.method == "foot-optimal"
     if of_foot and (desired.leg is None or desired.foot is None):
         raise BadSetting('‹plan.method = "foot-optimal"› plans for a foot path of a leg')
     by_joint = by_joint or not of_foot
-    setup = replace(desired, load=load(desired.angles) if callable(load) else load)
+    setup = replace(desired, load=desired.torques)
     task = task_of(setup, by_joint=by_joint, in_limits=not of_foot)
-    task = replace(task, load_of_pose=callable(load) and task.load is not None)
+    task = replace(task, load_of_pose=callable(desired.load) and task.load is not None)
     if not by_joint:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
     if of_foot:  # what its joints were to do there, not the executed requests

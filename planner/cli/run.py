@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -55,8 +56,7 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool) -> An
     desired = read_run(file)
     if not check:
         return carried_out(desired, folder_of(file, out, desired.settings.out))
-    for remark in desired.remarks:
-        warn(in_keys(remark))
+    _warn_of(desired.remarks)
     samples, method = len(desired.angles), desired.settings.plan.method
     content = {"holds": True, "samples": samples, "period_s": desired.period}
     return Answer(
@@ -161,9 +161,13 @@ def carried_out(desired: Desired, out: str) -> Answer:
             "files": list_files(folder),
         }
         write_text(folder / MANIFEST, to_json(results))
-    for remark in (*desired.remarks, *remarks):
-        warn(in_keys(remark))
+    _warn_of([*desired.remarks, *remarks])
     if answer.missed:
         failure = f"{'; '.join(answer.missed)}; the files are written all the same"
     words += f"\n{len(results['files']) + 1} files in {out}"
     return Answer(results, answer.text() + words, failure=failure)
+
+
+def _warn_of(remarks: Iterable[str]) -> None:
+    for remark in filter(None, remarks):
+        warn(in_keys(remark))

@@ -59,7 +59,7 @@ def simulate(
     cyclic, remarks = inputs.cyclic, inputs.remarks
     if path is not None:  # its ends are better evidence than the ends of its requests
         cyclic, closing = repeats(path.values, run.plan.cyclic)
-        remarks = (*closing, *refused_models(inputs.names, inputs.models))
+        remarks = closing, refused_models(inputs.names, inputs.models)
     options.warn_of(remarks)
     rest = starts_of(run.start, inputs.names, cyclic=cyclic)
     loads = None if load is None else inputs.loads
