@@ -7,14 +7,14 @@ error is less than that of a known plan, the incumbent, lie in the relaxation.
 
 Its unknowns are the angles x, one a tick, and the contributions u, one for every request at every
 tick at which it acts. The conditions are (8) of math.md, with chords in place of max(0, w) and
-max(0, -w) between known ends of the speeds' ranges, and the hull cuts (9a). In units of v_max a
-tick, a request y (with the joint's offset) contributes u(t) = f(y - x(t)) to the speed at tick t,
-where x(t) is the angle before it: with equal speeds in both directions clip(gamma (y - x(t)), -1,
-1) with gamma = v_max / theta_0. A hull cut ``nu @ u - xi @ x <= limit`` holds for every y, and for
-every x within ranges, if its limit is the support function of that set, which is known in closed
-form. The cut to add is found as in disjunctive programming (Balas 1979): the nearest point of the
-hull is sought by nonnegative least squares (Lawson and Hanson 1974), and the direction from it to
-the point to be cut off is the cut's normal.
+max(0, -w) between known ends of the speeds' ranges, and the hull cuts (9a). With angles in units of
+theta_0, a request y contributes u(t) = clip(y - x(t), -1, 1) of the top speed to the speed at tick
+t, where x(t) is the angle before it; y counts the joint's offset, and a difference of the top
+speeds up and down. A hull cut ``nu @ u - xi @ x <= limit`` holds for every y, and for every x
+within ranges, if its limit is the support function of that set, which is known in closed form. The
+cut to add is found as in disjunctive programming (Balas 1979): the nearest point of the hull is
+sought by nonnegative least squares (Lawson and Hanson 1974), and the direction from it to the point
+to be cut off is the cut's normal.
 
 Tightening narrows the ranges of angles and speeds tick by tick. Their least and greatest values
 over all responses better than the incumbent are bounded by small cone programmes (Gleixner et al.
@@ -27,10 +27,10 @@ from __future__ import annotations
 import heapq
 import logging
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from functools import cached_property
 from itertools import count
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,26 +87,23 @@ TRIALS = 25
 problems, 3.7 % at worst; twice as many gain nothing."""
 
 VIOLATION = 1e-3
-"""Least violation for which a cut is added [v_max a tick]."""
+"""Least violation for which a cut is added [-]."""
 
 CUT_ROUNDING = 1e-9
 """Added to a cut's limit: rounding of sums of a few terms of about one."""
 
 
-class ActingPairs(NamedTuple):
-    """Which requests act at which ticks, one entry for every pair, ordered by tick."""
-
-    tick: Indices  # the tick t, shape (m,)
-    request: Indices  # the request r, shape (m,)
-    weight: Array  # W(r, t), shape (m,)
-    following: Indices  # index of the same request's entry one tick later; -1 where there is none
-
-
-def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
-    """Every pair of a tick and a request that acts there.
+def acting_pairs(
+    model: JointModel, ticks: int, *, cyclic: bool
+) -> tuple[Indices, Indices, Array, Indices]:
+    """Every pair of a tick t and a request r that acts there, ordered by tick.
 
     From rest, requests before the first are the first one. In a short cycle a request may act twice
-    at one tick, as sent in two cycles: one entry.
+    at one tick, as sent in two cycles: one pair.
+
+    Returns:
+        The tick, the request and the weight W(r, t) of each, and the number of the same request's
+        pair one tick later, -1 where there is none.
     """
     window, every = model.window, np.arange(ticks)[:, np.newaxis]
     requests = ticks // model.hold if cyclic else (ticks - 1) // model.hold + 1
@@ -116,11 +113,11 @@ def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
     np.add.at(weights, (every, number), window.weights)
     acts[every, number] = True
     tick, request = np.nonzero(acts)
-    entry = np.full((ticks + 1, requests), -1)
-    entry[tick, request] = np.arange(len(tick))
+    pair = np.full((ticks + 1, requests), -1)
+    pair[tick, request] = np.arange(len(tick))
     if cyclic:
-        entry[ticks] = entry[0]
-    return ActingPairs(tick, request, weights[acts], entry[tick + 1, request])
+        pair[ticks] = pair[0]
+    return tick, request, weights[acts], pair[tick + 1, request]
 
 
 def without_load(problem: BoundProblem) -> BoundProblem:
@@ -146,7 +143,7 @@ def without_load(problem: BoundProblem) -> BoundProblem:
 
 
 class ScaledProblem:
-    """A bound's problem in units of v_max a tick, with the common data of its relaxations.
+    """A bound's problem in units of theta_0, with the common data of its relaxations.
 
     The joint has neither a dead band nor inertia.
     """
@@ -154,37 +151,51 @@ class ScaledProblem:
     def __init__(
         self, problem: BoundProblem, incumbent: float, *, most_work: float = math.inf
     ) -> None:
-        """Scale the problem: the unit is the joint's largest move in a tick."""
+        """Scale the problem, and state what holds at all its nodes."""
         model, desired, cyclic, norm, start, _ = without_load(problem)
-        unit, middle = model.v_max_per_tick, float(np.mean(desired))
+        unit, middle, ticks = model.theta_0, float(np.mean(desired)), problem.ticks
         self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
-        self.gain = unit / model.theta_0  # gamma [1/tick]
+        self.top = model.v_max_per_tick / unit  # top speed without its offset
         self.excess = model.v_offset / model.v_max  # of the top speed upwards, missing downwards
         self.desired = (desired - middle) / unit  # D, (n,)
         self.incumbent = incumbent / unit  # error of a plan, above that of any better response
         self.work, self.most_work = 0, most_work  # in nonzeros; the search stops at the most
-        self.ticks = problem.ticks  # their number
-        self.sampled = np.arange(0, self.ticks, model.hold)  # where D is compared, (n,)
+        self.ticks, self.sampled = ticks, np.arange(0, ticks, model.hold)  # where D is compared
         self.start = None if start is None else (start - middle) / unit
         # From a start the first request holds the joint there.
-        self.fixed: Intervals = {} if self.start is None else {0: (self.start, self.start)}
-        self.pairs = acting_pairs(model, self.ticks, cyclic=cyclic)
-        self.size = self.ticks + len(self.pairs.tick)  # unknowns: angles and contributions
-        self.before = (np.arange(self.ticks) - 1) % self.ticks
+        held = None if self.start is None else self.start - self.excess
+        self.fixed: Intervals = {} if held is None else {0: (held, held)}
+        self.tick, self.request, self.weight, following = acting_pairs(model, ticks, cyclic=cyclic)
+        self.size = ticks + len(self.tick)  # unknowns: angles and contributions
         self.first = 0 if cyclic else 1  # first tick whose speed is known
-        self.equations = self.ticks - self.first  # of motion, which are the relaxation's first rows
-        # of each request the indices of its contributions, and of the angles they depend on
+        moved = np.arange(self.first, ticks)
+        self.equations = len(moved)  # of motion, which are the relaxation's first rows
+        unknowns = sparse.eye_array(self.size, format="csr")
+        # rows w(t), the speed in each tick but from rest the first
+        self.speeds = sparse.csr_array(unknowns[moved] - unknowns[(moved - 1) % ticks])
+        at = (self.tick, np.arange(ticks, self.size))
+        acting = sparse.csr_array((self.top * self.weight, at), shape=(ticks, self.size))
+        # rows w(t) - sum_r W(r, t) u(r, t), which are what the excess adds
+        self.motion = sparse.csr_array(self.speeds - acting[self.first :])
+        pair = np.flatnonzero((following >= 0) & (self.tick >= self.first))
+        # rows u(r, t+1) - u(r, t), and the places of the ticks t among the speeds
+        self.changes = unknowns[ticks + following[pair]] - unknowns[ticks + pair]
+        self.changed_at = self.tick[pair] - self.first
+        # of each request the numbers of its contributions, and of the angles they depend on
         self.windows: dict[int, tuple[Indices, Indices]] = {}
         for request in range(len(desired)):
-            acts = (self.pairs.request == request) & (self.pairs.tick >= self.first)
-            group = np.flatnonzero(acts)
-            if len(group):
-                self.windows[request] = (group, self.before[self.pairs.tick[group]])
+            own = np.flatnonzero((self.request == request) & (self.tick >= self.first))
+            if len(own):
+                self.windows[request] = (own, (self.tick[own] - 1) % ticks)
 
     @property
     def exhausted(self) -> bool:
         """Whether the allowed work is used up."""
         return self.work >= self.most_work
+
+    def closed(self, bound: float) -> bool:
+        """Whether the bound is as good as the incumbent."""
+        return self.incumbent - bound <= max(GAP * self.incumbent, ABSOLUTE_GAP / self.unit)
 
     def initial_ranges(self) -> Array:
         """Ranges that follow from the incumbent, the top speed and the start alone.
@@ -193,53 +204,23 @@ class ScaledProblem:
         that are better than the incumbent.
         """
         farthest = self.incumbent * (np.sqrt(len(self.desired)) if self.norm == "rms" else 1.0)
-        after = np.arange(self.ticks) % self.model.hold * (1.0 + abs(self.excess))
-        nearest = np.repeat(self.desired, self.model.hold)[: self.ticks]
-        lower, upper = nearest - farthest - after, nearest + farthest + after
+        every = np.arange(self.ticks)
+        away = farthest + every % self.model.hold * self.top * (1.0 + abs(self.excess))
+        nearest = self.desired[every // self.model.hold]
+        lower, upper = nearest - away, nearest + away
         if self.start is not None:
             near = distance_from_rest(self.model, np.zeros(self.ticks), "envelope") / self.unit
             lower[: len(near)] = np.maximum(lower[: len(near)], self.start - near)
             upper[: len(near)] = np.minimum(upper[: len(near)], self.start + near)
-        slowest = np.full(self.ticks, self.excess - 1.0)
-        return np.array([lower, upper, slowest, slowest + 2.0])
+        ends = self.top * (self.excess + np.array([[-1.0], [1.0]]))
+        return np.vstack([lower, upper, np.tile(ends, self.ticks)])
 
     def box(self, ranges: Array) -> tuple[Array, Array]:
         """Centre and half the widths of a box that contains all unknowns."""
-        middle, room = np.full(self.size, self.excess), np.ones(self.size)
+        middle, room = np.zeros(self.size), np.ones(self.size)
         middle[: self.ticks] = (ranges[0] + ranges[1]) / 2.0
         room[: self.ticks] = (ranges[1] - ranges[0]) / 2.0
         return middle, room
-
-    def requests_at(
-        self, request: int, intervals: Intervals, lower: Array, upper: Array
-    ) -> RequestSet:
-        """Range of a request, and these ranges of the angles where it acts."""
-        interval = intervals.get(request, UNBOUNDED)
-        return RequestSet(self.gain, lower, upper, interval, self.excess)
-
-    @cached_property
-    def speeds(self) -> sparse.csr_array:
-        """Rows w(t), the speed in each tick but from rest the first."""
-        eye = sparse.eye_array(self.ticks, self.size, format="csr")
-        moved = np.arange(self.first, self.ticks)
-        return sparse.csr_array(eye[moved] - eye[self.before[moved]])
-
-    @cached_property
-    def motion(self) -> sparse.csr_array:
-        """Rows w(t) - sum_r W(r, t) u(r, t), which vanish."""
-        tick, _, weight, _ = self.pairs
-        at = (tick, np.arange(self.ticks, self.size))
-        weighted = sparse.csr_array((weight, at), shape=(self.ticks, self.size))
-        return sparse.csr_array(self.speeds - weighted[self.first :])
-
-    @cached_property
-    def changes(self) -> tuple[sparse.csr_array, Indices]:
-        """Rows u(r, t+1) - u(r, t), and the place of tick t among the speeds."""
-        pairs = self.pairs
-        pair = np.flatnonzero((pairs.following >= 0) & (pairs.tick >= self.first))
-        each = sparse.eye_array(self.size, format="csr")[self.ticks :]
-        rows = sparse.csr_array(each[pairs.following[pair]] - each[pair])
-        return rows, pairs.tick[pair] - self.first
 
 
 class Cut(NamedTuple):
@@ -256,7 +237,7 @@ class RelaxedSolution(NamedTuple):
 
     angles: Array  # x, shape (ticks,)
     contributions: Array  # u, shape (pairs,)
-    bound: float  # lower bound on the error of the relaxation, by (9) [v_max ticks]
+    bound: float  # lower bound on the error of the relaxation, by (9) [theta_0]
     matrix: sparse.csr_array  # G, shape (rows, unknowns), the equations of motion first
     limits: Array  # b, shape (rows,)
     multipliers: Array  # lambda, shape (rows,), the multipliers of the cuts last
@@ -272,9 +253,8 @@ def conditions(
     max(0, -w) is convex in w, so between its values at the ends of w's range it is at most the
     chord; the chord is exact where the direction is known.
     """
-    (changes, at), speeds, gain = problem.changes, problem.speeds, problem.gain
-    lower, upper, slow, fast = ranges
-    slow, fast = slow[problem.first :], fast[problem.first :]
+    changes, at, speeds = problem.changes, problem.changed_at, problem.speeds
+    (lower, upper), (slow, fast) = ranges[:2], ranges[2:, problem.first :]
     width = np.maximum(fast - slow, np.finfo(np.float64).tiny)
     back, forth = np.maximum(-slow, 0.0), np.maximum(fast, 0.0)
     # Slope and constant of the chord of max(0, -w), and of max(0, w).
@@ -285,15 +265,15 @@ def conditions(
     angles, contributions = unknowns[: problem.ticks], unknowns[problem.ticks :]
     ones = np.ones(contributions.shape[0])
     rows: list[tuple[Any, Array]] = [
-        (problem.motion, np.zeros(problem.equations)),
-        (changes - sparse.diags_array(gain * falling[at]) @ speeds[at], gain * fallen[at]),
-        (-changes - sparse.diags_array(gain * rising[at]) @ speeds[at], gain * risen[at]),
+        (problem.motion, np.full(problem.equations, problem.top * problem.excess)),
+        (changes - sparse.diags_array(falling[at]) @ speeds[at], fallen[at]),
+        (-changes - sparse.diags_array(rising[at]) @ speeds[at], risen[at]),
         (speeds, fast),
         (-speeds, -slow),
         (angles, upper),
         (-angles, -lower),
-        (contributions, ones + problem.excess),
-        (-contributions, ones - problem.excess),
+        (contributions, ones),
+        (-contributions, ones),
     ]
     if cuts:
         windows = [problem.windows[cut.request] for cut in cuts]
@@ -336,42 +316,23 @@ def solve_relaxation(problem: ScaledProblem, ranges: Array, cuts: list[Cut]) -> 
     )
 
 
-def violated_cuts(
-    problem: ScaledProblem, ranges: Array, solution: RelaxedSolution, intervals: Intervals
-) -> list[Cut]:
-    """A cut for every request whose contributions lie outside of its hull."""
-    new_cuts = []
-    for request, (own, at) in problem.windows.items():
-        requests = problem.requests_at(request, intervals, *ranges[:2, at])
-        cut = separate(solution.contributions[own], solution.angles[at], requests)
-        if cut is not None:
-            new_cuts.append(Cut(request, *cut))
-    return new_cuts
-
-
 class RequestSet(NamedTuple):
     """Range of one request, and ranges of the angles at the ticks at which it acts."""
 
-    gain: float  # gamma = v_max / theta_0 [1/tick]
     lower: Array  # least angles before these ticks, shape (m,)
     upper: Array  # greatest angles, shape (m,)
     interval: tuple[float, float] = UNBOUNDED  # least and greatest request
-    excess: float = 0.0  # excess of the top speed upwards, which is missing downwards
-
-    @property
-    def corners(self) -> tuple[float, float]:
-        """Errors at which the slope of f changes, the least first."""
-        return (self.excess - 1.0) / self.gain, (self.excess + 1.0) / self.gain
-
-    def contributions(self, errors: Array) -> Array:
-        """The contribution f / v of every error [-], like the errors."""
-        return np.asarray(np.clip(self.gain * errors, self.excess - 1.0, self.excess + 1.0))
 
     def breakpoints(self, angles: Array) -> Array:
         """Requests of the set at which some contribution starts or ceases to saturate; its ends."""
-        every = np.concatenate([angles + corner for corner in self.corners])
+        every = np.concatenate([angles - 1.0, angles + 1.0])
         within: Array = np.minimum(np.maximum(every, self.interval[0]), self.interval[1])
         return within
+
+
+def contributions_of(errors: Array) -> Array:
+    """The contribution u of every request less the angle."""
+    return np.asarray(np.minimum(np.maximum(errors, -1.0), 1.0))
 
 
 def support(nu: Array, xi: Array, requests: RequestSet) -> tuple[float, Array, Array]:
@@ -387,9 +348,9 @@ def support(nu: Array, xi: Array, requests: RequestSet) -> tuple[float, Array, A
     candidates = requests.breakpoints(np.concatenate([lower, upper]))[:, np.newaxis]
     angles = np.empty((4, len(candidates), len(lower)))
     angles[0], angles[1] = lower, upper
-    for place, corner in zip(angles[2:], requests.corners, strict=True):
+    for place, corner in zip(angles[2:], (-1.0, 1.0), strict=True):
         place[:] = np.minimum(np.maximum(candidates - corner, lower), upper)
-    contributions = requests.contributions(candidates - angles)
+    contributions = contributions_of(candidates - angles)
     values = nu * contributions - xi * angles
     best = int(np.argmax(values.max(axis=0).sum(axis=1)))
     which = values[:, best].argmax(axis=0), best, np.arange(len(lower))
@@ -406,12 +367,11 @@ def separate(
     """
     from scipy.optimize import nnls  # slow to import
 
-    gain, middle = requests.gain, (requests.lower + requests.upper) / 2.0
+    middle = (requests.lower + requests.upper) / 2.0
     angles = np.clip(angles, requests.lower, requests.upper)
     count, ones = len(contributions), 100.0  # weight of the equation that the shares sum to one
-    target = np.concatenate([contributions, gain * (angles - middle)])
-    candidates = np.unique(requests.breakpoints(angles))[:, np.newaxis]
-    curve = requests.contributions(candidates - angles)
+    target = np.concatenate([contributions, angles - middle])
+    curve = contributions_of(np.unique(requests.breakpoints(angles))[:, np.newaxis] - angles)
     points = np.hstack([curve, np.broadcast_to(target[count:], curve.shape)])
     best, deepest = None, VIOLATION
     for _ in range(TRIALS):
@@ -420,12 +380,12 @@ def separate(
         size = float(np.linalg.norm(residual))
         if size < VIOLATION:
             break
-        nu, xi = residual[:count] / size, -gain * residual[count:] / size
+        nu, xi = residual[:count] / size, -residual[count:] / size
         most, its_contributions, its_angles = support(nu, xi, requests)
         depth = float(nu @ contributions - xi @ angles) - most
         if depth > deepest:
             best, deepest = (nu, xi, most + CUT_ROUNDING), depth
-        point = np.concatenate([its_contributions, gain * (its_angles - middle)])
+        point = np.concatenate([its_contributions, its_angles - middle])
         points = np.vstack([points[shares > CUT_ROUNDING], point])
     return best
 
@@ -439,13 +399,11 @@ def nearest_request(
     point is the mean of the requests of those contributions that do not saturate.
     """
     ends = np.unique(requests.breakpoints(angles))
-    lower, upper = ends[:-1, np.newaxis], ends[1:, np.newaxis]
-    errors = (lower + upper) / 2.0 - angles
-    free = (errors > requests.corners[0]) & (errors < requests.corners[1])
-    own = angles + contributions / requests.gain
-    lowest = np.sum(free * own, axis=1) / np.maximum(np.sum(free, axis=1), 1)
+    middles = (ends[:-1, np.newaxis] + ends[1:, np.newaxis]) / 2.0
+    free = np.abs(middles - angles) < 1.0
+    lowest = np.sum(free * (angles + contributions), axis=1) / np.maximum(np.sum(free, axis=1), 1)
     candidates = np.append(ends, np.clip(lowest, ends[:-1], ends[1:]))[:, np.newaxis]
-    away = requests.contributions(candidates - angles) - contributions
+    away = contributions_of(candidates - angles) - contributions
     distances = np.linalg.norm(away, axis=1)
     nearest = int(np.argmin(distances))
     return float(candidates[nearest, 0]), float(distances[nearest])
@@ -454,7 +412,7 @@ def nearest_request(
 class Node(NamedTuple):
     """A part of all responses: intervals of requests, and ranges and bounds of the responses."""
 
-    bound: float  # lower bound on their error [v_max ticks]
+    bound: float  # lower bound on their error [theta_0]
     intervals: Intervals  # intervals of the requests that were branched on
     ranges: Array  # ends of the ranges of angles and speeds, (4, ticks)
     cuts: list[Cut]  # the active cuts
@@ -464,6 +422,15 @@ class Node(NamedTuple):
         """The cuts, the last rows of the relaxation, with their multipliers."""
         multipliers = self.solution.multipliers[len(self.solution.limits) - len(self.cuts) :]
         return list(zip(self.cuts, multipliers.tolist(), strict=True))
+
+    def mixtures(self, problem: ScaledProblem) -> Iterator[tuple[int, float, float, Array]]:
+        """Every request, the value nearest to its mixture, the distance, and sensible values."""
+        for request, (own, at) in problem.windows.items():
+            angles = self.solution.angles[at]
+            requests = RequestSet(angles, angles, self.intervals.get(request, UNBOUNDED))
+            ends = requests.breakpoints(angles)
+            nearest = nearest_request(self.solution.contributions[own], angles, requests)
+            yield request, *nearest, np.linspace(ends.min(), ends.max(), 300)
 
 
 def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -> float:
@@ -476,7 +443,7 @@ def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -
     root = _root(scaled)
     order = count()
     nodes = [(root.bound, next(order), root)]
-    while not _closed(scaled, nodes[0][0]) and not scaled.exhausted:
+    while not scaled.closed(nodes[0][0]) and not scaled.exhausted:
         node = nodes[0][2]
         if scaled.start is None and not scaled.cyclic:
             scaled.incumbent = min(scaled.incumbent, response_error(scaled, node))
@@ -492,7 +459,7 @@ def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -
             heapq.heappush(nodes, (child.bound, next(order), child))
     logging.getLogger(__name__).debug(
         "exact bound: %s at %.4g of the incumbent's error, %d nodes open",
-        "closed" if _closed(scaled, nodes[0][0]) else "stopped",
+        "closed" if scaled.closed(nodes[0][0]) else "stopped",
         nodes[0][0] / scaled.incumbent if scaled.incumbent else 1.0,
         len(nodes),
     )
@@ -505,17 +472,12 @@ def _root(problem: ScaledProblem) -> Node:
     solution = solve_relaxation(problem, ranges, [])
     bound = min(solution.bound, problem.incumbent)
     node = Node(bound, dict(problem.fixed), ranges, [], solution)
-    while not _closed(problem, node.bound):
+    while not problem.closed(node.bound):
         before = node.bound
         node = _tightened(problem, node, range(problem.ticks), rounds=ROUNDS)
         if node.bound <= before * (1.0 + GAIN) or problem.exhausted:
             break
     return node
-
-
-def _closed(problem: ScaledProblem, bound: float) -> bool:
-    allowed = max(GAP * problem.incumbent, ABSOLUTE_GAP / problem.unit)
-    return problem.incumbent - bound <= allowed
 
 
 def _tightened(
@@ -536,7 +498,12 @@ def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
         gained = turn == 0 or node.bound > before * (1.0 + GAP)
         if turn == rounds or not gained or node.bound >= problem.incumbent:
             break
-        new_cuts = violated_cuts(problem, node.ranges, solution, node.intervals)
+        new_cuts = []
+        for request, (own, at) in problem.windows.items():
+            lower, upper = node.ranges[:2, at]
+            requests = RequestSet(lower, upper, node.intervals.get(request, UNBOUNDED))
+            cut = separate(solution.contributions[own], solution.angles[at], requests)
+            new_cuts += [] if cut is None else [Cut(request, *cut)]
         if not new_cuts:
             break
         # Smaller multipliers are an interior-point method's rounding of zero.
@@ -548,13 +515,25 @@ def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
 def branch(problem: ScaledProblem, node: Node) -> list[Node]:
     """The node split in two: a request below a value, and the same request above it.
 
-    Empty where every mixture is nearer to a request than cuts can tell: the child with these
-    requests would have the same nearest point, and the same bound, however often it is split.
+    The request is the one whose mixture of contributions weighs most, and the value near to the
+    mixture; of mixtures without a weight, which all have while the bound is 0, the widest. Empty
+    where every mixture is nearer to a request than cuts can tell: the child with these requests
+    would have the same nearest point, and the same bound, however often it is split.
     """
-    branching = branching_request(problem, node)
-    if branching is None:
+    weights = dict.fromkeys(problem.windows, 0.0 if node.bound > 0.0 else 1.0)
+    for cut, weight in node.weighted_cuts():
+        weights[cut.request] += float(weight * np.linalg.norm(cut.nu))
+    wide = [
+        (weights[request] * distance, distance, request, value, grid)
+        for request, value, distance, grid in node.mixtures(problem)
+        if distance >= VIOLATION
+    ]
+    if not wide:
         return []
-    request, value = branching
+    *_, request, value, grid = max(wide, key=itemgetter(0, 1, 2))
+    value = float(grid[np.argmin(np.abs(grid - value))])  # so that rounding decides nothing
+    kept = MARGIN * (grid[-1] - grid[0])
+    value = min(max(value, grid[0] + kept), grid[-1] - kept)
     lower, upper = node.intervals.get(request, UNBOUNDED)
     children = []
     for side in ((lower, value), (value, upper)):
@@ -566,41 +545,8 @@ def branch(problem: ScaledProblem, node: Node) -> list[Node]:
     return children
 
 
-def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float] | None:
-    """The request whose mixture of contributions weighs most, and a value near to the mixture.
-
-    Of mixtures without a weight, which all have while the bound is 0, the widest. Mixtures that are
-    nearer to a request than the least violation of a cut do not count.
-    """
-    weights = dict.fromkeys(problem.windows, 0.0 if node.bound > 0.0 else 1.0)
-    for cut, weight in node.weighted_cuts():
-        weights[cut.request] += float(weight * np.linalg.norm(cut.nu))
-    wide: list[tuple[float, float, int, float]] = []
-    for request in problem.windows:
-        value, distance, ends = _nearest(problem, node, request)
-        if distance >= VIOLATION:
-            grid = np.linspace(*ends, 300)  # on it, so that rounding does not decide the search
-            value = float(grid[np.argmin(np.abs(grid - value))])
-            kept = MARGIN * (ends[1] - ends[0])
-            value = min(max(value, ends[0] + kept), ends[1] - kept)
-            wide.append((weights[request] * distance, distance, request, value))
-    return max(wide)[2:] if wide else None
-
-
-def _nearest(
-    problem: ScaledProblem, node: Node, request: int
-) -> tuple[float, float, tuple[float, float]]:
-    """The value nearest to a request's mixture, its distance, and the ends of sensible values."""
-    own, at = problem.windows[request]
-    angles = node.solution.angles[at]
-    requests = problem.requests_at(request, node.intervals, angles, angles)
-    ends = requests.breakpoints(angles)
-    nearest = nearest_request(node.solution.contributions[own], angles, requests)
-    return *nearest, (float(ends.min()), float(ends.max()))
-
-
 def response_error(problem: ScaledProblem, node: Node) -> float:
-    """The error of a response near to the node's mixtures [v_max ticks]: an incumbent.
+    """The error of a response near to the node's mixtures [theta_0]: an incumbent.
 
     It may begin at any angle, in motion, unlike a plan from rest. Without it the search for a bound
     that holds for every start would continue although the bound is attained: bounds of 14 problems
@@ -610,15 +556,24 @@ def response_error(problem: ScaledProblem, node: Node) -> float:
     """
     unknowns = np.zeros(max(problem.windows) + 2)  # the first angle, and the requests
     unknowns[0] = node.solution.angles[0]
-    for request in problem.windows:
-        unknowns[1 + request] = _nearest(problem, node, request)[0]
+    for request, value, _, _ in node.mixtures(problem):
+        unknowns[1 + request] = value
+    pairs = np.searchsorted(problem.tick, np.arange(problem.ticks + 1))  # the first of each tick
+    ways = 1e-6 * np.eye(len(unknowns))
 
-    def errors(chosen: Array) -> Array:
-        return np.asarray(_response_errors(problem, chosen[:, np.newaxis])[:, 0])
+    def errors(columns: Array) -> Array:
+        """Errors at the samples, (n, m), by first angles and requests, (1 + r, m)."""
+        angles = np.empty((problem.ticks, *columns.shape[1:]))
+        angles[0] = columns[0]
+        for tick in range(1, problem.ticks):
+            acting = slice(pairs[tick], pairs[tick + 1])
+            behind = columns[1 + problem.request[acting]] - angles[tick - 1]
+            moved = problem.weight[acting] @ contributions_of(behind) + problem.excess
+            angles[tick] = angles[tick - 1] + problem.top * moved
+        return np.asarray((angles[problem.sampled].T - problem.desired).T)
 
     def slopes(chosen: Array) -> Array:
-        ways = 1e-6 * np.eye(len(chosen))
-        sides = (_response_errors(problem, chosen[:, np.newaxis] + way) for way in (ways, -ways))
+        sides = (errors(chosen[:, np.newaxis] + way) for way in (ways, -ways))
         return np.asarray(np.subtract(*sides) / 2e-6)
 
     error = error_norm(errors(unknowns), problem.norm)
@@ -626,20 +581,6 @@ def response_error(problem: ScaledProblem, node: Node) -> float:
         return error
     better = least_squares(errors, unknowns, jac=slopes, max_nfev=30).x
     return min(error, error_norm(errors(better), problem.norm))
-
-
-def _response_errors(problem: ScaledProblem, unknowns: Array) -> Array:
-    """Errors of responses at the samples, (n, m), by first angles and requests, (1 + r, m)."""
-    ends = np.searchsorted(problem.pairs.tick, np.arange(problem.ticks + 1))
-    angles = np.empty((problem.ticks, unknowns.shape[1]))
-    angles[0] = unknowns[0]
-    top, excess = 1.0, problem.excess
-    for tick in range(1, problem.ticks):
-        acting = slice(ends[tick], ends[tick + 1])
-        behind = unknowns[1 + problem.pairs.request[acting]] - angles[tick - 1]
-        contributions = np.clip(problem.gain * behind, excess - top, excess + top)
-        angles[tick] = angles[tick - 1] + problem.pairs.weight[acting] @ contributions
-    return np.asarray(angles[problem.sampled] - problem.desired[:, np.newaxis])
 
 
 def tighten(
@@ -660,7 +601,7 @@ def tighten(
             problem, solution, columns, lengths, tick
         )
         angle = (chosen == tick).astype(np.float64)
-        speed = angle - (chosen == problem.before[tick])
+        speed = angle - (chosen == (tick - 1) % problem.ticks)
         undecided = tick >= problem.first and slowest[tick] < 0.0 < fastest[tick]
         objectives = [angle, -angle, speed, -speed][: 4 if undecided else 2]
         problem.work += matrix.nnz * len(objectives)
@@ -703,7 +644,7 @@ def local_conditions(
     around = around % problem.ticks if problem.cyclic else np.clip(around, 0, problem.ticks - 1)
     near = np.zeros(problem.ticks, dtype=np.bool_)
     near[around] = True
-    chosen = np.flatnonzero(np.concatenate([near, near[problem.pairs.tick]]))
+    chosen = np.flatnonzero(np.concatenate([near, near[problem.tick]]))
     inside = sparse.csr_array(columns[:, chosen])
     entries = np.diff(inside.indptr)
     kept = np.flatnonzero((entries == lengths) & (entries > 0))

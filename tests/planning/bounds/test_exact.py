@@ -18,6 +18,7 @@ from planner.planning.bounds.exact import (
     ScaledProblem,
     branch,
     conditions,
+    contributions_of,
     cut_off,
     exact_bound,
     nearest_request,
@@ -34,7 +35,7 @@ from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
 from tests.strategies import models, trajectories
 
 ROUNDING = 1e-7
-"""Rounding of angles, contributions and cuts [v_max a tick]; the cycle closes to 1e-12 rad."""
+"""Rounding of angles, contributions and cuts [theta_0]; the cycle closes to 1e-12 rad."""
 
 WITHIN = 1e-3  # what plans of the reference walk's joints may be above the bound
 
@@ -47,10 +48,9 @@ def unknowns(problem, model, requests, middle, *, cyclic, start):
     before = np.roll(angles, 1)
     if not cyclic:
         before[0] = requests[0] + model.offset if start is None else start
-    scaled = (np.asarray(requests) + model.offset - middle) / problem.unit
-    pairs = problem.pairs
-    at = (before[pairs.tick] - middle) / problem.unit
-    contributions = model.speed(problem.unit * (scaled[pairs.request] - at)) / model.v_max
+    apart = np.asarray(requests)[problem.request] + model.offset - before[problem.tick]
+    contributions = model.speed(apart) / model.v_max - problem.excess
+    scaled = (np.asarray(requests) + model.offset - middle) / problem.unit - problem.excess
     return np.concatenate([(angles - middle) / problem.unit, contributions]), scaled
 
 
@@ -205,22 +205,15 @@ def random_set(rng):
     lower = np.cumsum(rng.normal(size=count))
     upper = lower + rng.exponential(size=count) * rng.choice([0.0, 0.1, 1.0, 5.0])
     ends = np.sort(rng.normal(size=2) * 3.0)
-    requests = RequestSet(float(rng.uniform(0.02, 1.9)), lower, upper)
-    if rng.random() < 0.5:
-        requests = requests._replace(excess=float(rng.uniform(-0.9, 0.9)))
     kinds = [UNBOUNDED, tuple(ends), (ends[0], np.inf), (-np.inf, ends[1]), (ends[0], ends[0])]
-    return requests._replace(interval=kinds[rng.integers(len(kinds))])
-
-
-def called(requests, request, angles):
-    return np.clip(requests.gain * (request - angles), requests.excess - 1.0, requests.excess + 1.0)
+    scale = 10.0 ** rng.uniform(-1.5, 1.0)
+    return RequestSet(scale * lower, scale * upper, kinds[rng.integers(len(kinds))])
 
 
 def random_requests(rng, requests):
     """Requests within the interval, its ends and beyond what any angle of the set needs."""
-    reach = 2.0 / requests.gain
-    low = max(requests.interval[0], float(requests.lower.min()) - reach)
-    high = min(requests.interval[1], float(requests.upper.max()) + reach)
+    low = max(requests.interval[0], float(requests.lower.min()) - 2.0)
+    high = min(requests.interval[1], float(requests.upper.max()) + 2.0)
     low, high = min(low, requests.interval[1]), max(high, requests.interval[0])
     return [*rng.uniform(low, high, size=500), low, high]
 
@@ -230,7 +223,7 @@ def random_points(rng, requests):
     for request in random_requests(rng, requests):
         share = np.clip(rng.uniform(-0.5, 1.5, size=len(requests.lower)), 0.0, 1.0)
         angles = requests.lower + share * (requests.upper - requests.lower)
-        yield called(requests, request, angles), angles
+        yield contributions_of(request - angles), angles
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -246,7 +239,7 @@ def test_the_support_is_attained_at_a_point_of_the_set_and_exceeded_nowhere(seed
     assert nearest_request(contributions, angles, fixed)[1] <= SUMMED
     grid = np.linspace(requests.lower, requests.upper, 41)
     for request in random_requests(rng, requests):
-        values = nu * called(requests, request, grid) - xi * grid
+        values = nu * contributions_of(request - grid) - xi * grid
         assert values.max(axis=0).sum() <= most + SUMMED
 
 
@@ -254,7 +247,7 @@ def test_the_support_is_attained_at_a_point_of_the_set_and_exceeded_nowhere(seed
 def test_a_cut_takes_away_the_point_and_no_request(seed):
     rng = np.random.default_rng(seed)
     requests = random_set(rng)
-    calls = requests.excess + rng.uniform(-1.0, 1.0, size=len(requests.lower))
+    calls = rng.uniform(-1.0, 1.0, size=len(requests.lower))
     at = rng.uniform(requests.lower, requests.upper)
     cut = separate(calls, at, requests)
     points = [*random_points(rng, requests)]
