@@ -22,8 +22,10 @@ Places = npt.NDArray[np.uint32]
 
 
 class Factor(NamedTuple):
-    """Storage of the entries of a matrix, and of its factor L."""
+    """Storage of the entries of a symmetric matrix, of one triangle, and of its factor L."""
 
+    rows: Places  # row and column of each entry
+    columns: Places
     position: Places  # of each unknown in the order of elimination, (unknowns,)
     place: Places  # of each entry among the stored ones; equal places are one
     column: Indices  # first stored entry of each column of the upper triangle, (unknowns + 1,)
@@ -31,7 +33,7 @@ class Factor(NamedTuple):
     reach: Indices  # first of the columns of L with an entry in each row, (unknowns + 1,)
     reached: Places  # these columns, ascending
     below: Indices  # first entry of each column of L, (unknowns + 1,)
-    rows: Places  # row of each entry of L
+    lower: Places  # row of each entry of L
 
 
 @inner
@@ -97,7 +99,8 @@ def factor_of(rows: Places, columns: Places, position: Places) -> Factor:
             k = entries[at]
             reached[following[k]] = i
             following[k] += 1
-    return Factor(position, place, column, row[:number].copy(), reach, reached, below, entries)
+    stored = row[:number].copy()
+    return Factor(rows, columns, position, place, column, stored, reach, reached, below, entries)
 
 
 @inner
@@ -110,7 +113,7 @@ def solved(pattern: Factor, values: Array, right: Array, answer: Array) -> bool:
     """
     size, position = len(right), pattern.position
     column, row, reach, reached = pattern.column, pattern.row, pattern.reach, pattern.reached
-    below, rows = pattern.below, pattern.rows
+    below, rows = pattern.below, pattern.lower
     work, following, lower = np.zeros(size), below.copy(), np.empty(len(rows))
     pivots, permuted = np.empty(size), np.empty(size)
     for number in range(size):

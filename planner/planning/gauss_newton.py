@@ -139,14 +139,6 @@ class Point(NamedTuple):
     costs: Array
 
 
-class Pattern(NamedTuple):
-    """The KKT matrix: rows and columns of its entries, and its factor."""
-
-    rows: Places
-    columns: Places
-    factor: Factor
-
-
 @inner
 def foot_of(leg: Array, angles: Array, rows: Array) -> None:
     """Fill the derivatives of a foot's position by the joints' angles, and last the position [m].
@@ -494,10 +486,10 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
 
 
 PATTERNS, MOST_KEPT = 8, 4096  # patterns that are kept, and most samples of one: some 1 kB each
-_KEPT: dict[tuple[int, ...], Pattern] = {}
+_KEPT: dict[tuple[int, ...], Factor] = {}
 
 
-def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
+def pattern_of(spec: Spec, *, smoothing: bool) -> Factor:
     """The pattern of the steps of a problem: unknowns are eliminated in order of time.
 
     It depends on the numbers of samples, joints, drives and requests that act alone. The latest
@@ -537,7 +529,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
 
 
 @compiled
-def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
+def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Factor:
     """The pattern of the steps, by the position of each unknown in the order of elimination."""
     samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
@@ -548,13 +540,12 @@ def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
     terms, eased = np.zeros((samples, joints)), np.zeros((samples, len(spec.drives)))
     values, rows, columns = np.zeros(room), np.zeros(room, np.uint32), np.zeros(room, np.uint32)
     count = set_entries(spec, stage, point, terms, eased, rows, columns, values)
-    rows, columns = rows[:count].copy(), columns[:count].copy()
-    return Pattern(rows, columns, factor_of(rows, columns, position))
+    return factor_of(rows[:count].copy(), columns[:count].copy(), position)
 
 
 @inner
 def set_step(
-    spec: Spec, stage: Stage, pattern: Pattern, point: Point, search: Search, step: Array
+    spec: Spec, stage: Stage, pattern: Factor, point: Point, search: Search, step: Array
 ) -> tuple[bool, float]:
     """Fill the Gauss-Newton step: changes of requests and states, then the multipliers.
 
@@ -610,17 +601,16 @@ def set_step(
         for s in range(states):
             right[multiplier + k * states + s] = defects[k, s]
 
-    rows_of_entries, columns, places = pattern.rows, pattern.columns, pattern.factor.place
-    values, matrix = np.empty(len(columns)), np.empty(len(pattern.factor.row))
-    set_entries(spec, stage, point, terms, eased, rows_of_entries, columns, values)
-    stiffness, target = STIFF * (point.costs[4] + stage.weight), right.copy()
+    places, values = pattern.place, np.empty(len(pattern.place))
+    set_entries(spec, stage, point, terms, eased, pattern.rows, pattern.columns, values)
+    free, stiffness = np.zeros(len(pattern.row)), STIFF * (point.costs[4] + stage.weight)
+    for e in range(len(values)):
+        free[places[e]] += values[e]
+    matrix, target = np.empty_like(free), np.empty_like(right)
     for _ in range(ACTIVE_SETS):
-        matrix[:] = 0.0
-        target[:] = right
-        set_penalties(spec, point, search, terms, stiffness, values, target)
-        for e in range(len(values)):
-            matrix[places[e]] += values[e]
-        if not solved(pattern.factor, matrix, target, step):
+        matrix[:], target[:] = free, right
+        add_penalties(spec, point, search, stiffness, places, matrix, target)
+        if not solved(pattern, matrix, target, step):
             return False, 0.0
         if not active_changed(spec, point, step, search.active[0], search.active[1]):
             break
@@ -644,20 +634,19 @@ def set_step(
 
 
 @inner
-def set_penalties(
+def add_penalties(
     spec: Spec,
     point: Point,
     search: Search,
-    terms: Array,
     stiffness: float,
-    values: Array,
+    places: Places,
+    matrix: Array,
     target: Array,
 ) -> None:
     """Hold requests and changes at their active limits by penalties of this stiffness.
 
-    They are added to the right-hand side, ``target``, and to the ``values`` that
-    :func:`set_entries` has left for them: the first ones, of which the Levenberg-Marquardt terms
-    of the requests are a part, and the last ones.
+    They are added to the matrix, at the places of the entries that :func:`set_entries` has for
+    them, and to the right-hand side.
     """
     samples, joints = spec.bounds.shape[1:]
     at_limit, tight = search.active[0], search.active[1]
@@ -666,17 +655,16 @@ def set_penalties(
         k, j = number // joints, number % joints
         bound = FIRST if k == 0 and not spec.cyclic else LOWER if at_limit[k, j] < 0 else UPPER
         pinned = bound == FIRST or bounds[LOWER, k, j] == bounds[UPPER, k, j]
-        values[number] = terms[k, j]
         if pinned or at_limit[k, j] != 0:
-            values[number] += stiffness
+            matrix[places[number]] += stiffness
             target[number] += stiffness * (bounds[bound, k, j] - requests[k, j])
     for number in range(count if spec.limited else 0):
         k, j, following = number // joints, number % joints, (number + joints) % count
-        penalty, entry = stiffness * abs(tight[k, j]), len(values) - 3 * (count - number)
-        values[entry] = penalty
-        values[entry + 1] = penalty
-        values[entry + 2] = -penalty
         if tight[k, j] != 0:
+            entry = len(places) - 3 * (count - number)
+            matrix[places[entry]] += stiffness
+            matrix[places[entry + 1]] += stiffness
+            matrix[places[entry + 2]] -= stiffness
             moved = requests[(k + 1) % samples, j] - requests[k, j]
             force = stiffness * (tight[k, j] * bounds[LARGEST_CHANGE, k, j] - moved)
             target[number] -= force
@@ -774,7 +762,7 @@ def merit_of(point: Point, step: Array, penalty: float) -> float:
 
 @compiled
 def go_through(
-    spec: Spec, pattern: Pattern, search: Search, stages: Array
+    spec: Spec, pattern: Factor, search: Search, stages: Array
 ) -> tuple[Array, Array, Array]:
     """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one.
 
@@ -791,7 +779,7 @@ def go_through(
     errors, figures = np.empty(len(spec.shares) + 1), np.full((len(stages), 3), np.inf)
     ends = np.empty((len(stages), samples, joints))
     angles = np.full((len(stages), samples, len(spec.drives)), np.nan)
-    states, step = search.states.shape[1], np.zeros(len(pattern.factor.position))
+    states, step = search.states.shape[1], np.zeros(len(pattern.position))
     state, count = samples * joints, samples * (joints + states)
     smoothing, damping = stages[0, 4] != 0.0, search.damping
     point, trial = allocated(spec, smoothing), allocated(spec, smoothing)

@@ -95,7 +95,7 @@ def step_at(problem, stage, point, damping=DAMPING):
         np.zeros((2, *point.requests.shape), dtype=np.int64),
         np.array([damping]),
     )
-    step = np.zeros(len(pattern.factor.position))
+    step = np.zeros(len(pattern.position))
     found, predicted = set_step(problem.spec, stage, pattern, point, search, step)
     if not found:
         assert damping < MOST_DAMPING
@@ -279,7 +279,7 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     multipliers = np.random.default_rng(5).normal(size=point.states.shape)
     held = np.zeros((2, *point.requests.shape), dtype=np.int64)
     search = Search(point.requests, point.states, multipliers, held, np.array([DAMPING]))
-    step = np.zeros(len(pattern.factor.position))
+    step = np.zeros(len(pattern.position))
     found, _ = set_step(spec, stage, pattern, point, search, step)
     assert found
 
