@@ -152,14 +152,15 @@ def _without_saturation(best: Fit) -> Fit:
 
 def moving(grid: Grid) -> Grid:
     """The grid, or why nothing can be learned from it."""
-    from planner.model.kernel import requests_in_force
+    from planner.model.kernel import numbers_in_force
 
     least = 1e-12  # of motion [rad]: what is less is rounding
     if len(grid.angles) < 10:
         raise InvalidInput(
             f"the log has {len(grid.angles)} rows to learn from, expected 10 or more with torque on"
         )
-    if np.ptp(requests_in_force(grid.edges, grid.requests, grid.ticks, 0.0)) <= least:
+    sent = grid.requests[numbers_in_force(grid.edges, grid.ticks, 0.0, 0.0)]
+    if np.ptp(sent) <= least:
         raise InvalidInput(
             "the requests never change in this log: record one in which they move the joint"
         )
@@ -327,7 +328,7 @@ def delayed_errors(grid: Grid, delay: float) -> Array:
 
     A request that comes into force at the very time of a row counts for that row.
     """
-    from planner.model.kernel import requests_in_force
+    from planner.model.kernel import numbers_in_force
 
     late = delay - 1e-6 * grid.tick
-    return requests_in_force(grid.edges, grid.requests, grid.times, late) - grid.angles
+    return grid.requests[numbers_in_force(grid.edges, grid.times, late, 0.0)] - grid.angles

@@ -410,50 +410,15 @@ START = 15
 """The derivative by the angle at which the run of a row starts."""
 
 
-@inner
-def number_in_force(edges: Array, time: float, number: int) -> int:
-    """The number of the request in force at a time, sought from another number on."""
-    while number > 0 and edges[number] > time:
-        number -= 1
-    while number < len(edges) - 1 and edges[number + 1] <= time:
-        number += 1
-    return number
-
-
 @compiled
-def requests_in_force(edges: Array, requests: Array, times: Array, before: float) -> Array:
-    """The request in force so long before each of increasing times [rad]; at first the first."""
-    found, number = np.empty(len(times)), 0
+def numbers_in_force(edges: Array, times: Array, lag: float, window: float) -> Indices:
+    """The number of the request in force a lag and a window before each of increasing times."""
+    found, number = np.empty(len(times), dtype=np.int_), 0
     for k in range(len(times)):
-        number = number_in_force(edges, times[k] - before, number)
-        found[k] = requests[number]
-    return found
-
-
-@inner
-def oldest_acting(servo: Servo, track: Track) -> Indices:
-    """Number of the oldest request that acts at each tick, (t,)."""
-    oldest, number = np.empty(len(track.ticks), dtype=np.int_), 0
-    for t in range(len(oldest)):
-        begin = track.ticks[t] - servo.lag - servo.window
-        number = number_in_force(track.edges, begin, number)
-        oldest[t] = number
-    return oldest
-
-
-@inner
-def beside_edges(servo: Servo, track: Track, apart: float) -> Array:
-    """Requests a little before and after both edges of the window at each tick [rad], (t, 2, 2).
-
-    First those of the youngest request, then those of the oldest one.
-    """
-    found = np.empty((len(track.ticks), 2, 2))
-    for side in range(2):
-        for edge in range(2):
-            shift = servo.lag + edge * servo.window - (2.0 * side - 1.0) * apart
-            found[:, edge, side] = requests_in_force(
-                track.edges, track.requests, track.ticks, shift
-            )
+        time = times[k] - lag - window
+        while number < len(edges) - 1 and edges[number + 1] <= time:
+            number += 1
+        found[k] = number
     return found
 
 
@@ -495,9 +460,16 @@ def along(
     has_integral = law.integral_share > 0.0
     has_sag_columns = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
     edges, requests, last = track.edges, track.requests, len(track.edges) - 1
-    oldest, by_window = oldest_acting(servo, track), 1.0 / servo.window
-    beside = beside_edges(servo, track, apart) if count > 0 else np.empty((0, 2, 2))
-    window = servo.window / track.tick
+    oldest = numbers_in_force(edges, track.ticks, servo.lag, servo.window)
+    window, by_window = servo.window / track.tick, 1.0 / servo.window
+    # requests a little before and after the window's edges, of the youngest and the oldest request
+    beside = np.empty((2, 2, len(states) if count > 0 else 0))
+    for edge in range(2 if count > 0 else 0):
+        for side in range(2):
+            shift = servo.lag + edge * servo.window - (2.0 * side - 1.0) * apart
+            numbers = numbers_in_force(edges, track.ticks, shift, 0.0)
+            for t in range(len(states)):
+                beside[edge, side, t] = requests[numbers[t]]
     drives, kinks, by_sag = np.zeros((3, START + 1))
     past, now, motion, fast, summed = np.zeros((5, count))
     pushed, bends, sag_changes = np.zeros((3, count))
@@ -557,8 +529,8 @@ def along(
         if count > 0:
             side_young = side_old = 0.0
             for k in range(2):
-                side_young += drive(law, beside[t, 0, k] + sag - angle, faster)[0] / 2.0
-                side_old += drive(law, beside[t, 1, k] + sag - angle, faster)[0] / 2.0
+                side_young += drive(law, beside[0, k, t] + sag - angle, faster)[0] / 2.0
+                side_old += drive(law, beside[1, k, t] + sag - angle, faster)[0] / 2.0
             # By the drive g(t)
             # The limits are v_max + gain * dead band, in a speed loop v_max, and shifted by gain *
             # the sag by the pose.
