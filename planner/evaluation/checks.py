@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import NoSteadyCycle
-from planner.model.joint import JointModel, acting, request_ages
+from planner.model.joint import JointModel, acting_requests
 from planner.model.response import load_by_period, motion_under
 from planner.planning.bounds.reachable_set import Level
 from planner.planning.plan import Inversion, Plan
@@ -126,12 +126,9 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     run = _symbolic_run(model, requests, load, cyclic=plan.cyclic)
     torque = 0.0 if load is None else load[0]
 
-    def at_rest(angle: float) -> Array:
-        return np.array([angle, 0.0, float(model.rest_integral(angle, torque))])
-
     if not plan.cyclic:
         rest = float(model.rest(requests[0], torque)) if start is None else start
-        angles = run(at_rest(rest))[0]
+        angles = run(model.at_rest(rest, torque))[0]
         apart = float(np.max(np.abs(predicted - angles)))
         return Answer(apart, abs(float(predicted[0]) - rest), 0.0)
     acting_load = load_by_period(load, cyclic=True)
@@ -140,7 +137,7 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     closure = abs(float(following[-1] - predicted[-1]))
     apart = max(float(np.max(np.abs(predicted - following))), closure)
     ends = (requests.min() + model.offset, requests.max() + model.offset)
-    cycles = (_settled(run, at_rest(end)) for end in ends)
+    cycles = (_settled(run, model.at_rest(end, torque)) for end in ends)
     away = (float(np.max(np.abs(each - predicted))) for each in cycles if each is not None)
     elsewhere = max(away, default=0.0)
     same = elsewhere <= AGREEMENT.value or apart > AGREEMENT.value
@@ -171,7 +168,7 @@ def _symbolic_run(
     count = len(requests)
     acting_load = load_by_period(load, cyclic=cyclic)
     torques = np.zeros(count) if acting_load is None else acting_load
-    sent = requests[np.maximum(acting(request_ages(model), count, cyclic=cyclic), 0)]
+    sent = requests[np.maximum(acting_requests(model).numbers(count, cyclic=cyclic), 0)]
     size = model.law.states
     first = 0 if cyclic else 1
     periods = period_function(model).mapaccum("run", count - first)
@@ -180,7 +177,7 @@ def _symbolic_run(
         motion, begun = np.zeros((3, count)), state[:size]
         if not cyclic:
             tick = period_function(replace(model, hold=1))
-            width = request_ages(replace(model, hold=1)).width
+            width = acting_requests(replace(model, hold=1)).width
             begun = np.asarray(tick(begun, np.full(width, requests[0]), torques[0], 0.0)).ravel()
             motion[:size, 0] = begun
         motion[:size, first:] = periods(begun, sent[first:].T, torques[first:], 0.0)

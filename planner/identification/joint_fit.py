@@ -331,4 +331,5 @@ def delayed_errors(grid: Grid, delay: float) -> Array:
     from planner.model.kernel import numbers_in_force
 
     late = delay - 1e-6 * grid.tick
-    return grid.requests[numbers_in_force(grid.edges, grid.times, late, 0.0)] - grid.angles
+    numbers = numbers_in_force(grid.edges, grid.times, late, 0.0)
+    return np.asarray(grid.requests[numbers] - grid.angles)

@@ -434,12 +434,10 @@ class JointModel:
         """The sag by gravity at an angle [rad], beside :meth:`sag`; none with an integral term."""
         return np.zeros(np.shape(angle)) if self.has_integral else self.gravity(angle)
 
-    def rest_integral(self, angle: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
-        """The integral of the servo at rest [rad/tick]: what makes up for load and gravity."""
-        if not self.has_integral:
-            return np.zeros(np.shape(angle))
-        by_load = self.compliance * np.asarray(load, dtype=np.float64)
-        return np.asarray(-self.law.gain * (by_load + self.gravity(angle)))
+    def at_rest(self, angle: float, load: float = 0.0) -> Array:
+        """The state at rest at an angle [rad], (3,): an integral makes up for load and gravity."""
+        sag = self.compliance * load + float(self.gravity(angle))
+        return np.array([angle, 0.0, -self.law.gain * sag if self.has_integral else 0.0])
 
     def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
         """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q).
@@ -564,53 +562,44 @@ class JointModel:
         return Window(first, weights)
 
 
-class RequestAges(NamedTuple):
-    """Ages of the requests that act between two samples: ``youngest`` to ``oldest`` [requests]."""
+class Acting(NamedTuple):
+    """The requests that act between samples k-1 and k, on any of some joints."""
 
-    youngest: int
-    oldest: int
+    youngest: int  # age of the youngest one, counted back from sample k [requests]
+    weights: Array  # of each one at each tick, youngest first, (joints, hold, width)
 
     @property
     def width(self) -> int:
         """Number of requests that act."""
-        return self.oldest - self.youngest + 1
+        return int(self.weights.shape[2])
+
+    @property
+    def oldest(self) -> int:
+        """Age of the oldest one [requests]."""
+        return self.youngest + self.width - 1
+
+    def numbers(self, samples: int, *, cyclic: bool) -> npt.NDArray[np.int_]:
+        """Number of the request that acts before sample k, the j-th youngest: (samples, width).
+
+        From rest the index is -1 for requests before the first; they equal the first one.
+        """
+        numbers = np.arange(samples)[:, np.newaxis] - self.youngest - np.arange(self.width)
+        return numbers % samples if cyclic else np.maximum(numbers, -1)
 
 
 @lru_cache(maxsize=128)
-def request_ages(*models: JointModel) -> RequestAges:
-    """Ages, counted back from sample k, of the requests that act between samples k-1 and k.
-
-    Of several joints those that act on any of them.
-    """
-    youngest = [(each.window.first + each.hold - 1) // each.hold for each in models]
-    oldest = [-((1 - each.hold - each.window.last) // each.hold) for each in models]
-    return RequestAges(min(youngest), max(oldest))
-
-
-def acting(ages: RequestAges, samples: int, *, cyclic: bool) -> npt.NDArray[np.int_]:
-    """Number of the request that acts before sample k, the j-th youngest: shape (samples, count).
-
-    From rest the index is -1 for requests before the first; they equal the first one.
-    """
-    each = ages.youngest + np.arange(ages.width)
-    numbers = np.arange(samples)[:, np.newaxis] - each
-    return numbers % samples if cyclic else np.maximum(numbers, -1)
-
-
-@lru_cache(maxsize=128)
-def weights_by_tick(*models: JointModel) -> Array:
-    """Weight of each request at each tick of a period, youngest first: (joints, hold, width).
-
-    Of several joints for the requests that act on any of them, and the longest hold.
-    """
-    ages = request_ages(*models)
-    weights = np.zeros((len(models), max(model.hold for model in models), ages.width))
+def acting_requests(*models: JointModel) -> Acting:
+    """The requests that act on joints, with their weights for the longest hold."""
+    youngest = min((each.window.first + each.hold - 1) // each.hold for each in models)
+    oldest = max(-((1 - each.hold - each.window.last) // each.hold) for each in models)
+    hold = max(model.hold for model in models)
+    weights = np.zeros((len(models), hold, oldest - youngest + 1))
     for own, model in zip(weights, models, strict=True):
         for number, tick in enumerate(range(1 - model.hold, 1)):
             for j, weight in enumerate(model.window.weights):
                 age = -((tick - model.window.first - j) // model.hold)
-                own[number, age - ages.youngest] += weight
-    return weights
+                own[number, age - youngest] += weight
+    return Acting(youngest, weights)
 
 
 def with_ticks(

@@ -465,11 +465,11 @@ def along(
     # requests a little before and after the window's edges, of the youngest and the oldest request
     beside = np.empty((2, 2, len(states) if count > 0 else 0))
     for edge in range(2 if count > 0 else 0):
-        for side in range(2):
-            shift = servo.lag + edge * servo.window - (2.0 * side - 1.0) * apart
+        for after in range(2):
+            shift = servo.lag + edge * servo.window - (2.0 * after - 1.0) * apart
             numbers = numbers_in_force(edges, track.ticks, shift, 0.0)
             for t in range(len(states)):
-                beside[edge, side, t] = requests[numbers[t]]
+                beside[edge, after, t] = requests[numbers[t]]
     drives, kinks, by_sag = np.zeros((3, START + 1))
     past, now, motion, fast, summed = np.zeros((5, count))
     pushed, bends, sag_changes = np.zeros((3, count))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
+from planner.model.joint import JointModel, acting_requests, checked_model
 from planner.model.law import MOST_CYCLES
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, shown
@@ -97,12 +97,12 @@ def motion_under(
 
     if torques is None:
         torques = np.zeros(len(requests))
-    motion = np.empty((3, len(requests)))
+    motion, acting = np.empty((3, len(requests))), acting_requests(model)
     apart = motion_of(
         model.law,
-        weights_by_tick(model)[0],
+        acting.weights[0],
         np.array(requests),  # writeable: compiled once for all
-        request_ages(model).oldest,
+        acting.oldest,
         model.compliance * torques,
         model.faster_per_tick(torques),
         np.nan if start is None else start,

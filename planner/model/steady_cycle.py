@@ -20,8 +20,8 @@ CYCLE_TOLERANCE = 1e-12
 """A cycle is closed when its ends agree to this [rad], relative to angles beyond 1 rad."""
 
 FIXED_POINT_CYCLES = 3
-"""First cycles of a joint with dry friction that start where the one before ended; afterwards
-bisection takes turns with them."""
+"""First cycles of a joint without inertia that may start where the one before ended; afterwards
+bisection takes their place, or with dry friction turns with them."""
 
 
 class Cycle(NamedTuple):

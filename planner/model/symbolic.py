@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from planner.model.joint import JointModel, request_ages, weights_by_tick
+from planner.model.joint import JointModel, acting_requests
 from planner.model.law import Law, State
 
 
@@ -21,15 +21,15 @@ def period_function(model: JointModel) -> Any:
     """
     import casadi
 
-    law, size = model.law, model.law.states
+    law, size, acting = model.law, model.law.states, acting_requests(model)
     state: Any = casadi.SX.sym("x", size)
-    requests = casadi.SX.sym("R", request_ages(model).width)
+    requests = casadi.SX.sym("R", acting.width)
     load, radius = casadi.SX.sym("load"), casadi.SX.sym("e")
     torque = load if model.feels_load else 0.0
     sag, corner = model.compliance * torque, law.gain * radius
     faster = (model.v_offset + model.speed_per_torque * torque) * model.tick
     angle, speed, integral = State(*(state[s] for s in range(size)))
-    for weights in weights_by_tick(model)[0].tolist():
+    for weights in acting.weights[0].tolist():
         raised = law.offset + sag + law.integral_inside * integral / law.gain
         by_pose = law.sag_sin * casadi.sin(angle) + law.sag_cos * casadi.cos(angle)
         drives = [

@@ -13,7 +13,7 @@ from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_fo
 from planner.approximation.fit_pwl import fit_pwl
 from planner.approximation.values import slope_bounded
 from planner.exceptions import InvalidInput, about, angle_text
-from planner.model.joint import JointModel, checked_model, request_ages
+from planner.model.joint import JointModel, acting_requests, checked_model
 from planner.model.response import checked_load
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
@@ -367,7 +367,7 @@ def within_attainable_range(
     model: JointModel, angles: Array, start: float, torques: Array
 ) -> Array:
     """Angles clipped to the attainable range of a joint at rest at the start [rad], (n,)."""
-    moving = np.arange(len(angles)) > request_ages(model).youngest  # the second request acts
+    moving = np.arange(len(angles)) > acting_requests(model).youngest  # the second request acts
     limits = np.multiply(model.speed_limits(torques, angles), model.period)
     low, high = np.cumsum(limits * moving, axis=1)
     return np.clip(angles, start + low, start + high)
@@ -380,5 +380,5 @@ def below_top_speed(problem: Problem, ideal: Array) -> int:
     low, high = np.multiply(limits, (1.0 - BARELY_SLOWER) * model.period)
     before = ideal[-1:, 0] if problem.cyclic else ideal[:1, 0]
     moved = np.diff(ideal[:, 0], prepend=before)
-    resting = 0 if problem.cyclic else request_ages(model).youngest + 1
+    resting = 0 if problem.cyclic else acting_requests(model).youngest + 1
     return int(np.count_nonzero(((moved > low) & (moved < high))[resting:]))

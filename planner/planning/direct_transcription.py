@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 
 from planner.exceptions import SolverFailed, angle_text
-from planner.model.joint import acting, request_ages
 from planner.model.symbolic import period_function
 from planner.planning.problem import Problem
 from planner.trajectory import Array
@@ -59,7 +58,7 @@ def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
     """
     import casadi
 
-    if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
+    if not problem.cyclic and len(problem.desired) <= problem.acting.youngest + 1:
         return first  # no free request acts before the end
     (model,), samples, cyclic = problem.drives, len(problem.desired), problem.cyclic
     unit, size, torques = model.theta_0, model.law.states, problem.torques[0]
@@ -85,11 +84,10 @@ def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
         speeds = opti.variable(size - 1, samples)
         opti.set_initial(speeds[0, :], np.gradient(ideal[:, 0] / unit) / model.hold)
         states = casadi.vertcat(states, speeds)
-    rest = np.zeros(size)
-    rest[0] = 0.0 if problem.start is None else float(problem.start[0]) / unit
-    rest[2:] = model.rest_integral(unit * rest[0], torques[0]) / unit
+    start = 0.0 if problem.start is None else float(problem.start[0])
+    rest = model.at_rest(start, torques[0])[:size] / unit
     before = casadi.horzcat(states[:, -1] if cyclic else rest, states[:, :-1])
-    sent = np.maximum(acting(request_ages(model), samples, cyclic=cyclic), 0).tolist()
+    sent = np.maximum(problem.acting.numbers(samples, cyclic=cyclic), 0).tolist()
     period_of = period_function(model)
     for k in range(samples):
         inputs = unit * before[:, k], unit * requests[sent[k]], torques[k], unit * radius

@@ -14,13 +14,7 @@ from operator import attrgetter
 import numpy as np
 
 from planner.exceptions import Infeasible
-from planner.model.joint import (
-    JointModel,
-    RequestAges,
-    acting,
-    request_ages,
-    weights_by_tick,
-)
+from planner.model.joint import Acting, JointModel, acting_requests
 from planner.model.response import load_by_period, rest_angles, rest_requests
 from planner.planning.gauss_newton import (
     FIRST,
@@ -102,9 +96,9 @@ class Problem(Task):
         return self.spec.near.centre
 
     @cached_property
-    def ages(self) -> RequestAges:
-        """The ages of the requests that act on any of the joints between two samples."""
-        return request_ages(*self.drives)
+    def acting(self) -> Acting:
+        """The requests that act on any of the joints between two samples."""
+        return acting_requests(*self.drives)
 
     @property
     def settling(self) -> float:
@@ -146,15 +140,15 @@ class Problem(Task):
         rows = Rows(np.repeat(samples, 3, axis=1), each, near)
         spec = Spec(
             cyclic=self.cyclic,
-            oldest=self.ages.oldest,
+            oldest=self.acting.oldest,
             parts=parts,
             largest=self.norm == "max",
             worst=self.robust == "worst",
             limited=bool(np.isfinite(self.max_step).any()),
             ridge=RIDGE if self.goal == "foot" else 0.0,
             drives=np.array(drives, dtype=np.float64),
-            weights=weights_by_tick(*self.drives),
-            acting=acting(self.ages, len(self.desired), cyclic=self.cyclic),
+            weights=self.acting.weights,
+            acting=self.acting.numbers(len(self.desired), cyclic=self.cyclic),
             periods=periods,
             bounds=bounds,
             near=rows,

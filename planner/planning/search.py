@@ -214,7 +214,7 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
         best = min(best, from_start(requests, through_rms=True), key=error)
     if best[1] > near + NEGLIGIBLE * model.theta_0:
         count = len(problem.desired)
-        if count <= 2 * problem.ages.oldest or model.v_max_per_tick > model.theta_0:
+        if count <= 2 * problem.acting.oldest or model.v_max_per_tick > model.theta_0:
             later = np.arange(count) + round(model.switching_time / model.period)
             later = later % count if problem.cyclic else np.minimum(later, count - 1)
             further = [problem.admissible(problem.resting[later]), problem.resting]
@@ -302,7 +302,7 @@ def first_request_freed(
     assert middle is not None, "from rest a first request holds the joint"
     within = 1.0 - 1e-9  # rounding must not move the joint
     firsts = [middle + edge * model.dead_band for edge in (-within, within)]
-    count = math.ceil(BEGINNING * (problem.ages.oldest + problem.settling))
+    count = math.ceil(BEGINNING * (problem.acting.oldest + problem.settling))
     if len(problem.desired) > 2 * count:
         load = None if problem.load is None else problem.load[:count]
         beginning = replace(problem, desired=problem.desired[:count], load=load)
@@ -760,7 +760,7 @@ def shaking_rests(problem: Problem, requests: Array, margin: int) -> Mask | None
     moving = np.any(np.abs(desired - before) > STATIONARY, axis=1)
     if np.all(moving):
         return None
-    first, last = problem.ages.youngest - margin, problem.ages.oldest + margin
+    first, last = problem.acting.youngest - margin, problem.acting.oldest + margin
     reach = max(abs(first), last)
     padded = np.pad(moving, reach, mode="wrap" if problem.cyclic else "constant")
     moved = np.concatenate([[0], np.cumsum(padded)])

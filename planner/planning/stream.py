@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
-from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
+from planner.model.joint import JointModel, acting_requests, checked_model
 from planner.planning.task import joint_names, limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
 from planner.validation import Summarised, Summary, as_reals, as_whole, check_choice, shown
@@ -170,10 +170,10 @@ class Stream(Summarised):
         from planner.planning.repeating_path import repeating_path
 
         models, count, preview = self.models, len(self.models), self.preview
-        ages = request_ages(*models)
+        acting = acting_requests(*models)
         ahead = 0 if self.cycle is None else round(HORIZON / self.period) - preview
         self._path = repeating_path(count, preview, self.cycle or 2, ahead=ahead)
-        samples = max(preview + self._path.ahead - ages.youngest, ages.width)
+        samples = max(preview + self._path.ahead - acting.youngest, acting.width)
         joints = np.zeros(count, dtype=tick.JOINT)
         for name in ("compliance", "theta_0", "dead_band", "hold"):
             joints[name] = [getattr(model.steady, name) for model in models]
@@ -186,7 +186,7 @@ class Stream(Summarised):
         joints["lower"], joints["upper"], joints["max_step"] = *self._limits, self._max_step
         joints["smoothing"] = SMOOTHING + CROSSING * joints["dead_band"] / joints["theta_0"]
         effects = np.array([model.switching_time for model in models]) / self.period
-        joints["effect"] = effects - ages.youngest
+        joints["effect"] = effects - acting.youngest
         joints["observer"] = 1.0 - math.exp(-self.period / OBSERVER_TIME)
         states = np.zeros(count, dtype=tick.STATE)
         states["angle"] = states["read"] = states["believed"] = math.nan
@@ -195,9 +195,9 @@ class Stream(Summarised):
             joints=joints,
             laws=np.array([model.law for model in models]),
             states=states,
-            weights=weights_by_tick(*models),
+            weights=acting.weights,
             radii=np.geomspace(NEAR, FAR, samples),
-            sent=np.zeros((count, ages.oldest)),
+            sent=np.zeros((count, acting.oldest)),
             plan=np.zeros((count, samples)),
             desired=np.zeros((preview, count)),
             load=np.zeros((preview, count)),

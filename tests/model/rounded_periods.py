@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.model import kernel
-from planner.model.joint import JointModel, request_ages, weights_by_tick
+from planner.model.joint import JointModel, acting_requests
 from planner.trajectory import Array
 
 
@@ -27,7 +27,7 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, moving=None, 
     radius of the corners counts in theta_0; ``load`` is a torque in each period [N m], (n,).
     """
     n, width = windows.shape
-    assert width == request_ages(model).width
+    assert width == acting_requests(model).width
     torques = np.zeros(n) if load is None else load
     sags, faster = model.compliance * torques, model.faster_per_tick(torques)
     rounded = (model.law.gain * max(radius, 1e-150) * model.theta_0) ** 2
@@ -38,7 +38,7 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, moving=None, 
     derivatives = np.empty((own, own + 2 * width, n))
     kernel.periods(
         model.law,
-        weights_by_tick(model)[0],
+        acting_requests(model).weights[0],
         window,
         sags,
         faster,

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from planner.model.joint import JointModel, request_ages
+from planner.model.joint import JointModel, acting_requests
 from planner.model.response import load_by_period, motion_under, rest_requests, simulate
 from planner.model.symbolic import period_function
 from tests.independent import equation_2, from_rest, next_cycle
@@ -125,7 +125,7 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
         ),
     ):
         model = with_inertia(rng, model, inert) if inert else model
-        own = request_ages(model)
+        own = acting_requests(model)
         before = rng.uniform(-1.0, 1.0, samples)
         size = model.law.states
         moving = rng.uniform(-1.0, 1.0, (max(size, 2) - 1, samples)) * model.v_max_per_tick

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.model.joint import request_ages
+from planner.model.joint import acting_requests
 from planner.model.response import simulate
 from planner.model.symbolic import period_function
 from tests.strategies import models
@@ -15,7 +15,7 @@ from tests.strategies import models
 
 @given(models(), st.integers(0, 2**32 - 1))
 def test_every_request_said_to_act_acts_and_no_younger_one_does(model, seed):
-    at = request_ages(model)
+    at = acting_requests(model)
     rng = np.random.default_rng(seed)
     # Small errors leave every term of the window unsaturated, so that each of them counts.
     windows = rng.uniform(-0.01, 0.01, size=(1, at.width)) * model.theta_0 - model.offset

@@ -291,7 +291,7 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     assert np.any(curvature > 0.0)
     for k in range(samples):
         for j, bend in enumerate(np.maximum(curvature[k], 0.0)):
-            number = k - problem.ages.youngest - j
+            number = k - problem.acting.youngest - j
             if cyclic or k > 0:
                 terms[angles[k - 1, 0]] += bend
             if cyclic or number >= 0:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.model.joint import request_ages, weights_by_tick
+from planner.model.joint import acting_requests
 from planner.model.law import State
 from planner.planning import tick
 from planner.planning.tick import EXCEEDING, JOINT, RESTING, SAMPLE, Problem
@@ -40,7 +40,7 @@ class Plan:
     def __init__(self, model, seed, *, begins=False):
         rng = np.random.default_rng(seed)
         self.model, self.begins = model, begins
-        self.past = max(request_ages(model).width - 1, 1)
+        self.past = max(acting_requests(model).width - 1, 1)
         self.angle, self.speed = rng.normal(0.0, 0.1), rng.normal(0.0, 0.005)
         self.load = rng.uniform(-0.5, 0.5, SAMPLES)
         self.samples = np.zeros(SAMPLES, dtype=SAMPLE)
@@ -55,7 +55,7 @@ class Plan:
         joints = np.zeros(1, dtype=JOINT)
         joints["lower"], joints["upper"] = LOWER, UPPER
         joints["max_step"], joints["smoothing"] = RATE, SMOOTHING
-        before, weights = State(self.angle, self.speed), weights_by_tick(model)[0]
+        before, weights = State(self.angle, self.speed), acting_requests(model).weights[0]
         problem = Problem(joints[0], model.law, weights, self.samples, before, begins)
         self.step = np.zeros(SAMPLES)
         self.cost = gauss_newton_step(problem, self.requests, DAMPING, self.step)
@@ -64,7 +64,7 @@ class Plan:
 
 def linearised(plan):
     """Exact angles under its requests, and their derivatives by those of the plan."""
-    ages = request_ages(plan.model)
+    ages = acting_requests(plan.model)
     acting = np.arange(SAMPLES)[:, np.newaxis] - np.arange(ages.width)
     windows = plan.requests[plan.past + acting]
 
