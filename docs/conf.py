@@ -39,7 +39,7 @@ nitpick_ignore_regex = [
         r"|planner\.recording\.(retiming\.(Impossible|SpeedErrors)|recorded_path\.RecordedPath)"
         r"|Written|planner\.recording\.replaying\.JointReplay|TypeAliasForwardRef"
         r"|(planner\.planning\.plan\.)?ErrorsOfModels|PathSpeeds|tuple\[float"
-        r"|planner\.robot\.(arm\.(Measured|Numbers)|bus\.(Port|Reading)|protocols\.ServoProtocol)"
+        r"|planner\.robot\.(arm\.(Measured|Numbers)|bus\.Port|protocols\.ServoProtocol)"
         r"|planner\.virtual\.(motors\.Motor|servo_bus\.Kind)",
     ),  # the same, or aliases, or parts of an answer that its own docstring describes
     (

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import BusError, InvalidInput, angle_text
-from planner.robot.bus import Bus, Reading
+from planner.robot.bus import Bus
 from planner.robot.play import Playback, play
 from planner.trajectory import Array
 
@@ -115,21 +115,20 @@ class Arm:
         """The state of every joint, read by one packet."""
         now = self.bus.port.now()
         readings = self.bus.sync_read(self._ids)
-        errors = tuple(readings[each].error if each in readings else 0 for each in self._ids)
+        errors = tuple(readings[each]["error"] if each in readings else 0 for each in self._ids)
         return Measured(now, self._angles(readings, "position"), errors)
 
     def goals(self) -> Array:
         """The last request to every joint, from any sender [rad]; NaN where none answers."""
         return self._angles(self.bus.sync_read(self._ids, ("goal",)), "goal")
 
-    def _angles(self, readings: Mapping[int, Reading], name: str) -> Array:
+    def _angles(self, readings: Mapping[int, Mapping[str, int]], name: str) -> Array:
         """The angles in a register [rad], NaN where a servo did not answer."""
-        return np.array(
-            [
-                servo.angle(readings[servo.id].values[name]) if servo.id in readings else np.nan
-                for servo in self.servos.values()
-            ]
-        )
+        angles = [
+            servo.angle(readings[servo.id][name]) if servo.id in readings else np.nan
+            for servo in self.servos.values()
+        ]
+        return np.array(angles)
 
     def angles(self, *, silent: bool = False) -> Array:
         """Angle of every joint [rad], read again where an answer was lost; NaN of ``silent`` ones.

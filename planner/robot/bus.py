@@ -11,7 +11,7 @@ import termios
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from planner.exceptions import BusError, InvalidInput
 from planner.robot.protocols import (
@@ -117,13 +117,6 @@ class SerialPort(Port):
             ) from error
 
 
-class Reading(NamedTuple):
-    """Registers read from a servo."""
-
-    values: Mapping[str, int]  # by name, in their own units
-    error: int  # of its answer, 0 for none
-
-
 class Bus:
     """The servos on a port.
 
@@ -164,10 +157,10 @@ class Bus:
 
     def sync_read(
         self, servos: Sequence[int], names: Sequence[str] | None = None
-    ) -> dict[int, Reading]:
-        """Registers of several servos, asked for by one packet; silent servos are left out.
+    ) -> dict[int, dict[str, int]]:
+        """Registers of servos by name, and the "error" of the answer; silent ones are left out.
 
-        The registers are beside one another; by default they are the protocol's feedback.
+        One packet asks for the registers, which are beside one another: by default the feedback.
         """
         protocol, names = self.protocol, names or self.protocol.feedback
         first, size = protocol.block(names)
@@ -175,15 +168,14 @@ class Bus:
         answers = self._answers(
             protocol.instruction(BROADCAST, SYNC_READ, content), len(servos), size
         )
-        readings = {}
+        readings: dict[int, dict[str, int]] = {}
         for packet in answers:
             if packet.servo in servos and len(packet.content) == size:
-                values = {
-                    name: register.decode(packet.content[register.address - first :])
-                    for name in names
-                    for register in [protocol.registers[name]]
-                }
-                readings[packet.servo] = Reading(values, packet.code)
+                readings[packet.servo] = {"error": packet.code}
+                for name in names:
+                    register = protocol.registers[name]
+                    content = packet.content[register.address - first :]
+                    readings[packet.servo][name] = register.decode(content)
         self.asked += len(servos)
         self.lost += len(servos) - len(readings)
         return readings

@@ -1,8 +1,8 @@
 """Packets and registers of servo buses: Feetech STS/SMS, and Dynamixel protocol 2.0.
 
-Both protocols know the same instructions, and write numbers with the low byte first; they differ in
-their frames, in the width of addresses and in the sign of numbers. The servos that speak them, with
-their control tables, are in ``protocols.toml``. Nothing here opens a port or keeps a state.
+Both protocols know the same instructions, and write numbers with the low byte first; what differs
+in their frames and in the control tables of servos is in ``protocols.toml``. Nothing here opens a
+port or keeps a state.
 """
 
 from __future__ import annotations
@@ -58,11 +58,18 @@ class Packet(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ServoProtocol:
-    """A protocol and the control table of servos; the subclasses have the frames."""
+    """A protocol and the control table of servos.
+
+    A frame is header, servo, length of the rest, content, checksum; ``stuffed`` in the content is
+    followed by its last byte once more. An answer's content begins with its mark and the error.
+    """
 
     name: str  # its name for users
+    header: bytes
+    mark: bytes  # of answers
+    stuffed: bytes
     registers: Mapping[str, Register]  # by name; the same names in all protocols
-    address_size: int  # bytes of an address
+    address_size: int  # bytes of an address, of a length and of the checksum
     errors: Mapping[int, str]  # meaning of each bit of an answer's error
     # by an answer's error without these bits, why the instruction was not carried out
     refusals: Mapping[int, str]
@@ -76,18 +83,54 @@ class ServoProtocol:
 
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         """The frame of an instruction."""
-        raise NotImplementedError
+        return self._frame(servo, bytes([code]) + content)
 
     def answer(self, servo: int, error: int, content: bytes = b"") -> bytes:
         """The frame of an answer."""
-        return self.instruction(servo, error, content)
+        return self._frame(servo, self.mark + bytes([error]) + content)
+
+    def _frame(self, servo: int, content: bytes) -> bytes:
+        content = content.replace(self.stuffed, self.stuffed + self.stuffed[-1:])
+        length = (len(content) + self.address_size).to_bytes(self.address_size, "little")
+        frame = self.header + bytes([servo]) + length + content
+        return frame + self._checksum(frame)
+
+    def _checksum(self, frame: bytes) -> bytes:
+        """Of a short frame the inverted sum, of another one CRC-16 with polynomial 8005, from 0."""
+        if self.address_size == 1:
+            return bytes([~sum(frame[len(self.header) :]) & 0xFF])
+        value = 0
+        for byte in frame:
+            value = (value << 8 ^ _CRC[value >> 8 ^ byte]) & 0xFFFF
+        return value.to_bytes(2, "little")
 
     def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:
         """Take the first whole packet, and any bytes before it, off a buffer; more may come.
 
-        Where answers are expected, instructions are dropped, and the reverse.
+        Where answers are expected, instructions that differ from them are dropped, and the reverse.
         """
-        raise NotImplementedError
+        head, width = len(self.header), self.address_size
+        begin = head + 1 + width
+        while (start := buffer.find(self.header)) >= 0:
+            del buffer[:start]
+            if len(buffer) < begin:
+                return None
+            end = begin + int.from_bytes(buffer[head + 1 : begin], "little")
+            possible = buffer[head] != 0xFF and end > begin + width  # 255 is no identifier
+            if possible and len(buffer) < end:
+                return None
+            frame = bytes(buffer[:end])
+            if not possible or self._checksum(frame[:-width]) != frame[-width:]:
+                del buffer[0]
+                continue
+            del buffer[:end]
+            content = frame[begin:-width].replace(self.stuffed + self.stuffed[-1:], self.stuffed)
+            if self.mark and content.startswith(self.mark) != answers:
+                continue
+            if content := content[len(self.mark) if answers else 0 :]:
+                return Packet(frame[head], content[0], content[1:])
+        del buffer[: max(0, len(buffer) - head + 1)]
+        return None
 
     def place(self, address: int, size: int) -> bytes:
         """An address and a number of bytes, as instructions begin."""
@@ -111,72 +154,6 @@ class ServoProtocol:
         return self.refusals.get(number, f"error {number}") if self.refusals and number else ""
 
 
-class _Feetech(ServoProtocol):
-    """FF FF, servo, length, instruction or error, content, inverted sum."""
-
-    def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
-        body = bytes([servo, len(content) + 2, code]) + content
-        return b"\xff\xff" + body + bytes([~sum(body) & 0xFF])
-
-    def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:  # noqa: ARG002
-        while (start := buffer.find(b"\xff\xff")) >= 0:
-            del buffer[:start]
-            if len(buffer) < 4:
-                return None
-            if buffer[2] == 0xFF or buffer[3] < 2:  # 255 is no identifier
-                del buffer[0]
-                continue
-            end = buffer[3] + 4
-            if len(buffer) < end:
-                return None
-            if ~sum(buffer[2 : end - 1]) & 0xFF != buffer[end - 1]:
-                del buffer[:2]
-                continue
-            packet = Packet(buffer[2], buffer[4], bytes(buffer[5 : end - 1]))
-            del buffer[:end]
-            return packet
-        del buffer[: -1 if buffer.endswith(b"\xff") else None]
-        return None
-
-
-class _Dynamixel(ServoProtocol):
-    """FF FF FD 00, servo, length, instruction, content, CRC-16; an answer has the instruction 55.
-
-    FF FF FD inside is followed by a stuffed FD.
-    """
-
-    def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
-        body = (bytes([code]) + content).replace(b"\xff\xff\xfd", b"\xff\xff\xfd\xfd")
-        frame = b"\xff\xff\xfd\x00" + bytes([servo]) + (len(body) + 2).to_bytes(2, "little") + body
-        return frame + _crc(frame).to_bytes(2, "little")
-
-    def answer(self, servo: int, error: int, content: bytes = b"") -> bytes:
-        return self.instruction(servo, 0x55, bytes([error]) + content)
-
-    def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:
-        while (start := buffer.find(b"\xff\xff\xfd\x00")) >= 0:
-            del buffer[:start]
-            if len(buffer) < 7:
-                return None
-            end = int.from_bytes(buffer[5:7], "little") + 7
-            if end < 10:
-                del buffer[:4]
-                continue
-            if len(buffer) < end:
-                return None
-            frame = bytes(buffer[:end])
-            if _crc(frame[:-2]) != int.from_bytes(frame[-2:], "little"):
-                del buffer[:4]
-                continue
-            del buffer[:end]
-            body = frame[7:-2].replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
-            if (body[0] == 0x55) != answers or (answers and len(body) < 2):
-                continue
-            return Packet(frame[4], *((body[1], body[2:]) if answers else (body[0], body[1:])))
-        del buffer[: max(0, len(buffer) - 3)]
-        return None
-
-
 _CRC = [
     reduce(
         lambda value, _: (value << 1 ^ (0x8005 if value & 0x8000 else 0)) & 0xFFFF, range(8), top
@@ -185,27 +162,19 @@ _CRC = [
 ]
 
 
-def _crc(content: bytes) -> int:
-    """CRC-16 with the polynomial 8005, from 0."""
-    value = 0
-    for byte in content:
-        value = (value << 8 ^ _CRC[value >> 8 ^ byte]) & 0xFFFF
-    return value
-
-
 def _read_protocols() -> dict[str, ServoProtocol]:
     tables = tomllib.loads(Path(__file__).with_name("protocols.toml").read_text("utf-8"))
     protocols: dict[str, ServoProtocol] = {}
     for name, own in tables.items():
-        like = own.pop("like", "")
-        table = tables.get(like, {}) | own
+        table = tables.get(own.pop("like", ""), {}) | own
         for key in ("errors", "refusals"):
             table[key] = {int(number, 0): words for number, words in table.get(key, {}).items()}
         table["registers"] = {key: Register(*each) for key, each in table["registers"].items()}
         table["speed_unit"] = table.pop("speed_rpm") * 2.0 * math.pi / 60.0
         table["acceleration_unit"] = table.pop("acceleration_rpm2") * 2.0 * math.pi / 3600.0
-        frames = _Feetech if "feetech" in (name, like) else _Dynamixel
-        protocols[name] = frames(name=name, **table)
+        for key in ("header", "mark", "stuffed"):
+            table[key] = bytes(table[key])
+        protocols[name] = ServoProtocol(name=name, **table)
     return protocols
 
 

@@ -190,7 +190,7 @@ def test_what_an_adapter_hands_back_is_not_taken_for_an_answer(kind, whole, monk
     arm.bus.write(1, "goal", 2100)
     assert arm.bus.read(1, "goal") == 2100
     arm.bus.sync_write("goal", {1: 2000, 2: 2001})
-    assert [each.values["goal"] for each in arm.bus.sync_read([1, 2], ["goal"]).values()] == [
+    assert [each["goal"] for each in arm.bus.sync_read([1, 2], ["goal"]).values()] == [
         2000,
         2001,
     ]

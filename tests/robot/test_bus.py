@@ -70,7 +70,7 @@ def test_an_answer_of_another_servo_or_length_is_a_lost_one(wrong):
     assert bus.read(1, "position") == 0x0810
     assert (bus.asked, bus.lost) == (2, 1)
     bus = bus_of(POSITION + wrong)
-    assert bus.sync_read([1, 3], ["position"]) == {1: ({"position": 0x0810}, 0)}
+    assert bus.sync_read([1, 3], ["position"]) == {1: {"position": 0x0810, "error": 0}}
     assert (bus.asked, bus.lost) == (2, 1)
 
 
@@ -78,16 +78,16 @@ def test_answers_to_all_are_told_apart_by_servo_and_register():
     first, size = FEETECH.block(FEETECH.feedback)
     places = {name: FEETECH.registers[name] for name in FEETECH.feedback}
     wanted = {
-        3: ({"position": -7, "speed": 300, "load": -900, "temperature": 41}, 0x24),
-        1: ({"position": 2100, "speed": -300, "load": 12, "temperature": 25}, 0),
+        3: {"error": 0x24, "position": -7, "speed": 300, "load": -900, "temperature": 41},
+        1: {"error": 0, "position": 2100, "speed": -300, "load": 12, "temperature": 25},
     }
     content = b""
-    for servo, (values, error) in wanted.items():
+    for servo, values in wanted.items():
         memory = bytearray(size)
         for name, place in places.items():
             at = place.address - first
             memory[at : at + place.size] = place.encode(values[name])
-        content += FEETECH.answer(servo, error, bytes(memory))
+        content += FEETECH.answer(servo, values["error"], bytes(memory))
     bus = bus_of(content)
     assert bus.sync_read([1, 2, 3]) == wanted
     assert (bus.asked, bus.lost) == (3, 1)

@@ -140,9 +140,9 @@ def test_a_servo_that_is_held_gives_up_as_real_ones_do():
     bus.write(1, "goal", 3500)
     bus.port.sleep(4.0)
     reading = bus.sync_read([1])[1]
-    assert FEETECH.error_words(reading.error) == "overload"
-    assert abs(reading.values["load"]) <= 200
-    assert reading.values["temperature"] > 25
+    assert FEETECH.error_words(reading["error"]) == "overload"
+    assert abs(reading["load"]) <= 200
+    assert reading["temperature"] > 25
 
 
 @pytest.mark.parametrize("kind", ["sts3215", "xl430", "xl-320"])

@@ -77,14 +77,14 @@ def moved(kind, registers, faults):
             bus.sync_write("goal", dict.fromkeys((1, 2, 3), goal))
         if time == 0.9:
             bus.sync_write("torque", {2: 0})
-        for servo, (values, error) in bus.sync_read([1, 2, 3]).items():
+        for servo, values in bus.sync_read([1, 2, 3]).items():
             speed = math.degrees(values["speed"] * protocol.speed_unit)
             for name, text in {
                 "deg": f"{(values['position'] - protocol.middle) / degree:.1f}",
                 "deg/s": f"{speed:.1f}",
                 "load": f"{values['load'] * LOAD_UNIT:.2f}",
                 "C": f"{servos.motors.temperatures[servo - 1]:.1f}",
-                "error": f"{error}",
+                "error": f"{values['error']}",
             }.items():
                 found.setdefault(servo, {}).setdefault(name, []).append(text)
     return [
@@ -112,7 +112,7 @@ def test_a_profile_of_an_acceleration_is_fastest_half_way():
     counts = []
     for _ in range(200):
         bus.port.sleep(0.01)
-        counts.append(bus.sync_read([1])[1].values["position"] - 2048)
+        counts.append(bus.sync_read([1])[1]["position"] - 2048)
     assert counts[int(np.argmax(np.diff(counts)))] == pytest.approx(512, abs=150)
     assert counts[-1] == pytest.approx(1024, abs=50)
 
