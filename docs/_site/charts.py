@@ -47,9 +47,6 @@ CHARTS = {
     "Streams, recorded requests predicted from the measured path": Chart(
         "rows", "^(raw|best shift|stream)$", "rms of recorded minus predicted requests [mrad]"
     ),
-    "Identification of recordings": Chart(
-        "rows", "^(raw|delay|first order|model)$", "rms error on rows held out [rad or range]"
-    ),
 }
 """The charts by the heading of their table."""
 

@@ -8,10 +8,9 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import planner
-from benchmark.machine import circumstances
+from benchmark.machine import circumstances, kept_run
 from benchmark.parts import Options
 from benchmark.table import Table
 
@@ -42,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if unknown:
         parser.error(f"no part {', '.join(unknown)}; there are {', '.join(PARTS)}")
     try:
-        earlier = load(options.compare) if options.compare else None
+        earlier = kept_run(options.compare, "tables") if options.compare else None
     except ValueError as error:
         parser.error(str(error))
     where = circumstances()
@@ -87,17 +86,6 @@ def described() -> argparse.ArgumentParser:
     effort = {"type": float, "default": 0.0, "metavar": "SECONDS"}
     add("--exact", **effort, help="also gaps over exact bounds, each given so long")
     return parser
-
-
-def load(path: Path) -> dict[str, Any]:
-    """A run that was kept; ValueError where the file is none."""
-    try:
-        run = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: not a run kept by --save: {error}") from error
-    if not isinstance(run, dict) or not isinstance(run.get("tables"), dict):
-        raise ValueError(f"{path}: not a run kept by --save: it holds no tables")
-    return run
 
 
 def measured(parts: Sequence[str], arguments: argparse.Namespace) -> list[Table]:

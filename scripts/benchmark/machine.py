@@ -74,6 +74,17 @@ def circumstances() -> dict[str, str]:
     }
 
 
+def kept_run(path: Path, content: str) -> dict[str, Any]:
+    """A run that was kept as JSON, with such content; ValueError where the file is none."""
+    try:
+        run = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: not a run that was kept: {error}") from error
+    if not isinstance(run, dict) or not isinstance(run.get(content), dict):
+        raise ValueError(f"{path}: not a run that was kept: it holds no {content}")
+    return run
+
+
 def _processor() -> str:
     described = Path("/proc/cpuinfo")
     if described.is_file():

@@ -66,18 +66,32 @@ def rich_log(model=AIBO, *, seed=0, rows=400, amplitude=0.6, noise=0.0, quantum=
     )
 
 
-def with_play(requests, period, *, play=0.05, fine=20):
-    """Angles of a motor that moves its joint through play, in ``fine`` steps a period [rad]."""
-    step, gain, constant, fastest = period / fine, 12.0, 0.03, 4.0
+def servo(
+    requests, period, *, top, gain, delay, constant, friction, most=math.inf, play=0.0, behind=False
+):
+    """Angles of a servo that is not the model, in steps of a millisecond [rad].
+
+    The speed that it is called to follows the error of ``delay`` before; it gains that speed with a
+    time constant and at most ``most`` [rad/s^2]. Coulomb friction, which holds an error of
+    ``friction``, opposes the speed; ``top`` is the top speed that it leaves.
+    Between motor and joint is play; the error is that of the joint, or of the motor where the
+    sensor of its loop is before the play and the joint is measured behind it.
+    """
+    fine = round(period / 0.001)
+    step, half = period / fine, play / 2.0
+    late = np.concatenate([np.full(round(delay / step), requests[0]), np.repeat(requests, fine)])
     motor = angle = requests[0]
     speed, angles = 0.0, []
-    for k, request in enumerate(np.repeat(requests, fine).tolist()):
+    for k, request in enumerate(late[: fine * len(requests)].tolist()):
         if k % fine == 0:
             angles.append(angle)
-        called = min(max(gain * (request - angle), -fastest), fastest)
-        speed += step / constant * (called - speed)
+        error, most_called = request - (motor if behind else angle), top + gain * friction
+        called = min(max(gain * error, -most_called), most_called)
+        speed += min(max(step / constant * (called - speed), -step * most), step * most)
+        held = step / constant * gain * friction
+        speed -= min(max(speed, -held), held)
         motor += step * speed
-        angle = min(max(angle, motor - play / 2.0), motor + play / 2.0)
+        angle = min(max(angle, motor - half), motor + half)
     return np.array(angles)
 
 

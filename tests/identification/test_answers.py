@@ -18,9 +18,9 @@ from tests.identification.made import (
     measured,
     rich_log,
     rings,
+    servo,
     stopped,
     swung,
-    with_play,
 )
 
 
@@ -103,7 +103,9 @@ def backlash():
     for name, rows in (("one", 300), ("two", 400)):
         lengths = random.integers(10, 40, size=rows)
         requests = np.repeat(random.uniform(-0.6, 0.6, size=rows), lengths)[:rows]
-        angles = measured(with_play(requests, 0.02), random, noise=NOISE / 10.0, quantum=0.0)
+        known = {"top": 4.0, "gain": 12.0, "delay": 0.0, "constant": 0.03, "friction": 0.0}
+        angles = servo(requests, 0.02, **known, play=0.05)
+        angles = measured(angles, random, noise=NOISE / 10.0, quantum=0.0)
         times = 0.02 * np.arange(rows)
         logs.append(planner.Log(times=times, requests=requests, angles=angles, name=name))
     return logs

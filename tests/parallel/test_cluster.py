@@ -7,9 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -49,31 +46,19 @@ def results(tmp_path):
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
-    """A Dask scheduler and two workers, on the loopback interface: its address and its process."""
+    """A Dask scheduler with two workers that are ready: its address and its process."""
     distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
-    begun = [sys.executable, "-P", "-m"]
-    log, folder = subprocess.PIPE, tmp_path_factory.mktemp("workers")
-    local = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
-    scheduler = subprocess.Popen(
-        [*begun, "distributed.cli.dask_scheduler", *local], stderr=log, text=True
-    )
-    found = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)
-    address = next(filter(None, found))[1]
-    worker = [*begun, "distributed.cli.dask_worker", address, "--nworkers", "2", "--nthreads", "1"]
-    worker += ["--no-dashboard", "--local-directory", folder]
-    workers = subprocess.Popen(worker, stderr=subprocess.DEVNULL)
-    with distributed.Client(address, timeout=60.0) as client:
-        client.wait_for_workers(2, timeout=60.0)
-        # A worker that dies while its nanny still starts it takes all workers with it.
-        client.run(os.getpid, nanny=True)
-    with pytest.MonkeyPatch.context() as patch:
+    with (
+        work.dask_cluster(tmp_path_factory.mktemp("workers")) as (address, scheduler),
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        with distributed.Client(address, timeout=60.0) as client:
+            client.wait_for_workers(2, timeout=60.0)
+            # A worker that dies while its nanny still starts it takes all workers with it.
+            client.run(os.getpid, nanny=True)
         patch.setattr(parallel, "ARRIVAL", 60.0)
         patch.setattr(parallel, "PATIENCE", 60.0)  # a machine at work may take that long to begin
         yield address, scheduler
-    for process in (workers, scheduler):
-        process.kill()
-        process.wait()
-    scheduler.stderr.close()
 
 
 def test_a_cluster_gives_the_same_bytes(tmp_path, results, cluster):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -123,6 +124,31 @@ def run_and_die_after(output, finished):
 
     with executor_of(workers=2) as executor:
         carry_out(square, tasks(), results, executor, progress=progress)
+
+
+@contextmanager
+def dask_cluster(folder, **settings):
+    """A Dask scheduler and two workers on the loopback interface: its address and its process."""
+    python = [sys.executable, "-P", "-m"]
+    local = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
+    scheduler = subprocess.Popen(
+        [*python, "distributed.cli.dask_scheduler", *local],
+        stderr=subprocess.PIPE,
+        text=True,
+        **settings,
+    )
+    lines = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)
+    address = next(filter(None, lines))[1]
+    worker = [*python, "distributed.cli.dask_worker", address, "--nworkers", "2", "--nthreads", "1"]
+    worker += ["--no-dashboard", "--local-directory", folder]
+    workers = subprocess.Popen(worker, stderr=subprocess.DEVNULL, **settings)
+    try:
+        yield address, scheduler
+    finally:
+        for process in (workers, scheduler):
+            process.kill()
+            process.wait()
+        scheduler.stderr.close()
 
 
 @contextmanager

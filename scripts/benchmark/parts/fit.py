@@ -36,7 +36,7 @@ SIDE_BY_SIDE = "rms, deg | steepest over v_max | ends apart, deg | time, ms | ti
 
 def measure(options: Options) -> list[Table]:
     """Times by length, and the rivals that can be imported."""
-    tables = (times, fewest, beside, speed, loose, known_curves)
+    tables = (times, fewest, beside, loose, known_curves)
     return [table(options) for table in tables]
 
 
@@ -128,25 +128,6 @@ def loose(options: Options) -> Table:
             methods: dict[str, Call] = {"fit_pwl": partial(our_path, instance, segments)}
             both = methods | rivals(instance, segments, "pwlf fit")
             add_all(table, instance, both, options.repeats, f", {segments}")
-    return table
-
-
-def speed(options: Options) -> Table:
-    """Our time for each number of segments, and how many times longer pwlf takes."""
-    joints = reference()
-    table = Table(
-        "Approximation, fit_pwl and pwlf.fit by number of segments",
-        "segments | "
-        + " | ".join(f"{joint.name}, ms | {joint.name}, pwlf over it" for joint in joints),
-        note=f"The reference joints' cycle, slopes bounded in fit_pwl.{left_out()}",
-    )
-    for segments in LOOSE_SEGMENTS:
-        row = []
-        for joint in joints:
-            own = typical(partial(our_cycle, joint, segments), options.repeats)[1]
-            fits = rivals(joint, segments, "pwlf fit").values()
-            row += [1e3 * own, sum(typical(fit, 1)[1] for fit in fits) / own or math.nan]
-        table.add(f"{segments}", *row)
     return table
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import planner
-from benchmark.parts import Options, recordings
-from benchmark.servo_logs import random_servo
+from benchmark.parts import Options
 from benchmark.table import Table
 from planner.identification.grid import timing_of
 from planner.identification.joint_fit import fit_joint, with_observed_speed
@@ -23,7 +22,10 @@ from tests.identification.made import (
     FINE_QUANTUM,
     NOISE,
     QUANTUM,
+    measured,
+    random_motion,
     rich_log,
+    servo,
     step_logs,
 )
 
@@ -33,19 +35,12 @@ AMPLITUDES = (30.0, 90.0), (40.0, 110.0), (30.0,)
 
 FINE = {"noise": FINE_NOISE, "quantum": FINE_QUANTUM}  # a good encoder
 STICKY_ROWS = 800  # rows of the logs with dry friction
-PENDULUMS = {
-    "sts3250, three runs": ("sts3250", ("sin_sin", "sin_time_square", "up_and_down"), 32),
-    "xl330, gain 100": ("xl330", ("sin_sin",), 100),
-    "xl330, gain 800": ("xl330", ("sin_time_square",), 800),
-}
 
 
 def measure(options: Options) -> list[Table]:
-    """Simulated logs, and the recordings where they are available."""
+    """Simulated logs; the part ``models`` is about the recordings."""
     seeds = SEEDS * options.instances
-    tables = [coverage(seeds), friction(seeds), servos(2 * options.instances)]
-    folder = recordings()
-    return [*tables, *([of_recordings(folder)] if folder else [])]
+    return [coverage(seeds), friction(seeds), servos(2 * options.instances)]
 
 
 def coverage(seeds: int) -> Table:
@@ -74,17 +69,8 @@ def coverage(seeds: int) -> Table:
         ]
         seconds = (time.process_time() - began) / seeds
         for name, unit in units.items():
-            true = getattr(truth, name)
-            errors = np.array([getattr(result.model, name) - true for result in results]) / unit
-            low, high = np.transpose([result.intervals[name] for result in results])
-            table.add(
-                f"{' and '.join(f'{a:g}' for a in amplitudes)} deg: {name}",
-                100.0 * np.mean((low <= true) & (true <= high)),
-                rms(errors),
-                np.max(np.abs(errors)),
-                np.median(high - low) / 2.0 / unit,
-                seconds,
-            )
+            _, *row = recovered(results, [truth] * seeds, name, lambda _, unit=unit: unit)
+            table.add(f"{' and '.join(f'{a:g}' for a in amplitudes)} deg: {name}", *row, seconds)
     return table
 
 
@@ -103,15 +89,33 @@ def friction(seeds: int) -> Table:
         asked = {"rows": STICKY_ROWS, "amplitude": 0.4, **FINE}
         logs = [rich_log(truth, seed=seed, **asked) for seed in range(seeds)]
         results = [planner.identify(log, hold_out=False) for log in logs]
-        kept = np.array([result.model.dead_band > 0.0 for result in results])
-        errors = np.array([result.model.dead_band for result in results]) / truth.dead_band - 1.0
-        ends = [result.intervals.get("dead_band", (0.0, 0.0)) for result in results]
-        low, high = np.transpose(ends)
-        inside = (low <= truth.dead_band) & (truth.dead_band <= high)
-        half = np.median(high - low) / 2.0 / truth.dead_band
-        row = np.mean(kept), np.mean(inside), rms(errors), np.max(np.abs(errors)), half
-        table.add(f"{degrees:g}", *(100.0 * np.array(row)))
+        row = recovered(results, [truth] * seeds, "dead_band", lambda true: true.dead_band / 100.0)
+        table.add(f"{degrees:g}", *row)
     return table
+
+
+def recovered(
+    results: Sequence[planner.Identification],
+    truths: Sequence[planner.JointModel],
+    name: str,
+    unit: Callable[[planner.JointModel], float],
+) -> tuple[float, ...]:
+    """How a parameter is found of joints for which it is known, by a unit for each.
+
+    The shares of the logs that determine it, and whose interval holds it [%]; of the first ones the
+    rms error, the largest error, and the median half interval.
+    """
+    rows = []
+    for joint, found in zip(truths, results, strict=True):
+        true, value = (getattr(model, name) for model in (joint, found.model))
+        ends = found.gain_interval if name == "gain" else found.intervals.get(name)
+        low, high = ends or (math.nan, math.nan)
+        size = unit(joint)
+        rows.append(((value - true) / size, low <= true <= high, (high - low) / 2.0 / size))
+    errors, inside, half = np.array(rows).T
+    kept = np.isfinite(half)
+    shares = 100.0 * np.mean(kept), 100.0 * np.mean(inside)
+    return *shares, rms(errors[kept]), np.max(np.abs(errors[kept])), np.median(half[kept])
 
 
 def servos(seeds: int) -> Table:
@@ -154,33 +158,27 @@ def servos(seeds: int) -> Table:
     return table
 
 
-def of_recordings(folder: Path) -> Table:
-    """One row for each joint."""
-    table = Table(
-        "Identification of recordings",
-        "recording | raw | delay | first order | model | of motion, % | all rows | accepted"
-        " | time, s",
-        note="Errors (rms, rad; Jaw: share of its range) on the second half by fits to the first, "
-        "that of the model over the standard deviation of the motion too, and the error of the "
-        "model fitted to all rows.",
-    )
-    for name, logs in recorded(folder).items():
-        began = time.process_time()
-        result = planner.identify(logs)
-        seconds = time.process_time() - began
-        tested = (*result.alternatives, result)
-        errors = [each.held_out_rms or math.nan for each in tested]
-        share = 100.0 * errors[-1] / result.signal
-        table.add(name, *errors, share, result.rms, result.accepted, seconds)
-    return table
+def random_servo(
+    seed: int, *, kinds: tuple[str, ...] = ("steps", "sines", "mixed"), **defects: Any
+) -> planner.Log:
+    """A log of a servo whose constants are random, with the defects that are asked for.
 
-
-def recorded(folder: Path) -> dict[str, list[planner.Log]]:
-    """The recordings by name."""
-    options = planner.LogOptions(joint="all", unit="rad")
-    arm = planner.read_logs(folder / "so101" / "prbs_excitation.csv", options=options)
-    logs = {f"so101, {log.joint}": [log] for log in arm}
-    for name, (servo, motions, gain) in PENDULUMS.items():
-        paths = [folder / servo / f"{servo}_kp{gain}_{motion}.csv" for motion in motions]
-        logs[name] = list(planner.read_logs(paths))
-    return logs
+    Half of them have dry friction of 0.5 to 2 degrees; noise of 0.02 to 0.2 degrees, steps of the
+    sensor of 0, 0.09 or 0.3.
+    """
+    random = np.random.default_rng(seed)
+    period = float(random.choice((0.01, 0.02)))
+    known = {
+        "top": random.uniform(2.5, 6.0),
+        "gain": random.uniform(8.0, 20.0),
+        "delay": random.uniform(0.005, 0.03),
+        "constant": random.uniform(0.01, 0.05),
+        "friction": math.radians(random.choice([0.0, random.uniform(0.5, 2.0)])),
+    }
+    noise = math.radians(random.uniform(0.02, 0.2))
+    quantum = math.radians(float(random.choice([0.0, 0.09, 0.3])))
+    kind = str(random.choice(kinds))
+    requests = random_motion(random, period, kind=kind, seconds=30.0, span=0.6)
+    angles = servo(requests, period, **known, **defects)
+    seen = measured(angles, random, noise=noise, quantum=quantum)
+    return planner.Log(times=period * np.arange(len(requests)), requests=requests, angles=seen)

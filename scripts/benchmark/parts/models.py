@@ -10,7 +10,8 @@ import numpy as np
 
 import planner
 from benchmark.parts import Options
-from benchmark.parts.pairs import FITTED, joints
+from benchmark.parts.identify import recovered
+from benchmark.parts.pairs import joints
 from benchmark.table import Table
 from planner.model.evidence import expectation
 from planner.trajectory import Array, rms
@@ -19,7 +20,8 @@ from tests.identification.made import logged
 TERMS = "dead band, mrad | time constant, ms | acceleration, rad/s^2"
 """Terms of a motor that a model may have."""
 
-BESIDE_DELAY = f"delay | model | worst | over a delay | {TERMS}"
+FITTED = ("prbs_excitation", "static_holding", "random_waypoints")
+"""Recordings of the SO-101 that are fitted together; the rest are predicted."""
 
 MOTION = 10.0  # length of the parts of a recording that are one motion each [s]
 FAIR = (0.7, 1.4)  # range of the expected over the measured error that counts as right
@@ -35,7 +37,7 @@ def measure(options: Options) -> list[Table]:
         joints(options),
     )
     arm = {name: logs for name, logs in recorded.items() if name.startswith("so101")}
-    real = [halves(recorded), *unseen(arm), alternate(arm)] if recorded else []
+    real = [halves(recorded), *unseen(arm)] if recorded else []
     return [*real, *simulated]
 
 
@@ -65,7 +67,7 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
     tables = [
         Table(
             "Models of the SO-101's joints on recordings that were not fitted",
-            f"joint | {BESIDE_DELAY}",
+            f"joint | delay | model | worst | over a delay | {TERMS}",
             note="Root mean square errors in milliradians of motions of "
             f"{MOTION:g} s, median and worst; fitted are {', '.join(FITTED)}.",
         ),
@@ -85,39 +87,14 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
         met, late, expected, low, high = motions_of(
             result, {log: parts_of(log) for log in unfitted}
         )
-        add_beside_delay(tables[0], name, result, met, late)
+        model, pure = np.median(met), np.median(late)
+        errors = 1e3 * pure, 1e3 * model, 1e3 * np.max(met), model / pure
+        tables[0].add(name, *errors, *terms(result))
         shares = expected / met
         fair, inside = (shares >= FAIR[0]) & (shares <= FAIR[1]), (low <= met) & (met <= high)
         row = np.median(shares), 100.0 * np.mean(fair), 100.0 * np.mean(inside)
         tables[1].add(name, len(met), *row)
     return tables
-
-
-def add_beside_delay(
-    table: Table, name: str, result: planner.Identification, met: Array, late: Array
-) -> None:
-    """A row of the errors of a model and of a pure delay [rad]."""
-    model, pure = np.median(met), np.median(late)
-    row = 1e3 * pure, 1e3 * model, 1e3 * np.max(met), model / pure
-    table.add(name, *row, *terms(result))
-
-
-def alternate(arm: Mapping[str, Sequence[planner.Log]]) -> Table:
-    """Models of every second motion of the recordings of :func:`unseen` on the others."""
-    table = Table(
-        "Models of the SO-101's joints fitted to every second of these motions",
-        f"joint | {BESIDE_DELAY}",
-        note=f"As above, of the motions of {MOTION:g} s that were not fitted.",
-    )
-    for name, logs in arm.items():
-        rest = [log for log in logs if log.name not in FITTED]
-        if not rest or "Jaw" in name:
-            continue
-        fitted = [part_of(log, part) for log in rest for part in parts_of(log)[::2]]
-        result = planner.identify(fitted)
-        met, late, *_ = motions_of(result, {log: parts_of(log)[1::2] for log in rest})
-        add_beside_delay(table, name, result, met, late)
-    return table
 
 
 def parts_of(log: planner.Log) -> list[slice]:
@@ -126,12 +103,6 @@ def parts_of(log: planner.Log) -> list[slice]:
     first = range(round(1.0 / log.period), len(log.times) - length + 1, length)
     parts = [slice(row, row + length) for row in first]
     return [part for part in parts if np.ptp(log.requests[part]) > 0.0]
-
-
-def part_of(log: planner.Log, part: slice) -> planner.Log:
-    """A motion as a recording."""
-    rows = {name: getattr(log, name)[part] for name in ("times", "requests", "angles")}
-    return planner.Log(**rows, name=f"{log.name} {part.start}")
 
 
 def motions_of(result: planner.Identification, parts: Mapping[planner.Log, list[slice]]) -> Array:
@@ -228,15 +199,9 @@ def rows(
     names = ["gain", "v_max", "lag", "acceleration_time", "dead_band"]
     names += ["time_constant", "max_acceleration"] if truths[0].has_inertia else []
     for name in names:
-        columns = []
-        for joint, each in zip([*truths] * len(periods), results, strict=True):
-            true, value = (getattr(model, name) for model in (joint, each.model))
-            unknown = (math.nan, math.nan)
-            low, high = each.gain_interval if name == "gain" else each.intervals.get(name, unknown)
-            size = 1e-3 if name in ("lag", "acceleration_time") else 0.01 * true
-            columns.append(((value - true) / size, low <= true <= high, (high - low) / 2.0 / size))
-        errors, inside, half = np.array(columns).T
-        kept = np.isfinite(half)
-        shares = 100.0 * np.mean(kept), 100.0 * np.mean(inside)
-        sizes = rms(errors[kept]), np.max(np.abs(errors[kept])), np.median(half[kept])
-        table.add(stub + name, *shares, *sizes)
+        late = name in ("lag", "acceleration_time")
+
+        def unit(joint: planner.JointModel, name: str = name, late: bool = late) -> float:
+            return 1e-3 if late else 0.01 * float(getattr(joint, name))
+
+        table.add(stub + name, *recovered(results, [*truths] * len(periods), name, unit))

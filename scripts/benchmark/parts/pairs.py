@@ -6,7 +6,6 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from benchmark.parts import Options, recordings
 from benchmark.plants import random_path
 from benchmark.table import Table
 from planner.identification.excitation import excite
-from planner.identification.grid import Grid, resampled, timing_of
+from planner.identification.grid import resampled, timing_of
 from planner.identification.joint_fit import fit_joint
 from planner.identification.least_squares import respond
 from planner.identification.parameters import Parameters
@@ -24,9 +23,6 @@ from planner.identification.result import Identification
 from planner.trajectory import Array, rms
 
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
-
-FITTED = ("prbs_excitation", "static_holding", "random_waypoints")
-"""Recordings of the SO-101 that are fitted together; the rest are predicted."""
 
 BAD = 0.25  # error over the standard deviation of the motion from which on a model does not fit
 
@@ -50,23 +46,13 @@ SIGNALS: dict[str, tuple[str, ...]] = {
 """Logged motions, by signals of :func:`planner.identification.excitation.excite`."""
 
 
-class Tested(NamedTuple):
-    """A model on a log to which it was not fitted."""
-
-    error: float  # root mean square [rad]
-    share: float  # the same over the standard deviation of the motion
-    outside: tuple[str, ...]  # quantities of the log beyond the tested range of the model
-    expected: float  # error, by the accelerations of the predicted angles [rad]
-
-
 def measure(options: Options) -> list[Table]:
-    """Virtual servos; every pair of recordings of a joint, and sets of three on the others.
+    """Virtual servos; every pair of recordings of a joint.
 
-    With few instances (``--quick``) only the arm is measured, without the humanoid's 26 joints.
+    With few instances (``--quick``) the humanoid's 26 joints are left out.
     """
     servos, recorded = promised(options.instances), joints(options)
-    arm = {joint: logs for joint, logs in recorded.items() if joint.startswith("so101")}
-    return [servos, *([unseen(arm), *pairs(recorded)] if recorded else [])]
+    return [servos, *(pairs(recorded) if recorded else [])]
 
 
 def promised(servos: int) -> Table:
@@ -123,30 +109,6 @@ def _log_requests(name: str, seed: int) -> Array:
     return np.concatenate([part.requests for part in parts])
 
 
-def unseen(arm: dict[str, list[planner.Log]]) -> Table:
-    """Models of three recordings of the arm on the others."""
-    table = Table(
-        "Models of three recordings of an SO-101 on its other recordings",
-        "joint and recording | four numbers | identified | of motion, % | told | told over met"
-        " | outside",
-        note=f"Fitted to {', '.join(FITTED)}; rms, mrad, the Jaw in thousandths of its range. The "
-        "four numbers have a static sag, but no dead band. Told is the error to expect of motion "
-        "with these accelerations; outside, in how many ways the motion is outside of what was "
-        "tested.",
-    )
-    for joint, logs in arm.items():
-        fitted = [log for log in logs if log.name in FITTED]
-        four, result = four_numbers(fitted), planner.identify(fitted)
-        for log in logs:
-            if log.name not in FITTED:
-                plain, _ = errors_of(four, log)
-                each = tested(result, log)
-                row = 1e3 * plain, 1e3 * each.error, 100.0 * each.share, 1e3 * each.expected
-                ratio = each.expected / each.error
-                table.add(f"{joint}, {log.name}", *row, ratio, len(each.outside))
-    return table
-
-
 def four_numbers(logs: list[planner.Log]) -> planner.JointModel:
     """A model of the paper's four numbers and a static offset; identify would find friction."""
     timing = timing_of(logs, tick=None, hold=None)
@@ -175,14 +137,15 @@ def pairs(every: dict[str, list[planner.Log]]) -> list[Table]:
         sums = np.zeros(6)
         for k, model in results.items():
             for j in set(results) - {k}:
-                each = tested(model, logs[j])
+                _, share = errors_of(model.model, logs[j])
+                beyond = outside(model, logs[j])
                 holds = model.verdict == "holds"
-                off = holds and each.share > BAD
-                sums += [1, holds, off, off and not each.outside, 0, 0]
+                off = holds and share > BAD
+                sums += [1, holds, off, off and not beyond, 0, 0]
                 sums[4:] += _agreement(model, results[j])
                 if off:
                     name = f"{joint}, {logs[k].name} on {logs[j].name}"
-                    named.add(name, 100.0 * each.share, len(each.outside))
+                    named.add(name, 100.0 * share, len(beyond))
         total += sums
         if len(results) > 1:
             counted.add(joint, *_row(sums))
@@ -217,32 +180,20 @@ def _agreement(result: Identification, other: Identification) -> tuple[int, int]
     return sum(low <= value <= high for value, (low, high) in pairs), len(values)
 
 
-def tested(result: Identification, log: planner.Log) -> Tested:
-    """Results of a model on a log to which it was not fitted."""
+def outside(result: Identification, log: planner.Log) -> tuple[str, ...]:
+    """Quantities of a log beyond the tested range of a model that was not fitted to it."""
     kept = np.flatnonzero(log.torque_on)
     smooth = np.convolve(log.angles[kept], np.ones(SMOOTHED) / SMOOTHED, "valid")
     load = 0.0 if log.load is None else log.load
-    outside = result.tested.exceeded(smooth, period=log.period, cyclic=False, load=load)
-    grid, predicted = _predicted(result.model, log)
-    expected = result.tested.error_of(predicted, period=log.period, cyclic=False)
-    return Tested(*_errors(grid, predicted), outside, expected)
+    return result.tested.exceeded(smooth, period=log.period, cyclic=False, load=load)
 
 
 def errors_of(model: planner.JointModel, log: planner.Log) -> tuple[float, float]:
     """Error of a model on a log [rad], rms, and over the standard deviation of the motion."""
-    return _errors(*_predicted(model, log))
-
-
-def _predicted(model: planner.JointModel, log: planner.Log) -> tuple[Grid, Array]:
-    """The rows of a log, and the angles there by a model [rad]."""
     joint = Parameters.of(model)
     window = joint.lag + joint.acceleration_time
     grid = resampled([log], tick=model.tick, reach=max(0.5, 1.2 * window), burn_in=window)
-    return grid, respond(grid, joint, grid.measured_starts).predicted
-
-
-def _errors(grid: Grid, predicted: Array) -> tuple[float, float]:
-    error = rms(predicted - grid.angles)
+    error = rms(respond(grid, joint, grid.measured_starts).predicted - grid.angles)
     return error, error / grid.signal
 
 

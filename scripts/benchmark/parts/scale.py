@@ -7,8 +7,6 @@ busy one, too.
 from __future__ import annotations
 
 import json
-import re
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
@@ -26,6 +24,7 @@ from benchmark.parts import Options
 from benchmark.table import Table
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
+from tests.parallel.work import dask_cluster
 
 JOINT = planner.JointModel(v_max=5.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=1 / 30)
 """A hobby servo, requested 30 times a second."""
@@ -115,31 +114,12 @@ def measure(options: Options) -> list[Table]:
 @contextmanager
 def dask() -> Iterator[Executor]:
     """A Dask scheduler and two workers on the loopback interface."""
-    python = [sys.executable, "-P", "-m"]
-    scheduler = subprocess.Popen(
-        [*python, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
-         "--no-dashboard"],
-        stderr=subprocess.PIPE, text=True, env=environment(),
-    )  # fmt: skip
-    assert scheduler.stderr is not None, "it is a pipe"
-    matches = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)
-    match = next(filter(None, matches), None)
-    if match is None:
-        raise RuntimeError("no Dask scheduler could be started")
-    with TemporaryDirectory() as folder:
-        workers = subprocess.Popen(
-            [*python, "distributed.cli.dask_worker", match[1], "--nworkers", "2", "--nthreads", "1",
-             "--no-dashboard", "--local-directory", folder],
-            stderr=subprocess.DEVNULL, env=environment(),
-        )  # fmt: skip
-        try:
-            with executor_of(scheduler=match[1]) as executor:
-                yield executor
-        finally:
-            for process in (workers, scheduler):
-                process.terminate()
-                process.wait()
-            scheduler.stderr.close()
+    with (
+        TemporaryDirectory() as folder,
+        dask_cluster(folder, env=environment()) as (address, _),
+        executor_of(scheduler=address) as executor,
+    ):
+        yield executor
 
 
 if __name__ == "__main__":

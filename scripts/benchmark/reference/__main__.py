@@ -1,4 +1,4 @@
-"""The command line of ``scripts/reference``: record, compare, processors, trace."""
+"""The command line of ``scripts/reference``: record, compare, processors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmark.reference import fits, identifications, plans, trace
+from benchmark.reference import fits, identifications, plans
 from benchmark.reference.compare import checks_of, compared, table_of, worst_cases
 from benchmark.reference.processors import compare_processors
 from benchmark.reference.record import Section, load, record, recorded
@@ -28,9 +28,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Record, or compare with a record."""
     parser = described()
     options = parser.parse_args(arguments)
-    if options.command == "trace":
-        print(trace.table())
-        return 0
     only = [name.strip() for name in options.only.split(",") if name.strip()]
     unknown = sorted(set(only) - set(SECTIONS))
     if unknown:
@@ -78,7 +75,6 @@ def described() -> argparse.ArgumentParser:
         parents=[cases],
         help="run them as on other processors; status 1 if any differ",
     )
-    commands.add_parser("trace", help="count the functions, files and names that a call passes")
     return parser
 
 

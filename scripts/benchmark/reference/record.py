@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import planner
-from benchmark.machine import circumstances
+from benchmark.machine import circumstances, kept_run
 
 Numbers = dict[str, Any]
 """Floats, whole numbers and lists of floats by name, or ``{"failed": exception}``."""
@@ -78,13 +78,6 @@ def measured_pace() -> float:
 
 
 def load(path: Path, only: Sequence[str] = ()) -> dict[str, Any]:
-    """The sections of a kept run.
-
-    Raises:
-        ValueError: The file is none.
-    """
-    try:
-        sections = json.loads(path.read_text(encoding="utf-8"))["sections"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path}: not a file written by scripts/reference record") from error
+    """The sections of a kept run; ValueError where the file is none."""
+    sections = kept_run(path, "sections")["sections"]
     return {name: section for name, section in sections.items() if not only or name in only}
