@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from planner.cli.desired import Desired
     from planner.files.executed import LearningState
     from planner.planning.plan import Plan
-    from planner.report.learning_page import Trials
+    from planner.report.plan_results import Numbers
     from planner.trajectory import Array
 
 FOOT = "foot"  # name of the plan of a foot
@@ -101,9 +101,9 @@ def refine(
     from planner.report.learning_page import (
         joint_results,
         learning_page,
-        trials_results,
         trials_text,
     )
+    from planner.report.plan_results import in_unit
 
     desired = prepare(run)
     begun = history is not None and Path(history).is_file()
@@ -190,7 +190,7 @@ def refine(
         {
             "cyclic": desired.cyclic,
             "period_s": period,
-            "learning": {each.name: trials_results(each) for each in trials},
+            "learning": {name: in_unit(each, each["unit"]) for name, each in trials.items()},
             "not_measured": missing,
             "joints": joints,
         },
@@ -224,12 +224,11 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False)
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}
 
 
-def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> list[Trials]:
+def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers]:
     """The errors of each joint, or of the foot, in the user's units."""
-    from planner.report.learning_page import Trials
     from planner.report.plan_results import no_bound
 
-    rows = []
+    trials = {}
     file_models = dict(zip(desired.names, desired.models, strict=True))
     for name, plan in learnt.items():
         learning, foot = plan.learning[0], plan.task.goal == "foot"
@@ -242,22 +241,20 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> list[Trials]:
             whose = f" of {', '.join(changed)}" if foot else ""
             anew = "is not that of the file: earlier trials identified it anew"
             remarks.append(f"the model{whose} {anew}")
-        rows.append(
-            Trials(
-                name=name,
-                unit="cm" if foot else desired.shown_units[name],
-                errors=factor * learning.errors,
-                predicted=factor * learning.next_error,
-                bound=math.nan if no_bound(plan) else factor * bound,
-                noise=factor * noise,
-                gain=learning.gain,
-                best=learning.best,
-                stopped=learning.stopped,
-                remarks=tuple(remarks),
-                delays=tuple(each.removed for each in learning.delays),
-            )
-        )
-    return rows
+        trials[name] = {
+            "unit": "cm" if foot else desired.shown_units[name],
+            "trials": len(learning.errors),
+            "errors": (factor * learning.errors).tolist(),
+            "predicted": factor * learning.next_error,
+            "lower_bound": math.nan if no_bound(plan) else factor * bound,
+            "noise": factor * noise,
+            "gain": learning.gain,
+            "best_trial": learning.best + 1,
+            "stopped": learning.stopped or None,
+            "remarks": remarks,
+            "sensor_delay_ms": [1e3 * each.removed for each in learning.delays],
+        }
+    return trials
 
 
 def as_options(text: str, names: Sequence[str]) -> str:

@@ -170,34 +170,33 @@ def errors_table(identification: Identification) -> Table:
 def verdict(identification: Identification) -> str:
     """Whether the model holds, and what it adds, in one sentence."""
     units, (error, where) = UNITS[identification.unit], telling_error(identification)
-    words = {
-        "holds": "the model holds",
-        "usable": "the model is usable, but not exact",
-        "worse than a delay": "a pure delay serves better, plan with --method shift",
-        "refused": "THE MODEL DOES NOT FIT",
-    }
-    phrases = [
-        f"{words[identification.verdict]}: {' '.join(units.sized(error))} rms {where}",
-        f"{percent_of(error, identification.signal)} of the motion",
-    ]
     others = {each.name: telling_error(each)[0] for each in identification.alternatives}
-    for name, (_, other_words) in ALTERNATIVES.items():
-        if other_words and name in others:
-            ratio = others[name] / error if error > 0.0 else math.inf
-            most = max(ratio, 1.0 / ratio if ratio else math.inf)
-            times = "infinitely" if math.isinf(most) else f"{most:.{1 if most < 10 else 0}f} times"
-            far = f"{times} closer than" if ratio > 1.0 else f"{times} farther off than"
-            how = far if most >= 1.05 else "no closer than"
-            phrases.append(f"{how} {other_words}")
-    return ", ".join(phrases)
+    return phrase(
+        "identification.txt",
+        "verdict",
+        of=identification,
+        size=" ".join(units.sized(error)),
+        where=where,
+        share=percent_of(error, identification.signal),
+        ratios={
+            words: others[name] / error if error > 0.0 else math.inf
+            for name, (_, words) in ALTERNATIVES.items()
+            if words and name in others
+        },
+        infinite=math.inf,
+    )
 
 
 def of_several(identifications: Mapping[str, Identification]) -> str:
     """For how many joints the model holds, and for how many it is usable, in a sentence."""
     verdicts = [each.verdict for each in identifications.values()]
-    usable = verdicts.count("usable")
-    more = f", and is usable, but not exact, for {usable} more" if usable else ""
-    return f"the model holds for {verdicts.count('holds')} of {len(verdicts)} joints{more}"
+    return phrase("identification.txt", "several", verdicts=verdicts)
+
+
+def profile(identification: Identification) -> str:
+    """Where a limit of the acceleration may come from, in a sentence; empty where none is known."""
+    estimates = parameters(identification)
+    return phrase("identification.txt", "profile", of=identification, estimates=estimates)
 
 
 def joints_table(identifications: Mapping[str, Identification], *, page: bool = False) -> Table:
@@ -205,33 +204,27 @@ def joints_table(identifications: Mapping[str, Identification], *, page: bool = 
 
     On a page a unit that all cells of a column have stands in its title.
     """
-    found = identifications.values()
-    estimates = [{row.name: row for row in parameters(each)} for each in found]
-    words = ["DOES NOT FIT" if each.verdict == "refused" else each.verdict for each in found]
-    columns = {"model": [(each, "") for each in words]}
-    for name in dict.fromkeys(name for own in estimates for name in own):
-        cells = [own[name].short if name in own else (NOTHING, "") for own in estimates]
-        columns[PARAMETERS[name][1]] = cells
-    for title in ("rms", "held out", "best delay"):
-        columns[title] = []
-    for each in found:
-        delays = [telling_error(other)[0] for other in each.alternatives if other.name == "delay"]
-        for title, error in (
-            ("rms", each.rms),
-            ("held out", each.held_out_rms),
-            ("best delay", delays[0] if delays else None),
-        ):
-            columns[title].append(UNITS[each.unit].sized(error))
-    shown = []
-    for title, cells in columns.items():
-        units = {unit for _, unit in cells if unit}
-        common = units.pop() if page and len(units) == 1 else ""
-        words = [f"{size} {unit}" if unit not in ("", common) else size for size, unit in cells]
-        shown.append((f"{title} [{common}]" if common else title, words))
-    kinds = ["" if each.accepted else "broken" for each in found]
-    every = zip(identifications, kinds, *(words for _, words in shown), strict=True)
-    rows = [Row(joint or "unnamed", cells, kind=kind) for joint, kind, *cells in every]
-    return Table("joint", (title for title, _ in shown), rows, "Joints")
+    every, shown = list[dict[str, tuple[str, str]]](), set[str]()
+    for each in identifications.values():
+        sized, estimates = UNITS[each.unit].sized, parameters(each)
+        word = "DOES NOT FIT" if each.verdict == "refused" else each.verdict
+        delays = (telling_error(other)[0] for other in each.alternatives if other.name == "delay")
+        every.append({"model": (word, ""), **{row.brief: row.short for row in estimates}})
+        every[-1] |= {"rms": sized(each.rms), "held out": sized(each.held_out_rms)}
+        every[-1] |= {"best delay": sized(next(delays, None))}
+        shown |= {row.brief for row in estimates}
+    briefs = [brief for _, brief in PARAMETERS.values() if brief in shown]
+    titles, common = ["model", *briefs, "rms", "held out", "best delay"], dict[str, str]()
+    for title in titles:
+        units = {cells[title][1] for cells in every if title in cells} - {""}
+        common[title] = units.pop() if page and len(units) == 1 else ""
+    rows = []
+    for (joint, each), cells in zip(identifications.items(), every, strict=True):
+        own = [(title, *cells.get(title, (NOTHING, ""))) for title in titles]
+        words = [f"{size} {unit}" if unit not in ("", common[t]) else size for t, size, unit in own]
+        rows.append(Row(joint or "unnamed", words, kind="" if each.accepted else "broken"))
+    columns = (f"{title} [{unit}]" if unit else title for title, unit in common.items())
+    return Table("joint", columns, rows, "Joints")
 
 
 def explained(identifications: Mapping[str, Identification]) -> str:
@@ -239,19 +232,6 @@ def explained(identifications: Mapping[str, Identification]) -> str:
     shown = {row.name for each in identifications.values() for row in parameters(each)}
     rare = [name for name in PARAMETERS if name in shown.intersection(TERMS.values())]
     return "; ".join(": ".join(reversed(PARAMETERS[name])) for name in rare)
-
-
-def profile(identification: Identification) -> str:
-    """Where a limit of the acceleration may come from, in a sentence; empty where none is known."""
-    for row in parameters(identification) if identification.verdict != "refused" else ():
-        if row.name == "max_acceleration" and row.determined:
-            return (
-                f"The joint accelerates by at most {row.value} {row.unit}: a weak motor, or a "
-                "profile of the servo's own, of acceleration or of speed, which is better switched "
-                "off (Dynamixel X: Profile Acceleration, address 108, and Profile Velocity, 112, "
-                "at 0; Feetech STS: acceleration, 41, and goal speed, 46, at 0)."
-            )
-    return ""
 
 
 def figure(value: float, interval: Interval) -> str:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,8 @@ import numpy as np
 from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Page
-from planner.report.wording import NOTHING, Row, Table, number, text_table, words_of
+from planner.report.plan_results import Numbers, in_unit
+from planner.report.wording import NOTHING, Columns, Row, Table, table_of, words_of
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -26,22 +26,12 @@ NEXT = style.OPTIMAL._replace(label="predicted next")
 ERROR = style.INK._replace(label="error, measured", width=1.4)
 LEARNT = style.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
-
-@dataclass(frozen=True, eq=False)
-class Trials:
-    """The errors of a joint or a foot that learns."""
-
-    name: str  # the joint, or "foot"
-    unit: str  # unit of the errors: deg, percent or cm
-    errors: Array  # error of the mean cycle of each trial, shape (trials,)
-    predicted: float  # error to expect of the next requests
-    bound: float  # lower bound of the model on the error; NaN where there is none
-    noise: float  # standard deviation of one cycle about the mean of many
-    gain: float  # learning gain, 0 to 1: share of the disturbance that the next requests compensate
-    best: int  # the trial that the next requests start from
-    stopped: str  # why learning has ended; empty while it goes on
-    remarks: tuple[str, ...]  # notes on the use of the measurements
-    delays: tuple[float, ...] = ()  # how late the sensors of its joints are taken to be [s]
+NUMBERS = {
+    "predicted": "predicted next",
+    "lower_bound": "lower bound",
+    "noise": "noise of a cycle",
+}
+"""What stands below the errors of the trials."""
 
 
 def learning_page(
@@ -49,47 +39,51 @@ def learning_page(
     *,
     executed: Array,
     measured: Array,
-    progress: Sequence[Trials],
+    progress: Mapping[str, Numbers],
     about_others: str = "",
     title: str,
 ) -> Page:
-    """The page about the next plan; the last requests and their mean cycle are (n, k) [rad]."""
-    worst = max(progress, key=lambda each: float(np.min(each.errors)))
-    rest = [each for each in progress if each is not worst]
+    """The page about the next plan; the last requests and their mean cycle are (n, k) [rad].
+
+    ``progress`` has the numbers of each joint, or of the foot, that learns, by name.
+    """
+    worst = max(progress, key=lambda name: min(progress[name]["errors"]))
+    rest = {name: each for name, each in progress.items() if name != worst}
     return Page(
         "learning",
         title=title,
-        trials=len(progress[0].errors),
-        ended=all(each.stopped for each in progress),
+        trials=next(iter(progress.values()))["trials"],
+        ended=all(each["stopped"] for each in progress.values()),
         progress=progress,
         about_others=about_others,
         worst=worst,
-        errors=errors_figure(worst),
+        errors=errors_figure(worst, progress[worst]),
         table=trials_table(progress),
-        more=[errors_figure(each, f"learning_{j}") for j, each in enumerate(rest, 2)],
+        more=[errors_figure(*each, f"_{j}") for j, each in enumerate(rest.items(), 2)],
         short=_short,
         joints=[joint_figure(plan, executed, measured, j) for j in range(len(plan.names))],
     )
 
 
-def errors_figure(progress: Trials, name: str = "learning") -> Figure:
+def errors_figure(joint: str, numbers: Numbers, suffix: str = "") -> Figure:
     """The error of each trial, with the lower bound."""
-    count, bounded = len(progress.errors), not math.isnan(progress.bound)
-    goes_on = not math.isnan(progress.predicted) and not progress.stopped
+    count, bound, predicted = numbers["trials"], numbers["lower_bound"], numbers["predicted"]
+    goes_on = not math.isnan(predicted) and not numbers["stopped"]
     last = count + goes_on
     trials, ends = np.arange(1.0, count + 1.0), (0.8, last + 0.2)
-    error = style.OPTIMAL._replace(label="error", dashes="-")
-    curves = [Curve(error, trials, progress.errors, marks=marks) for marks in ("", "dots")]
-    if bounded:
-        curves.insert(0, Curve(BOUND, np.array(ends), np.full(2, progress.bound)))
+    error, errors = style.OPTIMAL._replace(label="error", dashes="-"), np.array(numbers["errors"])
+    curves = [Curve(error, trials, errors, marks=marks) for marks in ("", "dots")]
+    if not math.isnan(bound):
+        curves.insert(0, Curve(BOUND, np.array(ends), np.full(2, bound)))
     if goes_on:
         at = np.array([count + 1.0])
-        curves.append(Curve(NEXT, at, np.array([progress.predicted]), marks="rings"))
-    top = 1.1 * float(np.nanmax([*progress.errors, progress.noise, progress.predicted]))
+        curves.append(Curve(NEXT, at, np.array([predicted]), marks="rings"))
+    top = 1.1 * float(np.nanmax([*errors, numbers["noise"], predicted]))
     names = {float(number): str(number) for number in range(1, last + 1)}
-    words = words_of("trials", name=progress.name, bounded=bounded, goes_on=goes_on)
-    panel = Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), curves)
-    return Figure(name, *words, Axis("trial", names=names, range=ends), [panel])
+    words = words_of("trials", name=joint, bounded=not math.isnan(bound), goes_on=goes_on)
+    panel = Panel(Axis("rms error", numbers["unit"], (0.0, top), decimals=3), curves)
+    across = Axis("trial", names=names, range=ends)
+    return Figure(f"learning{suffix}", *words, across, [panel])
 
 
 def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure:
@@ -109,19 +103,18 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
     )
 
 
-def trials_table(progress: Sequence[Trials]) -> Table:
+def trials_table(progress: Mapping[str, Numbers]) -> Table:
     """The errors of all trials."""
-    rows = []
-    for trial in range(max(len(each.errors) for each in progress)):
-        errors = [each.errors[trial] if trial < len(each.errors) else math.nan for each in progress]
-        best = ["\nbest" * (trial == each.best) for each in progress]
+    rows, joints = [], progress.values()
+    for trial in range(1, max(each["trials"] for each in joints) + 1):
+        errors = [dict(enumerate(each["errors"], 1)).get(trial, math.nan) for each in joints]
+        best = ["\nbest" * (trial == each["best_trial"]) for each in joints]
         cells = [f"{_short(error, 4)}{note}" for error, note in zip(errors, best, strict=True)]
-        rows.append(Row(str(trial + 1), cells))
-    names = {"predicted next": "predicted", "lower bound": "bound", "noise of a cycle": "noise"}
-    for about, name in names.items():
-        kind = "bound" if name == "bound" else ""
-        rows.append(Row(about, [_short(getattr(each, name), 4) for each in progress], kind=kind))
-    columns = (f"{each.name} [{each.unit}]" for each in progress)
+        rows.append(Row(str(trial), cells))
+    for name in ("predicted", "lower_bound", "noise"):
+        kind = "bound" if name == "lower_bound" else ""
+        rows.append(Row(NUMBERS[name], [_short(each[name], 4) for each in joints], kind=kind))
+    columns = (f"{name} [{each['unit']}]" for name, each in progress.items())
     return Table("trial", columns, rows, "Errors of the trials, rms")
 
 
@@ -137,38 +130,28 @@ def _short(value: float, digits: int = 3) -> str:
 def joint_results(plan: Plan, joint: int, unit: str) -> dict[str, Any]:
     """The next requests to a joint of a plan for machines, in "deg" or "percent"."""
     learnt = plan.task.disturbance
-    return {
-        f"requests_{unit}": np.degrees(plan.requests[:, joint]).tolist(),
-        f"predicted_{unit}": np.degrees(plan.predicted[:, joint]).tolist(),
-        f"learnt_{unit}": None if learnt is None else np.degrees(learnt[:, joint]).tolist(),
+    angles = {"requests": plan.requests, "predicted": plan.predicted, "learnt": learnt}
+    numbers = {
+        name: None if each is None else np.degrees(each[:, joint]).tolist()
+        for name, each in angles.items()
     }
+    return in_unit(numbers, unit)
 
 
-def trials_results(trials: Trials) -> dict[str, Any]:
-    """The trials of a joint, or of a foot, for machines."""
-    return {
-        "trials": len(trials.errors),
-        f"errors_{trials.unit}": trials.errors.tolist(),
-        f"predicted_{trials.unit}": trials.predicted,
-        f"lower_bound_{trials.unit}": trials.bound,
-        f"noise_{trials.unit}": trials.noise,
-        "gain": trials.gain,
-        "best_trial": trials.best + 1,
-        "stopped": trials.stopped or None,
-        "remarks": list(trials.remarks),
-        "sensor_delay_ms": [1e3 * delay for delay in trials.delays],
-    }
-
-
-def trials_text(progress: Sequence[Trials]) -> str:
+def trials_text(progress: Mapping[str, Numbers]) -> str:
     """The trials of every joint, or of the foot, and remarks on them."""
-    cells, lines = [], list[str]()
-    for each in progress:
-        errors = (each.errors[0], each.errors[-1], np.min(each.errors), each.predicted)
-        bound, noise = number(each.bound, 3), f"{each.noise:.3f}"
-        cells.append([f"{each.name} [{each.unit}]", *map("{:.3f}".format, errors), bound, noise])
-        lines += [f"{each.name}: {text}" for text in each.remarks]
-        if each.stopped:
-            lines.append(f"{each.name}: learning has ended: {each.stopped}")
-    titles = ["rms error", "first", "last", "best", "predicted next", "lower bound", "noise"]
-    return "\n".join([text_table(titles, cells), *lines])
+    rows, lines = [], list[str]()
+    for name, each in progress.items():
+        first, *_, last = errors = [*each["errors"], each["errors"][-1]]
+        ends = {"first": first, "last": last, "best": min(errors)}
+        rows.append((f"{name} [{each['unit']}]", each | ends))
+        lines += [f"{name}: {text}" for text in each["remarks"]]
+        if each["stopped"]:
+            lines.append(f"{name}: learning has ended: {each['stopped']}")
+    columns: Columns = {name: f"{{{name}:.3f}}" for name in ("first", "last", "best")}
+    columns |= {
+        "predicted next": "{predicted:.3f}",
+        "lower bound": "{lower_bound:.3f}",
+        "noise": "{noise:.3f}",
+    }
+    return "\n".join([table_of("rms error", rows, columns).text(), *lines])

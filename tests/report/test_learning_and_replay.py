@@ -51,15 +51,33 @@ def test_learning(planned, snapshot):
         after,
         executed=planned.requests,
         measured=measured,
-        progress=[
-            learning.Trials("hip", "deg", np.array([3.0, 1.5, 2.0]), 3.25, 1.0, 0.1,
-                              1.0, 1, "", ("a cycle was left out",)),
-            learning.Trials("knee", "deg", np.array([1.0, 4.0]), 0.9, math.nan, 1e-4, 1.0,
-                              0, "no gain is left", ()),
-        ],
+        progress={
+            "hip": {
+                "unit": "deg",
+                "trials": 3,
+                "errors": [3.0, 1.5, 2.0],
+                "predicted": 3.25,
+                "lower_bound": 1.0,
+                "noise": 0.1,
+                "best_trial": 2,
+                "stopped": None,
+                "remarks": ["a cycle was left out"],
+            },
+            "knee": {
+                "unit": "deg",
+                "trials": 2,
+                "errors": [1.0, 4.0],
+                "predicted": 0.9,
+                "lower_bound": math.nan,
+                "noise": 1e-4,
+                "best_trial": 1,
+                "stopped": "no gain is left",
+                "remarks": [],
+            },
+        },
         about_others="jaw is not learnt.",
         title="walk",
-    ).html()  # fmt: skip
+    ).html()
     text = f"{text_of(page)}\n{figures_of(page)}\n"
     snapshot.check("learning", masked(text[: text.index("figure learning_joint")]))
     for j in range(2):
