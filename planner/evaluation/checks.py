@@ -27,8 +27,7 @@ class Tolerance(NamedTuple):
     reason: str
 
 
-LOCAL = 2e-4
-"""Share of the error by which a local optimum may exceed the form that another search found."""
+LOCAL = 2e-4  # share of the error by which a local optimum may exceed that of another search
 SHARE = SMOOTHNESS + LOCAL
 AGREEMENT = Tolerance(1e-9, "rad", "rounding, summed over a cycle; cycles close to 1e-12")
 CLOSURE = Tolerance(
@@ -50,38 +49,25 @@ SOLVED = "the solver finds a plan"
 SOLVES = Tolerance(
     0.0, "failures", "a solver that stops early has not shown that its plan is optimal"
 )
-AS_GOOD = Tolerance(
-    5e-2,
-    "of the error",
-    "both are local optimisers; in 107 of 109 random problems they differ by less than 3 %",
-)
-ROUNDING = 1e-3
-"""Share of a tolerance within which a value is rounding: the last bits that processors round
-differently must not decide which plan is reported as closest to breaking a claim."""
+DIFFER = "both are local optimisers; in 107 of 109 random problems they differ by less than 3 %"
+AS_GOOD = Tolerance(5e-2, "of the error", DIFFER)
+ROUNDING = 1e-3  # share of a tolerance within which a value is rounding, not what breaks a claim
 FOLLOWED = 1e-4  # errors up to this count as zero [rad]: 0.006 degrees
 
 
 @dataclass(frozen=True)
 class Check:
-    """A claim, the figure that it rests on, and how large that may be.
+    """A claim, the figure that it rests on, and how large that may be."""
 
-    Attributes:
-        subject: The joint that it is about, or the foot.
-        plan: The plan that it is about; empty where it is about none.
-        name: The claim.
-        value: The figure, in the tolerance's unit; negative where there is room.
-        tolerance: Largest allowed value.
-    """
-
-    subject: str
-    plan: str
-    name: str
-    value: float
-    tolerance: Tolerance
+    subject: str  # the joint that it is about, or the foot
+    plan: str  # the plan that it is about; empty where it is about none
+    name: str  # the claim
+    value: float  # the figure, in the tolerance's unit; negative where there is room
+    tolerance: Tolerance  # largest allowed value
 
     @property
     def is_rounding(self) -> bool:
-        """Whether the value is rounding: within a thousandth of a tolerance that is not zero."""
+        """Whether the value is rounding, which must not decide which plan is worst."""
         return abs(self.value) <= ROUNDING * self.tolerance.value > 0.0
 
     @property
@@ -117,9 +103,8 @@ class Answer(NamedTuple):
 def second_answer(plan: Plan, column: int = 0) -> Answer:
     """Simulate a joint of a plan by the law in CasADi symbols, and compare the predicted angles.
 
-    A cycle is run from where the predicted one ends. Where requests saturate the joint throughout,
-    or its dry friction holds it, several cycles are steady: others are sought from where the least
-    and the greatest request would hold it.
+    A cycle is run from where the predicted one ends; other steady ones, of a joint that saturates
+    throughout or is held by friction, are sought from where the extreme requests would hold it.
     """
     model, start, load = plan.models[column], plan.task.starts[column], plan.task.loads[column]
     requests, predicted = plan.requests[:, column].copy(), plan.predicted[:, column]
@@ -158,11 +143,7 @@ def _settled(run: Callable[[Array], Array], begun: Array) -> Array | None:
 def _symbolic_run(
     model: JointModel, requests: Array, load: Array | None, *, cyclic: bool
 ) -> Callable[[Array], Array]:
-    """States at the samples, (3, n), from the one before: by the law in CasADi symbols.
-
-    From rest only one tick passes before the first sample, and the first request has been there for
-    ever.
-    """
+    """States at the samples, (3, n), from the one before: by the law in CasADi symbols."""
     from planner.model.symbolic import period_function  # slow to import: CasADi
 
     count = len(requests)
@@ -175,7 +156,7 @@ def _symbolic_run(
 
     def run(state: Array) -> Array:
         motion, begun = np.zeros((3, count)), state[:size]
-        if not cyclic:
+        if not cyclic:  # one tick before the first sample, under a request that was always there
             tick = period_function(replace(model, hold=1))
             width = acting_requests(replace(model, hold=1)).width
             begun = np.asarray(tick(begun, np.full(width, requests[0]), torques[0], 0.0)).ravel()
@@ -214,10 +195,7 @@ def beyond_limits(requests: Array, limits: tuple[Any, Any]) -> float:
 
 
 def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversion | None:
-    """The plan, its requests clipped to the limits: a gain beyond them does not count.
-
-    None where that leads to no cycle.
-    """
+    """The plan, clipped to the limits, beyond which no gain counts; None where it has no cycle."""
     if limits is None or beyond_limits(plan.requests, limits) <= WITHIN_LIMITS.value:
         return plan
     clipped = Inversion(plan.plan, plan.column, requests=np.clip(plan.requests, *limits))

@@ -52,6 +52,7 @@ from planner.planning.task import Norm, Task, checked_leg
 from planner.trajectory import Array, Distance, as_rows, error_norm, relative_gap, rms, size
 from planner.validation import Summarised, Summary, check_choice, finite, shown
 
+# The compared plans: label by key.
 METHODS: Mapping[str, str] = {
     "closed_form_paper": "closed form, paper's rule",
     "closed_form_exact": "closed form, exact rule",
@@ -59,8 +60,6 @@ METHODS: Mapping[str, str] = {
     "optimal_ipopt": "optimised by IPOPT",
     "foot_optimal": "optimised for the foot",
 }
-"""The compared plans: label by key."""
-
 CLOSED_FORMS = ("closed_form_paper", "closed_form_exact")  # the plans that ignore limits
 SECOND = "optimal_ipopt"  # the plan of CasADi's solver, a second opinion on the optimised one
 FOOT = "foot"  # subject of checks of all joints together
@@ -81,11 +80,10 @@ class CrossCheck(Summarised):
     def _summarised(self) -> Summary:
         """The verdict, and the error of every plan of each joint."""
         methods = self.methods
-        rows = [
-            (joint.name, *(f"{np.degrees(joint.plans[method].error):.4g}" for method in methods),
-             f"{np.degrees(joint.bound):.4g}")
-            for joint in self.joints
-        ]  # fmt: skip
+        rows = list[list[str]]()
+        for joint in self.joints:
+            values = [*(joint.plans[method].error for method in methods), joint.bound]
+            rows.append([joint.name, *(f"{np.degrees(value):.4g}" for value in values)])
         held = len(self.checks) - len(self.failures)
         return Summary(
             f"Cross-check: {held} of {len(self.checks)} checks hold; {self.norm} errors [deg]",
@@ -359,11 +357,7 @@ def compare_joint(
     levels: Sequence[Level] = LEVELS[:2],
     failed: Sequence[str] = (),
 ) -> JointComparison:
-    """Compare plans for one joint and the same desired angles, from any method, and check them.
-
-    ``levels``: the bounds to compute, of a joint with friction or inertia those that hold;
-    ``failed``: methods that found no plan.
-    """
+    """Compare plans of any method for one joint, by bounds of these levels, and check them."""
     optimal = plans["optimal"]
     task, j = optimal.plan.task, optimal.column
     start, load, limits = task.starts[j], task.loads[j], task.limits[j]
@@ -426,8 +420,8 @@ def no_worse_checks(
 def errors_shown(plan: Plan, error: float, rivals: Sequence[float]) -> list[float]:
     """The errors of a plan and of others for its task that a robot may show: (12b) of the maths.
 
-    Error of the models is added. The others are judged with that of the best plan: the search
-    minimises the plan's own. 0 is that of a plan whose error no encoder sees, if many plans do.
+    Those of the models are added: to the others that of the best plan, as the search minimises the
+    plan's own. 0 is that of a plan whose error no encoder sees, if many plans do.
     """
     best = plan.task.unsmoothed
     evidence = [model.evidence for model in plan.models]

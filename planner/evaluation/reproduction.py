@@ -30,21 +30,17 @@ SOURCE = (
 
 STEP_AMPLITUDES = (40.0, 110.0)  # amplitudes of the step tests of Figures 3 and 4 [degrees]
 
-SEGMENTS = 6
-"""Lines of an approximation; the paper draws its own by hand, with about as many (Figure 6)."""
-
-SAME_METHOD: Mapping[str, str] = {
-    "Des,Plain": "Des,MB",
-    "Pwl,Plain": "Pwl,MB",
-    "closed_form_plain": "closed_form",
-}
-"""The paper has one closed form; its figures stand beside ours as it is and with knots refined."""
-
+SEGMENTS = 6  # lines of an approximation; the paper draws about as many by hand (Figure 6)
 RULE: Rule = "paper"  # how the model-based rows of Table 2 invert a line
 
-REFINE = {"closed_form_plain": False, "closed_form": True}
-"""Whether knots are moved by the error of the simulated joint. The paper's stay where they are."""
+# The paper has one closed form; its figures stand beside ours as it is and with knots refined.
+SAME_METHOD = {"Des,Plain": "Des,MB", "Pwl,Plain": "Pwl,MB", "closed_form_plain": "closed_form"}
 
+# Whether knots are moved by the error of the simulated joint. The paper's stay where they are.
+REFINE = {"closed_form_plain": False, "closed_form": True}
+
+# The rows of Table 2, Plain for the closed form as in the paper and MB for ours, with two of the
+# optimised plans, and the method whose angles each of them judges.
 PAIRS: Mapping[str, str] = {
     "Des,Dir": "direct",
     "Des,Plain": "closed_form_plain",
@@ -54,8 +50,6 @@ PAIRS: Mapping[str, str] = {
     "Des,Opt": "optimal",
     "Des,Foot": "foot_optimal",
 }
-"""The rows of Table 2, Plain for the closed form as in the paper and MB for ours, with two of the
-optimised plans, and the method whose angles each of them judges."""
 
 
 class OverCycles(NamedTuple):
@@ -77,6 +71,9 @@ def _printed(l2: float, l2_deviation: float, linf: float, linf_deviation: float)
     return OverCycles(Distance(l2, linf), Distance(l2_deviation, linf_deviation))
 
 
+# Distances between angle trajectories [degrees], by joint and comparison: Des is the desired
+# trajectory, Dir the angles when it is requested, Pwl its piecewise linear approximation, and MB
+# (model-based) the angles under the requests from that.
 TABLE_2: Mapping[str, Mapping[str, OverCycles]] = {
     "rotator": {
         "Des,Dir": _printed(31.0, 0.2, 57.2, 0.3),
@@ -94,28 +91,18 @@ TABLE_2: Mapping[str, Mapping[str, OverCycles]] = {
         "Pwl,MB": _printed(2.6, 0.2, 6.2, 0.7),
     },
 }
-"""Distances between angle trajectories [degrees], by joint and comparison.
 
-Des is the desired trajectory, Dir the angles when it is requested, Pwl its piecewise
-linear approximation, and MB (model-based) the angles under the requests from that.
-"""
-
+# Distances of the foot from its desired path [cm], by method.
 FOOT: Mapping[str, OverCycles] = {
     "direct": _printed(3.23, 0.01, 4.61, 0.05),
     "shift": _printed(1.55, 0.04, 3.57, 0.08),
     "closed_form": _printed(1.21, 0.04, 2.34, 0.12),
 }
-"""Distances of the foot from its desired path [cm], by method."""
 
 
-def published(joint: str, comparison: str) -> OverCycles | None:
-    """The paper's figures beside a distance of angles [degrees]; None where it has none."""
-    return TABLE_2.get(joint, {}).get(SAME_METHOD.get(comparison, comparison))
-
-
-def published_foot(method: str) -> OverCycles | None:
-    """The paper's figures beside a distance of the foot [cm]; None where it has none."""
-    return FOOT.get(SAME_METHOD.get(method, method))
+def published(name: str, joint: str = "") -> OverCycles | None:
+    """The paper's figures for a joint's comparison or a method's foot; None where it has none."""
+    return (TABLE_2.get(joint, {}) if joint else FOOT).get(SAME_METHOD.get(name, name))
 
 
 def deviations(
@@ -123,9 +110,8 @@ def deviations(
 ) -> tuple[float, ...]:
     """How far the baseline figures are from the published ones, each relative to the latter.
 
-    The baselines are the ten figures that no choice of an approximation enters: the six of
-    (Des, Dir), and L2 and Linf of the foot under the direct method and the best time shift. Ours
-    are in degrees by joint and comparison, and in centimetres by method.
+    These ten depend on no approximation: the six of (Des, Dir), and those of the foot under the
+    direct method and the best time shift.
     """
     pairs = [(table2[joint]["Des,Dir"], TABLE_2[joint]["Des,Dir"]) for joint in JOINTS]
     pairs += [(foot[method], FOOT[method]) for method in ("direct", "shift")]
@@ -140,10 +126,9 @@ def deviations(
 class PlannedWalk:
     """Every plan for the reference walk, and the predictions of the joints' models.
 
-    Methods are "direct", the desired angles requested as they are; "shift", the best time shift of
-    them; "closed_form_plain", the inversion as in the paper, which knows no limits; "closed_form",
-    the same with the knots moved until the joint itself tracks best; "optimal", within the joints'
-    limits; and "foot_optimal", for all joints at once.
+    Methods are "direct", the desired angles as requests; "shift", with the best time shift;
+    "closed_form_plain", as in the paper, which ignores limits; "closed_form", with knots moved
+    until the joint tracks best; "optimal", within limits; "foot_optimal", for all joints at once.
     """
 
     segments: int  # lines of each approximation
@@ -171,18 +156,15 @@ class PlannedWalk:
 
     @cached_property
     def legs(self) -> dict[str, Array]:
-        """Where the leg's joints and, last, its foot are at the ``desired`` angles and by method.
-
-        In metres, each of shape (n, joints + 1, 3).
-        """
+        """Joints and, last, foot by method, and ``desired`` [m], each (n, joints + 1, 3)."""
         predicted = {method: plan.predicted for method, plan in self.plans.items()}
         angles = {"desired": self.walk.desired, **predicted}
         return {method: self.walk.leg.joint_positions(each) for method, each in angles.items()}
 
     def table2(self, walks: Mapping[str, Array] | None = None) -> dict[str, dict[str, OverCycles]]:
-        """Table 2: distances between angle trajectories by joint and comparison [degrees].
+        """Table 2 [degrees] by joint and comparison, of predicted angles or of ``walks``.
 
-        ``walks``: angles by method [rad], (cycles, n, k); by default the predicted ones.
+        These are angles by method [rad], (cycles, n, k).
         """
         table: dict[str, dict[str, OverCycles]] = {name: {} for name in self.walk.joint_names}
         for pair, method in PAIRS.items():
@@ -230,10 +212,7 @@ class StepResponse:
 def measure_step_response(
     model: JointModel, amplitude: float, *, samples: int = 88
 ) -> StepResponse:
-    """Run the step test of Equation 1 and read its features off, in whole samples as by eye.
-
-    The amplitude [rad] is high enough for the joint to reach its top speed.
-    """
+    """Run the step test of Equation 1 up to the top speed, and read its features off as by eye."""
     requests = step_test(amplitude, samples=samples)
     angles = simulate(model, requests)
     step = int(np.argmin(requests))
@@ -260,10 +239,7 @@ def reproduce(
     segments: int = SEGMENTS,
     progress: Callable[[str], None] = lambda _: None,
 ) -> PlannedWalk:
-    """Run the paper's experiment on the model of every joint, by default that of Table 1.
-
-    ``progress`` is called with the name of each part before it is computed.
-    """
+    """Run the paper's experiment on the model of every joint, by default that of Table 1."""
     clock = Clock(progress)
     models = (JointModel.ers210a() if model is None else model,) * len(JOINTS)
     planned_walk = plan_walk(models, segments=segments, clock=clock)
@@ -314,9 +290,8 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
 def best_lead(unshifted: Array, distance: Callable[[Array], Distance]) -> int:
     """By how many samples to be early: the lead with the least rms, the smallest such lead.
 
-    A joint's answer to shifted requests is its shifted answer, so one simulation serves all leads:
-    ``unshifted`` is a cycle when the desired angles are requested [rad], (n, k). The paper judges
-    the ``distance`` of such angles in the foot's space.
+    One cycle serves all leads, as shifted requests have the shifted answer: ``unshifted`` is that
+    to the desired angles [rad], (n, k), of which the paper judges the ``distance`` in the foot.
     """
     leads = range(len(unshifted))
     return min(leads, key=lambda lead: distance(np.roll(unshifted, -lead, axis=0)).rms)

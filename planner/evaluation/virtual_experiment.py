@@ -30,22 +30,17 @@ from planner.planning.plan import Plan
 from planner.trajectory import Array, rms
 from planner.virtual.robot import CONSTANTS, Constants, VirtualRobot
 
-AMPLITUDES = (20.0, 40.0, 70.0)
-"""Heights of the step tests [degrees]: small to large within the range that the walk needs."""
-
+AMPLITUDES = (20.0, 40.0, 70.0)  # heights of the step tests [degrees], in the range of the walk
 STEP_CYCLES = 3  # cycles of each step test, as the paper repeats them
 SETTLING = 1.0  # time in which the leg takes up the pose that a test begins with [s]
 CYCLES = 20  # cycles of each walk, as in the paper
 
-STEADY = 3.0
-"""Change from cycle to cycle, rms, up to which a walk is steady, over what the errors of a sensor
-make of two equal cycles. The noise of the supply is the rest."""
-
 TRIALS = 10  # trials of learning, each executed until it is steady and then measured for two cycles
+MEASURED_CYCLES = 2  # in each trial: the fewest that separate noise from repeatable errors
 
-MEASURED_CYCLES = 2
-"""Cycles that are measured in each trial: the fewest that separate noise from repeatable errors."""
-
+# Change from cycle to cycle, rms, up to which a walk is steady, over what the errors of a sensor
+# make of two equal cycles. The noise of the supply is the rest.
+STEADY = 3.0
 MOST_DROPPED = 20  # cycles after which a walk that is not steady will not be
 
 
@@ -100,10 +95,7 @@ class VirtualOutcome:
 
     @property
     def unseen_rms(self) -> dict[str, float]:
-        """How well each model predicts the walk under the direct method [rad], by joint.
-
-        It is identified from step tests alone, so this walk is new to it.
-        """
+        """How well each model predicts the walk, new to it, under the direct method [rad]."""
         off = self.runs["direct"].angles.mean(axis=0) - self.planned.plans["direct"].predicted
         return dict(zip(self.planned.walk.joint_names, map(rms, off.T), strict=True))
 
@@ -118,9 +110,8 @@ def play_experiment(
 ) -> VirtualOutcome:
     """Play the paper's experiment on a robot whose joints are not the planner's model.
 
-    Step tests of each joint are recorded by its sensor, a model is identified from them, the walk
-    is planned on the models by every method, and the robot executes every plan for ``cycles``, once
-    it is steady. ``progress`` is called with the name of each part before it begins.
+    Models are identified from step tests of the joints' sensors, the walk is planned on them by
+    every method, and the robot executes every plan for ``cycles``, once it is steady.
     """
     clock = Clock(progress)
     robot = VirtualRobot(constants=constants, seed=seed)
@@ -159,11 +150,7 @@ def play_experiment(
 
 
 def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, amplitude: float) -> Log:
-    """The sensor's log of a step test around the middle of the joint's range in the walk.
-
-    That is Equation 1, its amplitude in degrees, shifted to where the joint will work; the other
-    joints rest in the middle of theirs.
-    """
+    """The sensor's log of Equation 1 [degrees] in the middle of the joint's range in the walk."""
     middle = (walk.desired.min(axis=0) + walk.desired.max(axis=0)) / 2.0
     height = np.radians(amplitude)
     cycles = np.tile(step_test(float(height)), STEP_CYCLES)
@@ -184,10 +171,7 @@ def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, ampli
 def learn(
     robot: VirtualRobot, plan: Plan, *, trials: int = TRIALS
 ) -> tuple[tuple[Run, ...], Learning]:
-    """Execute a plan and refine it by the sensors' readings, in turn: the runs, and the learning.
-
-    The models are those of the step tests throughout.
-    """
+    """Execute a plan and refine it by the sensors' readings in turn: the runs, and the learning."""
     runs = []
     for _ in range(trials):
         runs.append(execute(robot, plan.requests, cycles=MEASURED_CYCLES))
@@ -196,10 +180,7 @@ def learn(
 
 
 def execute(robot: VirtualRobot, requests: Array, *, cycles: int) -> Run:
-    """Repeat a cycle of requests until the sensors repeat themselves, and then ``cycles`` times.
-
-    Raises NoSteadyCycle where they do not after many cycles.
-    """
+    """Repeat a cycle of requests until the sensors repeat themselves, and then ``cycles`` times."""
     robot.rest(SETTLING, requests[0])
     last, change = None, np.inf
     for dropped in range(1, MOST_DROPPED + 1):

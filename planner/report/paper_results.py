@@ -21,7 +21,6 @@ from planner.evaluation.reproduction import (
     OverCycles,
     PlannedWalk,
     published,
-    published_foot,
 )
 from planner.evaluation.virtual_experiment import (
     AMPLITUDES,
@@ -172,13 +171,13 @@ def _document(
         **own,
         "table2": {
             joint: {
-                pair: _entry(published(joint, pair), *(table[joint][pair] for table in joints))
+                pair: _entry(published(pair, joint), *(table[joint][pair] for table in joints))
                 for pair in pairs
             }
             for joint, pairs in joints[0].items()
         },
         "foot": {
-            method: _entry(published_foot(method), *(table[method] for table in feet))
+            method: _entry(published(method), *(table[method] for table in feet))
             for method in feet[0]
         },
         "baseline_deviation": planned.baseline_deviation(*walked[:1]),
