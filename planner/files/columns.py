@@ -129,26 +129,19 @@ def with_unit(
         such, them = ("", "it") if few else ("an ending of the unit, such as ", "them")
         raise table.fault(f"{named} no unit; expected {such}{expected}: rename or remove {them}")
     names, endings = zip(*(part for part in parts if part), strict=True)
-    for name in names:
-        if names.count(name) > 1:
-            own = ", ".join(column for column, of in zip(columns, names, strict=True) if of == name)
-            raise table.fault(
-                f"'{name}' comes in several columns ({own}), expected one; remove the others"
-            )
+    if double := next((name for name in names if names.count(name) > 1), ""):
+        own = ", ".join(column for column, of in zip(columns, names, strict=True) if of == double)
+        problem = f"'{double}' comes in several columns ({own}), expected one; remove the others"
+        raise table.fault(problem)
     if len(set(endings) - set(SHARES)) > 1 or len(set(endings) & set(SHARES)) > 1:
         mixed = ", ".join(columns)
         raise table.fault(f"mixed units ({mixed}); expected one unit in all columns")
     factors = np.array([units[unit] for unit in endings])
     values = table.numbers(columns) * factors
-    beyond = np.argwhere(~(np.abs(values) <= LARGEST))
-    if beyond.size:
-        k, j = beyond[0]
-        cell = table.cells(columns[j])[k]
-        raise table.fault(
-            f"column '{columns[j]}': got {cell}, expected at most {LARGEST / factors[j]:g} either "
-            "way; check the unit",
-            k,
-        )
+    for k, j in np.argwhere(~(np.abs(values) <= LARGEST))[:1]:
+        got, most = table.cells(columns[j])[k], f"{LARGEST / factors[j]:g}"
+        words = f"got {got}, expected at most {most} either way; check the unit"
+        raise table.fault(f"column '{columns[j]}': {words}", k)
     values.setflags(write=False)
     return names, endings, values
 
@@ -162,10 +155,8 @@ def pick(
         if part := split_unit(column, units):
             by_name.setdefault(part[0], []).append(column)
     for name in names:
-        if names.count(name) > 1:
-            raise InvalidFile(
-                table.path, f"'{name}' is named {names.count(name)} times; name it once"
-            )
+        if (count := names.count(name)) > 1:
+            raise InvalidFile(table.path, f"'{name}' is named {count} times; name it once")
         if name not in by_name:
             endings = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
             raise table.fault(
@@ -209,15 +200,12 @@ def time_column(table: Table, *, advice: str = "") -> str | None:
 
 def clock_of(table: Table, named: str | None) -> tuple[str, str | None]:
     """The column of times, ``named`` as an option of logs or found, and its unit if it is known."""
-    name = named
+    advice = "name it with --time, or "
+    name = time_column(table, advice=advice) if named is None else named
     if name is None:
-        name = time_column(table, advice="name it with --time, or ")
-        if name is None:
-            raise table.fault(
-                f"no column is the time; columns: {', '.join(table.names)}; name it with --time, "
-                f"or rename it {TIME}"
-            )
-    elif name not in table.names:
+        columns = f"columns: {', '.join(table.names)}"
+        raise table.fault(f"no column is the time; {columns}; {advice}rename it {TIME}")
+    if name not in table.names:
         stem, _, word = name.rpartition(":")
         if stem in table.names and word not in TIME_NAMES:
             units = ", ".join(SECONDS)

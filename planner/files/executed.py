@@ -75,23 +75,22 @@ def read_measured(
         for name, got in zip(log.names, log.units, strict=True):
             expected = got if units is None else units[joints.index(name)]
             if got != expected and {got, expected} - {"deg", "rad"}:
-                raise InvalidFile(
-                    path, f"'{name}' is in {got}, expected {expected} as in the path", line=1
-                )
-        count, extra = divmod(len(angles), samples)
+                words = f"'{name}' is in {got}, expected {expected} as in the path"
+                raise InvalidFile(path, words, line=1)
+        (count, extra), words = divmod(len(angles), samples), ""
         if not count:
-            raise InvalidFile(
-                path,
-                f"got {len(angles)} rows, expected {samples} a cycle, one for each request; "
-                "record whole cycles, or cut the file where a cycle begins",
+            words = (
+                f"expected {samples} a cycle, one for each request; record whole cycles, or cut "
+                "the file where a cycle begins"
             )
-        if extra and (cycles is None or not cyclic):
-            raise InvalidFile(
-                path,
-                f"got {len(angles)} rows, {extra} more than {count} cycles of {samples}: cut "
-                "the file where cycles begin and end, or say with --cycles how many to take"
-                + (", or give the times in t_s if rows were lost" if log.times is None else ""),
+        elif extra and (cycles is None or not cyclic):
+            lost = ", or give the times in t_s if rows were lost" if log.times is None else ""
+            words = (
+                f"{extra} more than {count} cycles of {samples}: cut the file where cycles begin "
+                f"and end, or say with --cycles how many to take{lost}"
             )
+        if words:
+            raise InvalidFile(path, f"got {len(angles)} rows, {words}")
         _check_requests(table, log, executed, period)
         unused_rows += extra
         blocks.append(angles[: count * samples].reshape(count, samples, -1))

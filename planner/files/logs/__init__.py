@@ -119,11 +119,9 @@ def format_of(path: Path | str, options: LogOptions) -> Format:
             if form is BAG and not (place / "metadata.yaml").is_file():
                 endings = {file.suffix.lower() for file in place.iterdir()} & {*BY_SUFFIX, ".csv"}
                 names = " or ".join(str(place / f"*{ending}") for ending in sorted(endings))
-                raise InvalidFile(
-                    place,
-                    "a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
-                    "(metadata.yaml), or " + (f"its files: {names}" if names else "a file"),
-                )
+                words = "expected a LeRobot dataset (meta/info.json), a bag (metadata.yaml), or"
+                files = f"its files: {names}" if names else "a file"
+                raise InvalidFile(place, f"a folder that is no log; {words} {files}")
         else:
             suffix = "" if str(path) == STANDARD_STREAM else place.suffix.lower()
             if suffix == ".toml":

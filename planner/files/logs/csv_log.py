@@ -54,19 +54,18 @@ def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     """Read the recording in a BAM file: angles in radians, and the load of its pendulum."""
     content = read_json(path, what="a log")
     entries = content.get("entries") if isinstance(content, dict) else None
+    unit, problem = options.unit_of(""), ""
     if not isinstance(entries, list):
         keys = ", ".join(map(repr, list(content)[:8])) if isinstance(content, dict) else ""
-        raise InvalidFile(
-            path,
+        problem = (
             f"got {'the keys ' + keys if keys else 'no entries'}, expected BAM's object with a "
-            "list 'entries'; give another format as CSV",
+            "list 'entries'; give another format as CSV"
         )
-    if options.unit_of("") not in (None, "rad"):
-        raise InvalidFile(
-            path,
-            f"angles of BAM are in rad by definition, but --unit says {options.unit_of('')}; "
-            "leave the option out",
-        )
+    elif unit not in (None, "rad"):
+        words = "angles of BAM are in rad by definition"
+        problem = f"{words}, but --unit says {unit}; leave the option out"
+    if problem:
+        raise InvalidFile(path, problem)
     moment, rows = _moment(path, content), list[list[str]]()
     names = (*BAM_KEYS[:-1], *["load_Nm"] * (moment is not None), BAM_KEYS[-1])
     table = Table(path=path, row="entry", names=names, rows=rows)
@@ -182,15 +181,12 @@ def _pairs(table: Table, options: LogOptions) -> list[Pair]:
     for role in [role for role in ROLES if role not in named]:
         guesses = {pair.joint: own for pair in candidates if (own := getattr(pair, role))}
         if joint not in guesses and len(guesses) != 1:
-            raise table.fault(
-                f"no column is clearly the {role} angle; {every}; name it with --{role}"
-            )
+            words = f"no column is clearly the {role} angle; {every}; name it with --{role}"
+            raise table.fault(words)
         columns[role] = guesses.get(joint) or next(iter(guesses.values()))
     if columns["requested"] == columns["actual"]:
-        raise table.fault(
-            f"column '{first}' cannot be both the requested and the actual angle; name the "
-            "other one too"
-        )
+        words = "cannot be both the requested and the actual angle; name the other one too"
+        raise table.fault(f"column '{first}' {words}")
     return [Pair(joint, **columns)]
 
 
@@ -201,10 +197,9 @@ def _scales(
     own = [split_name(column, ANGLE_NAMES)[1] for column in columns]
     for column, column_unit, user_unit in zip(columns, own, user_units, strict=True):
         if None not in (column_unit, user_unit) and column_unit != user_unit:
-            raise table.fault(
-                f"column '{column}' says {column_unit}, but --unit says {user_unit}; rename the "
-                "column or leave the option out"
-            )
+            words = f"says {column_unit}, but --unit says {user_unit}"
+            advice = "rename the column or leave the option out"
+            raise table.fault(f"column '{column}' {words}; {advice}")
     units = [named or by_user for named, by_user in zip(own, user_units, strict=True)]
     time, time_unit = clock_of(table, options.time)
     angles = [column for column, unit in zip(columns, units, strict=True) if unit is None]

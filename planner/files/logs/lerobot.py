@@ -141,26 +141,19 @@ def _read_episodes(file: Path) -> list[EpisodeRows]:
 
 def _joints(dataset: Dataset, episode: EpisodeRows) -> dict[str, tuple[int, int]]:
     """Places in the action and in the observation of every joint that both hold."""
-    places, file = [], episode.file
+    places = []
     for key, values in ((ACTION, episode.action), (STATE, episode.state)):
         width = values.shape[1]
         names = dataset.names[key] or tuple(map(str, range(width)))
         if len(names) != width:
-            raise InvalidFile(
-                file,
-                f"'{key}' has {width} numbers a row, but meta/info.json names {len(names)}; is the "
-                "file of this dataset?",
-            )
+            named = f"but meta/info.json names {len(names)}; is the file of this dataset?"
+            raise InvalidFile(episode.file, f"'{key}' has {width} numbers a row, {named}")
         places.append({name: j for j, name in enumerate(names)})
     action, state = places
-    both = {name: (action[name], state[name]) for name in action if name in state}
-    if not both:
-        raise InvalidFile(
-            file,
-            f"no joint is in both '{ACTION}' ({', '.join(action)}) and '{STATE}' "
-            f"({', '.join(state)})",
-        )
-    return both
+    if both := {name: (action[name], state[name]) for name in action if name in state}:
+        return both
+    there = f"'{ACTION}' ({', '.join(action)}) and '{STATE}' ({', '.join(state)})"
+    raise InvalidFile(episode.file, f"no joint is in both {there}")
 
 
 def _read(file: Path, *names: str) -> list[Array]:
