@@ -57,13 +57,21 @@ FOLLOWED = 1e-4  # errors up to this count as zero [rad]: 0.006 degrees
 
 @dataclass(frozen=True)
 class Check:
-    """A claim, the figure that it rests on, and how large that may be."""
+    """A claim, the figure that it rests on, and how large that may be.
 
-    subject: str  # the joint that it is about, or the foot
-    plan: str  # the plan that it is about; empty where it is about none
-    name: str  # the claim
-    value: float  # the figure, in the tolerance's unit; negative where there is room
-    tolerance: Tolerance  # largest allowed value
+    Attributes:
+        subject: The joint that it is about, or the foot.
+        plan: The plan that it is about; empty where it is about none.
+        name: The claim.
+        value: The figure, in the tolerance's unit; negative where there is room.
+        tolerance: Largest allowed value.
+    """
+
+    subject: str
+    plan: str
+    name: str
+    value: float
+    tolerance: Tolerance
 
     @property
     def is_rounding(self) -> bool:

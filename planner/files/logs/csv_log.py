@@ -197,9 +197,10 @@ def _scales(
     own = [split_name(column, ANGLE_NAMES)[1] for column in columns]
     for column, column_unit, user_unit in zip(columns, own, user_units, strict=True):
         if None not in (column_unit, user_unit) and column_unit != user_unit:
-            words = f"says {column_unit}, but --unit says {user_unit}"
-            advice = "rename the column or leave the option out"
-            raise table.fault(f"column '{column}' {words}; {advice}")
+            raise table.fault(
+                f"column '{column}' says {column_unit}, but --unit says {user_unit}; rename the "
+                "column or leave the option out"
+            )
     units = [named or by_user for named, by_user in zip(own, user_units, strict=True)]
     time, time_unit = clock_of(table, options.time)
     angles = [column for column, unit in zip(columns, units, strict=True) if unit is None]
