@@ -64,7 +64,7 @@ def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     elif unit not in (None, "rad"):
         words = "angles of BAM are in rad by definition"
         problem = f"{words}, but --unit says {unit}; leave the option out"
-    if problem:
+    if problem or not isinstance(entries, list):
         raise InvalidFile(path, problem)
     moment, rows = _moment(path, content), list[list[str]]()
     names = (*BAM_KEYS[:-1], *["load_Nm"] * (moment is not None), BAM_KEYS[-1])
