@@ -21,26 +21,20 @@ from planner.identification.grid import (
     timing_of,
 )
 from planner.identification.intervals import (
-    Uncertainty,
     all_intervals,
     correlations_of,
     covariance_of,
     intervals_of,
-    noise_of,
     over_top_speeds,
     speed_bounded,
-    uncertainty_of,
 )
 from planner.identification.joint_fit import (
-    commanded_speed,
     errors_of,
     fit_joint,
     moving,
     never_saturating,
-    peak_command,
     refitted,
     simple_fits,
-    starts_of,
     with_even_rows,
     with_observed_speed,
     with_speed_of,
@@ -51,11 +45,10 @@ from planner.identification.judgement import (
     wrong_columns,
 )
 from planner.identification.least_squares import (
+    FULL,
     SEARCH,
     Fit,
     better,
-    least_squares,
-    respond,
     sound_rms,
 )
 from planner.identification.log import Log, as_logs, check_alike, check_periods, unwrapped
@@ -77,7 +70,6 @@ from planner.identification.result import (
     Identification,
     Interval,
     LogFit,
-    Term,
     told,
 )
 from planner.identification.terms import (
@@ -86,7 +78,6 @@ from planner.identification.terms import (
     ORDER,
     backlash_of,
     has_large_sag,
-    left_out,
     pays,
     with_calm_friction,
     with_integral,
@@ -94,6 +85,7 @@ from planner.identification.terms import (
     with_needed,
     with_terms,
 )
+from planner.model.joint import JointModel
 from planner.trajectory import Array, Mask, rms
 from planner.validation import as_flag
 
@@ -170,71 +162,56 @@ def identify(
     if even is not None:
         free, timing = even, timing_of(even, tick=tick, hold=hold)
         fits = fit_joint(free, timing, choose_tick=choose_tick)
-    joints = [*map(_with_terms, fits)]
-    free, touched = _without_contact(free, refitted(free, joints[0].fit))
+    plain = [*map(_with_terms, fits)]
+    free, touched = _without_contact(refitted(free, plain[0]))
     if touched:
-        joints = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
-    search, stopped = _without_stops(_searched(free, timing, joints))
-    search = _with_integral(_weighed(search))
-    fine, others = _with_best_speed(_with_shorter_ticks(search) if choose_tick else search)
-    pairs = zip(search.logs, logs, strict=True)
-    every = [replace(log, torque_on=whole.torque_on) for log, whole in pairs]
-    found = _bounded(every, fine, others)
-    held = _held_out(search, found.fit, faster=found.refuted) if hold_out else None
-    notes = [*notes_on(every, timing, jumps, failed), *stuck_rows, *touched, *stopped, *found.notes]
+        plain = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
+    pair = _with_motor(free, plain)
+    timing = timing.ticking(pair.joint.grid.tick)
+    pair, stopped = _without_stops(pair, timing)
+    pair = _weighed(pair)
+    pair = pair._replace(joint=with_integral(pair.joint))
+    coarse = fine = pair.joint
+    if choose_tick:
+        fine = _with_shorter_ticks(coarse, timing)
+    fine, others = _with_best_speed(fine)
+    every = [
+        replace(used, torque_on=log.torque_on)
+        for log, used in zip(logs, coarse.grid.logs, strict=True)
+    ]
+    fit, bounds, refuted, seen = _bounded(every, fine, others)
+    held = _held_out(pair, fit, timing, faster=refuted) if hold_out else None
+    notes = [*notes_on(every, timing, jumps, failed), *stuck_rows, *touched, *stopped, *seen]
     if even is not None:
         notes.append(told("log", "jitter", period=1e3 * timing.period))
     if hold_out and held is None:
         notes.append(told("log", "nothing_held_out"))
-    return _answer(search, fine, every, found, held, notes, hold_out=hold_out)
+    timing, ticks = timing.ticking(fine.grid.tick), None
+    if choose_tick and timing.hold > 1:
+        ticks = fine, refitted(fine.grid.logs, fine, tick=2.0 * timing.tick)
+    intervals = all_intervals(fit, bounds, ticks)
+    model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
+    tested = held is not None or not hold_out
+    return _answer(
+        model, fit, coarse, _log_fits(fit, every, held), intervals, held, notes, tested=tested
+    )
 
 
-class _Fitted(NamedTuple):
-    """A fit, and the terms that were tried for it."""
+class _Pair(NamedTuple):
+    """The joint without and with the terms of a motor; the same fit where these do not pay."""
 
-    fit: Fit
-    terms: tuple[Term, ...]
-
-
-class _Search(NamedTuple):
-    """The joint at a stage of the search.
-
-    Attributes:
-        logs: The logs; rows in which something holds the joint are as if without torque.
-        timing: Ticks of the joint.
-        plain: The joint without the terms of a motor, with the ticks on which these are sought.
-        joint: The joint with them where they reduce the loss, else the same.
-    """
-
-    logs: Sequence[Log]
-    timing: Timing
-    plain: _Fitted
-    joint: _Fitted
+    plain: Fit
+    joint: Fit
 
     @property
     def motor(self) -> bool:
         """Whether the joint has the terms of a motor."""
         return self.joint is not self.plain
 
-    def refitted(self, logs: Sequence[Log]) -> _Search:
+    def refitted(self, logs: Sequence[Log]) -> _Pair:
         """The same joints, fitted to other rows."""
-        plain, joint = (
-            each._replace(fit=refitted(logs, each.fit)) for each in (self.plain, self.joint)
-        )
-        return self._replace(logs=logs, plain=plain, joint=joint if self.motor else plain)
-
-
-class _Bounded(NamedTuple):
-    """The joint with its intervals, and findings on its speed in rows that are not fitted.
-
-    These rows refute the fit where they are faster than the rows that are fitted allow.
-    """
-
-    fit: Fit
-    uncertainty: Uncertainty
-    bounds: dict[str, Interval]
-    refuted: bool
-    notes: list[Finding]
+        plain = refitted(logs, self.plain)
+        return _Pair(plain, refitted(logs, self.joint) if self.motor else plain)
 
 
 def _without(
@@ -258,146 +235,131 @@ def _without(
     return tuple(kept), notes
 
 
-def _with_terms(fit: Fit) -> _Fitted:
+def _with_terms(fit: Fit) -> Fit:
     """The fit with its terms, or that of a joint which never saturates, where that is better."""
-    found = _Fitted(*with_terms(fit))
-    unlimited = never_saturating(found.fit)
-    if unlimited is not None and unlimited.cost < MAYBE_UNLIMITED * found.fit.cost:
-        other, terms = with_terms(unlimited, found.terms)
-        if better(found.fit, other):
-            return _Fitted(replace(other, free=other.free | only("v_max")), terms)
+    found = with_terms(fit)
+    unlimited = never_saturating(found)
+    if unlimited is not None and unlimited.cost < MAYBE_UNLIMITED * found.cost:
+        other = with_terms(unlimited)
+        if better(found, other):
+            return replace(other, free=other.free | only("v_max"))
     return found
 
 
-def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
+def _without_contact(fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
     """The logs, rows in which something touches the joint as if without torque; and notes.
 
     With these rows the fit is between what touches the joint and what does not, so that without
     them more may be found.
     """
-    free, touched = logs, [list[Held]() for _ in logs]
+    logs: Sequence[Log] = fit.grid.logs
+    free = logs
+    touched = [list[Held]() for _ in logs]
     for _ in range(CONTACT_ROUNDS):
-        found = contacts(_log_fits(free, fit, None), noise_of(fit))
+        found = contacts(_log_fits(fit), fit.noise)
         if not any(found):
             break
         rest, _ = _without(free, found, logs)
         for known, parts, old, new in zip(touched, found, free, rest, strict=True):
             known += parts if new is not old else []
         free = rest
-        fit = least_squares(
-            resampled_like(fit.grid, free, fit.grid.tick), fit.parameters, free=fit.free
-        )
+        fit = fit.again(grid=resampled_like(fit.grid, free, fit.grid.tick))
     named = zip(logs, touched, strict=True)
     return free, [joined(parts).finding(log, LEFT_OUT) for log, parts in named if parts]
 
 
-def _searched(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -> _Search:
+def _with_motor(logs: Sequence[Log], fits: Sequence[Fit]) -> _Pair:
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
-    both = [_Fitted(*with_motor(*each)) for each in plain]
-    k = 1 if len(both) > 1 and better(both[0].fit, both[1].fit) else 0
-    best, full = plain[k], both[k]
-    found = _Search(logs, timing, best, best if full.fit is best.fit else full).refitted(logs)
-    return found._replace(timing=timing.ticking(best.fit.grid.tick))
+    pairs = [_Pair(plain, with_motor(plain)) for plain in fits]
+    better_one = len(pairs) > 1 and better(pairs[0].joint, pairs[1].joint)
+    return pairs[better_one].refitted(logs)
 
 
-def _without_stops(search: _Search) -> tuple[_Search, list[Finding]]:
+def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
     """The joint without the rows at a mechanical stop; and notes on these.
 
     A large sag may imitate a stop: there the joint that misses less is kept.
     """
-
-    def missed(by: _Search) -> float:
-        return by.joint.fit.rms / by.joint.fit.grid.signal
-
-    plain = [search.plain] if search.motor and has_large_sag(search.joint.fit) else []
-    for each in (search.joint, *plain):
-        fits = _log_fits(search.logs, each.fit, None)
-        logs, stopped = _without(search.logs, [stops(of, noise_of(each.fit)) for of in fits])
+    (plain, joint), logs = pair, pair.joint.grid.logs
+    for fit in (joint, *([plain] if pair.motor and has_large_sag(joint) else [])):
+        free, stopped = _without(logs, [stops(of, fit.noise) for of in _log_fits(fit)])
         if stopped:
-            joints = [*map(_with_terms, fit_joint(logs, search.timing))]
-            rival = _searched(logs, search.timing, joints)
-            if each is search.joint or missed(rival) < missed(search):
+            rival = _with_motor(free, [*map(_with_terms, fit_joint(free, timing))])
+            shares = [each.rms / each.grid.signal for each in (rival.joint, joint)]
+            if fit is joint or shares[0] < shares[1]:
                 return rival, stopped
-    return search, []
+    return pair, []
 
 
-def _weighed(search: _Search) -> _Search:
+def _weighed(pair: _Pair) -> _Pair:
     """The joint fitted to rows weighed by the error to expect of them, where it matters.
 
     A motor may show only there: it is sought again, and the better of the one found so and the same
     one refitted is kept.
     """
-    fit = search.joint.fit
-    logs = with_weights(_log_fits(search.logs, fit, None), noise_of(fit))
+    logs = with_weights(_log_fits(pair.joint), pair.joint.noise)
     if logs is None:
-        return search
-    again = search.refitted(logs)
-    anew = _searched(logs, search.timing, [again.plain])
-    return again if better(anew.joint.fit, again.joint.fit) else anew
+        return pair
+    again = pair.refitted(logs)
+    anew = _with_motor(logs, [again.plain])
+    return again if better(anew.joint, again.joint) else anew
 
 
-def _with_integral(search: _Search) -> _Search:
-    """The joint with the integral of a loop of the servo, if that pays."""
-    full = _Fitted(*with_integral(*search.joint))
-    return search if full.fit is search.joint.fit else search._replace(joint=full)
-
-
-def _with_shorter_ticks(search: _Search) -> _Search:
+def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:
     """The joint with ticks of about 1 ms; the same one where it moves by ticks of a row.
 
     A joint without inertia whose rows are as far apart as the ticks of the paper's robot moves by
     these unless the log tells otherwise; of any other the log has to tell.
     """
-    logs, timing, (fit, terms) = search.logs, search.timing, search.joint
     tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
-    fine = refitted(logs, fit, tick=tick, effort=SEARCH)
+    fine = refitted(fit.grid.logs, fit, tick=tick, effort=SEARCH)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
     if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
-        return search
-    if fine is not fit:
-        fine = least_squares(fine.grid, fine.parameters, free=fine.free, starts=fine.starts)
-    return search._replace(timing=timing.ticking(fine.grid.tick), joint=_Fitted(fine, terms))
+        return fit
+    return fit if fine is fit else fine.again()
 
 
-def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:
+def _with_best_speed(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
     """The joint with the best of all top speeds, and fits with others that are not refuted.
 
     Where the acceleration is limited an asymmetry may only lead to a better top speed: it has to
     pay beside the best of all without it.
     """
-    terms, (fit, others) = search.joint.terms, over_top_speeds(search.joint.fit)
-    if fit.has("asymmetry") and math.isfinite(fit.parameters.acceleration):
-        bare, of_bare = over_top_speeds(left_out(fit, ["asymmetry"], scale=fit.scale))
-        if not pays(bare, fit):
-            fit, others = bare, of_bare
-            terms = tuple(
-                replace(term, kept=term.kept and term.name != "v_offset") for term in terms
-            )
-    return search._replace(joint=_Fitted(fit, terms)), others
+    found, others = over_top_speeds(fit)
+    if found.has("asymmetry") and math.isfinite(found.parameters.acceleration):
+        bare, of_bare = over_top_speeds(found.without("asymmetry", effort=FULL))
+        if not pays(bare, found):
+            terms = found.terms | {"v_offset": replace(found.terms["v_offset"], kept=False)}
+            return replace(bare, terms=terms), of_bare
+    return found, others
 
 
-def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bounded:
-    """The joint with its intervals; its top speed is at least that of all rows of the logs.
+def _bounded(
+    logs: Sequence[Log], fit: Fit, others: Sequence[Fit]
+) -> tuple[Fit, dict[str, Interval], bool, list[Finding]]:
+    """The joint with its intervals, which hold the parameters of the ``others``.
 
-    The intervals hold the parameters of the ``others``.
+    Its top speed is at least that of all rows of the logs: those that are not fitted refute the fit
+    where they are faster than the fitted ones allow. Also whether they do, and findings on them.
     """
-    fit = with_observed_speed(with_calm_friction(search.logs, search.joint.fit))
-    uncertainty = uncertainty_of(fit)
-    bounds, notes = intervals_of(fit, uncertainty, others), []
+    fit = with_observed_speed(with_calm_friction(fit))
+    bounds, notes = intervals_of(fit, others), []
+    if _friction_shown(fit) == math.inf:  # or it is a sag
+        bounds["offset"] = Interval(-math.inf, math.inf)
     lower, upper = bounds["v_max"]
-    pairs = zip(search.logs, fit.grid.places, strict=True)  # what held the joint says nothing
+    pairs = zip(fit.grid.logs, fit.grid.places, strict=True)  # what held the joint says nothing
     outside = [measured_speed(log, ~used) for log, used in pairs]
     model = fit.parameters.model(tick=fit.grid.tick, hold=1)
     limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
     most = float(np.max(np.abs(limits))) + model.gain * model.most_pose_sag
     seen, most = max(outside), most * (upper / fit.parameters.v_max)  # of a joint with that v_max
-    refuted, unit = seen - SPEED_NOISE * noise_of(fit) > most, logs[0].unit
+    refuted, unit = seen - SPEED_NOISE * fit.noise > most, logs[0].unit
     if refuted:
         name = logs[outside.index(seen)].name
         notes.append(told("log", "faster_than_bounded", unit, log=name, seen=seen, most=most))
     elif upper == math.inf and seen > lower:
-        for each, speed in zip(_log_fits(logs, fit, None), outside, strict=True):
+        for each, speed in zip(_log_fits(fit, logs), outside, strict=True):
             if speed == seen:
                 left_out = ", ".join(f"{count} {why}" for why, count in each.left_out.items())
                 known = {"log": each.log.name, "seen": seen, "left_out": left_out}
@@ -406,10 +368,10 @@ def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bo
         bounds["v_max"] = Interval(max(seen, lower), math.inf)
         if seen > fit.parameters.v_max:
             fit = with_speed_of(fit, seen)
-    return _Bounded(fit, uncertainty, bounds, refuted, notes)
+    return fit, bounds, refuted, notes
 
 
-def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
+def _held_out(pair: _Pair, whole: Fit, timing: Timing, *, faster: bool) -> HeldOut | None:
     """Fit the first half of each log, predict the second; None where these hold nothing to fit.
 
     The joint with those terms of the fit to all rows that the first halves call for is fitted to
@@ -424,11 +386,12 @@ def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
     tested.
 
     Args:
-        search: The joint with the ticks on which its terms were sought.
+        pair: The joint with the ticks on which its terms were sought.
         whole: The fit to all rows that are used in the end.
+        timing: The ticks of the pair.
         faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
     """
-    logs, timing, grid = search.logs, search.timing, whole.grid
+    logs, grid = pair.joint.grid.logs, whole.grid
     out: list[Mask] = []
     for log in logs:
         before: Array = np.cumsum(log.torque_on) - log.torque_on
@@ -440,27 +403,27 @@ def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
         return None
     try:
         moving(resampled_like(grid, known, grid.tick))
-        fit = with_needed(refitted(known, whole), (*MOTOR, *ORDER, *INTEGRALS))
-        fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
-        missed = respond(grid, fit.parameters, starts_of(grid, fit)).predicted - grid.angles
+        fit = with_needed(refitted(known, whole), (*MOTOR, *ORDER, *INTEGRALS), effort=FULL)
+        fit = fit.again()
+        missed = fit.along(grid).predicted - grid.angles
         if rms(missed[rows]) > ASTRAY * rms(whole.residuals[rows]):
-            alone, terms = _with_terms(fit_joint(known, timing)[0])
-            if search.motor:
-                alone, _ = with_motor(alone, terms, search.joint.fit.parameters)
+            alone = _with_terms(fit_joint(known, timing)[0])
+            if pair.motor:
+                alone = with_motor(alone, pair.joint.parameters)
             alone = refitted(known, alone, tick=grid.tick)
             fit = alone if alone.cost <= (1.0 + LOST) * fit.cost else fit
     except InvalidInput:
         return None
-    shown = peak_command(fit)
+    shown = fit.peak_command
     fit = with_observed_speed(fit)
-    response = respond(grid, fit.parameters, starts_of(grid, fit))
-    beyond = commanded_speed(fit.parameters, response) > 1.1 * shown and not speed_bounded(fit)
+    response = fit.along(grid)
+    beyond = response.highest_command(fit.parameters) > 1.1 * shown and not speed_bounded(fit)
     if beyond or faster:
         speed = whole.parameters.v_max
         if not (faster or speed_bounded(whole)):  # what all rows call for is its least one
             speed = max(speed, shown)
         fit = with_speed_of(fit, speed)
-        response = respond(grid, fit.parameters, starts_of(grid, fit))
+        response = fit.along(grid)
     predicted = response.predicted[rows]
     fitted = resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0)
     simple = simple_fits(moving(fitted))
@@ -478,66 +441,58 @@ def _held_out(search: _Search, whole: Fit, *, faster: bool) -> HeldOut | None:
     )
 
 
+def _friction_shown(fit: Fit) -> float:
+    """Largest dead band that the rows allow, where one was sought [rad]."""
+    return fit.terms["dead_band"].interval.upper if "dead_band" in fit.terms else 0.0
+
+
 def _answer(
-    search: _Search,
-    fine: _Search,
-    every: Sequence[Log],
-    found: _Bounded,
+    model: JointModel,
+    fit: Fit,
+    coarse: Fit,
+    fits: tuple[LogFit, ...],
+    intervals: dict[str, Interval],
     held: HeldOut | None,
     notes: list[Finding],
     *,
-    hold_out: bool,
+    tested: bool,
 ) -> Identification:
     """The identified joint with its verdict and findings, those on its logs among them.
 
-    The terms were sought on the ticks of ``search``, the model has those of ``fine``.
+    The simpler descriptions are fitted on the ticks of ``coarse``, as the terms were.
     """
-    fit, uncertainty, bounds = found.fit, found.uncertainty, found.bounds
-    frictions = [term.interval.upper for term in fine.joint.terms if term.name == "dead_band"]
-    friction = max(frictions, default=0.0) - fit.parameters.dead_band
-    if friction == math.inf:  # or it is a sag
-        bounds["offset"] = Interval(-math.inf, math.inf)
-    some, rows = thinned(search.logs), search.joint.fit.grid
+    some, rows = thinned(coarse.grid.logs), coarse.grid
     simple = simple_fits(resampled_like(rows, some, rows.tick))
     errors = {other.name: rms(errors_of(other, rows, fit.starts)) for other in simple}
-    signal, noise = fit.grid.signal, noise_of(fit)
-    alike = resampled_like(fit.grid, some, fit.grid.tick)
-    model = fit.parameters.model(tick=fine.timing.tick, hold=fine.timing.hold)
-    fits = _log_fits(every, fit, held)
-    ticks = None
-    if fine.timing is not search.timing:
-        longer = refitted(fine.logs, fine.joint.fit, tick=2.0 * fine.timing.tick)
-        ticks = fine.joint.fit, longer
-    intervals = all_intervals(fit, bounds, uncertainty, ticks)
     verdict, reason, findings = verdict_on(
         fit,
         intervals,
         held,
         errors,
-        columns=wrong_columns(alike),
-        signal=signal,
-        tested=held is not None or not hold_out,
-        friction=friction,
+        columns=wrong_columns(resampled_like(fit.grid, some, fit.grid.tick)),
+        signal=fit.grid.signal,
+        tested=tested,
+        friction=_friction_shown(fit) - fit.parameters.dead_band,
         shaken=shaken(model, fits),
     )
     gain = intervals.pop("gain")
     if reason.topic == "fit":  # else what a fit to this log shows is not of the joint
         asymmetry = intervals.get("v_offset")
-        findings += [*notes, *patterns(model, fits, noise, asymmetry, backlash_of(fit))]
+        findings += [*notes, *patterns(model, fits, fit.noise, asymmetry, backlash_of(fit))]
     return Identification(
         model=model,
         fits=fits,
         rms=fit.rms,
         held_out_rms=None if held is None else held.rms,
-        noise=noise,
-        unexplained=math.sqrt(max(fit.scale**2 - noise**2, 0.0)),
+        noise=fit.noise,
+        unexplained=math.sqrt(max(fit.scale**2 - fit.noise**2, 0.0)),
         fastest=fit.grid.fastest,
         heaviest=float(np.max(np.abs(fit.grid.loads), initial=0.0)),
-        signal=signal,
+        signal=fit.grid.signal,
         intervals=intervals,
         gain_interval=gain,
-        covariance=covariance_of(fit, intervals | {"gain": gain}, uncertainty),
-        correlations=correlations_of(fit, uncertainty),
+        covariance=covariance_of(fit, intervals | {"gain": gain}),
+        correlations=correlations_of(fit),
         alternatives=tuple(
             Alternative(
                 name=name,
@@ -552,17 +507,19 @@ def _answer(
         reason=reason.words,
         terms=tuple(
             replace(term, interval=intervals[term.name]) if term.kept else term
-            for term in fine.joint.terms
+            for term in fit.terms.values()
         ),
     )
 
 
-def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogFit, ...]:
+def _log_fits(
+    fit: Fit, logs: Sequence[Log] | None = None, held: HeldOut | None = None
+) -> tuple[LogFit, ...]:
     grid, by_held = fit.grid, np.full(len(fit.grid.angles), np.nan)
     if held is not None:
         by_held[held.rows] = held.predicted
     columns = (grid.per_log(fit.predicted), grid.per_log(by_held), grid.per_log(fit.weights, 0.0))
     return tuple(
         LogFit(log=log, predicted=predicted, held_out_predicted=out, weights=weights)
-        for log, predicted, out, weights in zip(logs, *columns, strict=True)
+        for log, predicted, out, weights in zip(logs or grid.logs, *columns, strict=True)
     )

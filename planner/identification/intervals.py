@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
 
-from planner.identification.joint_fit import peak_command
-from planner.identification.least_squares import (
-    PROFILE,
-    Fit,
-    correlation_time,
-    least_squares,
-)
+from planner.identification.least_squares import FULL, PROFILE, Fit, correlation_time
 from planner.identification.parameters import (
     COUNT,
     PARAMETERS,
@@ -27,7 +21,7 @@ from planner.identification.parameters import (
     only,
 )
 from planner.identification.result import Interval
-from planner.trajectory import Array, rms
+from planner.trajectory import Array
 
 MISFIT = 0.01
 """Share by which the loss has to rise before a value counts as refuted, however many the rows: real
@@ -73,57 +67,51 @@ def over_top_speeds(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
     if not fit.free[V_MAX] or math.isinf(fit.parameters.acceleration):
         return fit, ()
     while True:
-        search = partial(least_squares, fit.grid, scale=fit.scale, effort=PROFILE)
-        found = _at_other_speeds(fit, search)
+        found = _at_other_speeds(fit)
         for each in (fit, *found):
             at, short = each.parameters, fit.grid.tick
             lag = at.lag + 0.5 * (at.acceleration_time - short)
             at = at._replace(lag=lag, acceleration_time=short)
-            found.append(search(at, free=each.free, starts=each.starts))
+            found.append(each.trial(at, effort=PROFILE))
         best = min([fit, *found], key=lambda each: each.cost)
         if best.cost >= 0.999 * fit.cost:
             break
-        at = best.parameters
-        fit = least_squares(fit.grid, at, free=fit.free, starts=best.starts, scale=fit.scale)
-    allowed = fit.cost + rise_allowed(fit, uncertainty_of(fit), "v_max")
+        fit = best.trial(free=fit.free, effort=FULL)
+    allowed = fit.cost + rise_allowed(fit, "v_max")
     return fit, tuple(each for each in found if each.cost <= allowed)
 
 
-def _at_other_speeds(fit: Fit, search: Callable[..., Fit]) -> list[Fit]:
+def _at_other_speeds(fit: Fit) -> list[Fit]:
     """Fits with higher and lower top speeds, each from the one before, until they fit far worse.
 
     From the highest speed that the log calls for on they are all alike: the last is without limit.
     """
-    free, peak, found = fit.free & ~only("v_max"), peak_command(fit), list[Fit]()
+    free, peak, found = fit.free & ~only("v_max"), fit.peak_command, list[Fit]()
     least = box_of(fit.grid).lower[V_MAX]
     for factor in (FASTER, 1.0 / FASTER):
         last, v_max = fit, fit.parameters.v_max
         while last.cost <= 2.0 * fit.cost and least < v_max < peak:
             v_max *= factor
             at = last.parameters._replace(v_max=v_max if v_max < peak else math.inf)
-            last = search(at, free=free, starts=last.starts)
+            last = last.trial(at, free=free, effort=PROFILE)
             found.append(last)
     return found
 
 
-def intervals_of(
-    fit: Fit, uncertainty: Uncertainty, others: Sequence[Fit] = ()
-) -> dict[str, Interval]:
+def intervals_of(fit: Fit, others: Sequence[Fit] = ()) -> dict[str, Interval]:
     """95 % intervals of what was fitted, by profile where the covariance is not enough.
 
     They hold the parameters of ``others``, which the data does not refute.
     """
     possible = [other.parameters for other in others]
-    ends = {name: _interval(fit, uncertainty, name, possible) for name in fit.free_names}
+    ends = {name: _interval(fit, name, possible) for name in fit.free_names}
     for name, end in ends.items():  # it holds what the profiles of other parameters did not refute
         values = [float(getattr(each, name)) for each in possible]
         ends[name] = Interval(min([end.lower, *values]), max([end.upper, *values]))
     return ends
 
 
-def _interval(
-    fit: Fit, uncertainty: Uncertainty, name: str, possible: list[Parameters]
-) -> Interval:
+def _interval(fit: Fit, name: str, possible: list[Parameters]) -> Interval:
     """The interval of a parameter, open where its search ended: the covariance does not hold there.
 
     What its profile does not refute is added to ``possible``. Widths and steps are those of the
@@ -135,10 +123,11 @@ def _interval(
     delay = fit.parameters.whole_delay
     sizes = dict.fromkeys(("lag", "acceleration_time", "time_constant"), delay)
     sizes |= dict.fromkeys(("integral_rate", "position_integral_rate"), 1.0 / delay)
+    uncertainty = uncertainty_of(fit)
     half = uncertainty.quantile * float(uncertainty.deviations[index]) * (unit or 1.0)
     least, most = 0.25 * unit or 0.02, 0.3 * sizes.get(name, unit or 1.0)
     limits = (lower if unit else 0.0), (math.inf if name == "v_max" else upper)
-    allowed = fit.cost + rise_allowed(fit, uncertainty, name)
+    allowed = fit.cost + rise_allowed(fit, name)
 
     def moved(by: float) -> float:
         return value + by if unit else value * math.exp(by)
@@ -194,14 +183,12 @@ def _interval(
 def _held_at(fit: Fit, name: str, value: float, enough: float) -> Fit:
     """The fit with a parameter at a value, no better than is enough."""
     at, free = fit.parameters._replace(**{name: value}), fit.free & ~only(name)
-    return least_squares(
-        fit.grid, at, free=free, starts=fit.starts, scale=fit.scale, effort=PROFILE, enough=enough
-    )
+    return fit.trial(at, free=free, effort=PROFILE, enough=enough)
 
 
 def speed_bounded(fit: Fit) -> bool:
     """Whether the data bounds the top speed from above."""
-    allowed = fit.cost + rise_allowed(fit, uncertainty_of(fit), "v_max")
+    allowed = fit.cost + rise_allowed(fit, "v_max")
     return _held_at(fit, "v_max", math.inf, allowed).cost > allowed
 
 
@@ -228,10 +215,10 @@ def at_edge(fit: Fit, name: str) -> bool:
     return math.isfinite(value) and bool(value <= low + near or value >= upper - near)
 
 
-def rise_allowed(fit: Fit, uncertainty: Uncertainty, name: str) -> float:
+def rise_allowed(fit: Fit, name: str) -> float:
     """Rise of the loss from which on a value of a parameter is refuted: (18) [rad^2]."""
-    threshold = float(uncertainty.threshold[Parameters._fields.index(name)])
-    return max(threshold, MISFIT * fit.cost)
+    threshold = uncertainty_of(fit).threshold[Parameters._fields.index(name)]
+    return max(float(threshold), MISFIT * fit.cost)
 
 
 class Uncertainty(NamedTuple):
@@ -255,6 +242,7 @@ class Uncertainty(NamedTuple):
         return 0.5 * self.quantile**2 * self.variance * self.inflation
 
 
+@lru_cache(maxsize=4)
 def uncertainty_of(fit: Fit) -> Uncertainty:
     """Covariance of a fit: the sandwich of Huber's loss, raised where residuals are not white.
 
@@ -293,29 +281,11 @@ def uncertainty_of(fit: Fit) -> Uncertainty:
     effective = max(count / float(np.median(inflation[fit.free])) - fitted, 2.0)
     quantile = float(stdtrit(effective, 0.975))
     rounding = (1e-6 * float(np.std(fit.grid.angles))) ** 2 / max(variance, 1e-300)
-    least = max(STRUCTURE * structure_of(fit), rounding) * count / quantile**2
+    least = max(STRUCTURE * fit.structure, rounding) * count / quantile**2
     more = np.maximum(least / inflation, 1.0)
     root = np.sqrt(np.where(np.isfinite(np.diag(covariance)), more, 1.0))
     covariance = covariance * np.outer(root, root)
     return Uncertainty(covariance, inflation * more, variance, quantile)
-
-
-def noise_of(fit: Fit) -> float:
-    """Standard deviation of residuals that are independent from row to row [rad].
-
-    What the model does not explain is alike in neighbouring rows, so that it cancels in their
-    differences.
-    """
-    grid, sound = fit.grid, fit.weights >= 1.0
-    pairs = (grid.run[1:] == grid.run[:-1]) & sound[1:] & sound[:-1]
-    steps = np.diff(fit.weighted)[pairs]
-    return min(fit.scale, rms(steps) / math.sqrt(2.0)) if len(steps) else fit.scale
-
-
-def structure_of(fit: Fit) -> float:
-    """Share of the variance of the residuals that is no noise; 0 where that may be chance."""
-    chance = 2.0 / math.sqrt(len(fit.residuals))
-    return max(1.0 - (noise_of(fit) / fit.scale) ** 2 - chance, 0.0)
 
 
 def _beside_starts(fit: Fit) -> Array:
@@ -338,7 +308,6 @@ def _beside_starts(fit: Fit) -> Array:
 def all_intervals(
     fit: Fit,
     bounds: Mapping[str, Interval],
-    uncertainty: Uncertainty,
     ticks: tuple[Fit, Fit] | None = None,
 ) -> dict[str, Interval]:
     """Intervals of :data:`PARAMETERS`, and the "gain", in SI units, from those of a fit.
@@ -353,23 +322,23 @@ def all_intervals(
         if name in bounds:
             determined = bounds[name].bounded and bounds["v_max"].bounded
             least = -math.inf if name == "asymmetry" else 0.0
-            of_model = model_interval(fit, uncertainty, name)
+            of_model = model_interval(fit, name)
             known[TERMS[name]] = of_model if determined else Interval(least, math.inf)
     limit = known.pop("acceleration", None)
     if limit is not None:
         if fit.parameters.dead_band > 0.0:
-            ends = model_interval(fit, uncertainty, "acceleration")
+            ends = model_interval(fit, "acceleration")
             limit = ends if limit.bounded else Interval(ends.lower, math.inf)
         known["max_acceleration"] = limit
-    known["theta_0"] = _theta_0(fit, bounds, uncertainty)
+    known["theta_0"] = _theta_0(fit, bounds)
     known = {name: known[name] for name in (*PARAMETERS, "gain") if name in known}
     if ticks is None:
         return known
     known = over_ticks(known, fit, *ticks)
     speed = bounds["v_max"]
-    if speed.bounded and known["v_max"].upper >= peak_command(fit):
+    if speed.bounded and known["v_max"].upper >= fit.peak_command:
         opened = {**bounds, "v_max": Interval(speed.lower, math.inf)}
-        return all_intervals(fit, opened, uncertainty, ticks)
+        return all_intervals(fit, opened, ticks)
     return known
 
 
@@ -403,55 +372,53 @@ def over_ticks(
     return found
 
 
-def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Interval:
+def _theta_0(fit: Fit, bounds: Mapping[str, Interval]) -> Interval:
     """theta_0 = v_max / gain: by their covariance where it holds, else from their ends."""
     gain, v_max = bounds["gain"], bounds["v_max"]
     if v_max.bounded and gain.bounded:
         value = fit.parameters.v_max / fit.parameters.gain
-        variance = float(model_covariance(fit, uncertainty)[1, 1])
-        half = uncertainty.quantile * math.sqrt(variance) / value
+        half = uncertainty_of(fit).quantile * math.sqrt(model_covariance(fit)[1, 1]) / value
         if half < 1.0:
             return Interval(value * math.exp(-half), value * math.exp(half))
     upper = v_max.upper / gain.lower if gain.lower > 0.0 else math.inf
     return Interval(v_max.lower / gain.upper, upper)
 
 
-def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
+def model_interval(fit: Fit, name: str) -> Interval:
     """95 % interval of a term, by the covariance, in the unit of :class:`planner.JointModel`."""
     index = Parameters._fields.index(name)
     open_end = float(box_of(fit.grid).open_ends[index])
     value = float(getattr(fit.parameters.model(tick=fit.grid.tick, hold=1), TERMS[name]))
-    variance = float(model_covariance(fit, uncertainty)[index, index])
-    half = uncertainty.quantile * math.sqrt(max(variance, 0.0))
+    variance = float(model_covariance(fit)[index, index])
+    half = uncertainty_of(fit).quantile * math.sqrt(max(variance, 0.0))
     return Interval(max(value - half, open_end), value + half)
 
 
-def model_covariance(fit: Fit, uncertainty: Uncertainty) -> Array:
+def model_covariance(fit: Fit) -> Array:
     """Covariance of :data:`PARAMETERS`, of the play and of the gain, in SI units.
 
     What the log does not show at all counts as known.
     """
-    known = np.isfinite(np.diag(uncertainty.covariance))
+    covariance = uncertainty_of(fit).covariance
+    known = np.isfinite(np.diag(covariance))
     change = model_derivatives(fit.grid, fit.parameters)[:, known]
-    return np.asarray(change @ uncertainty.covariance[np.ix_(known, known)] @ change.T)
+    return np.asarray(change @ covariance[np.ix_(known, known)] @ change.T)
 
 
-def covariance_of(
-    fit: Fit, intervals: Mapping[str, Interval], uncertainty: Uncertainty
-) -> Array | None:
+def covariance_of(fit: Fit, intervals: Mapping[str, Interval]) -> Array | None:
     """Covariance of what was fitted of :data:`PARAMETERS`, in SI units, shape (p, p)."""
     fitted = np.flatnonzero(fit.free)
-    known = np.isfinite(np.diag(uncertainty.covariance)[fitted]).all()
+    known = np.isfinite(np.diag(uncertainty_of(fit).covariance)[fitted]).all()
     if not (known and all(each.bounded for each in intervals.values())):
         return None
-    return model_covariance(fit, uncertainty)[np.ix_(fitted, fitted)]
+    return model_covariance(fit)[np.ix_(fitted, fitted)]
 
 
-def correlations_of(fit: Fit, uncertainty: Uncertainty) -> tuple[tuple[float, ...], ...]:
+def correlations_of(fit: Fit) -> tuple[tuple[float, ...], ...]:
     """Correlations of the fitted :data:`PARAMETERS`, the gain instead of theta_0."""
     rows, of_gain = np.flatnonzero(fit.free), -1  # the last one of the covariance
     rows[rows == PARAMETERS.index("theta_0")] = of_gain
-    covariance = model_covariance(fit, uncertainty)[np.ix_(rows, rows)]
+    covariance = model_covariance(fit)[np.ix_(rows, rows)]
     size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     shares = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
     found = np.clip(covariance * np.outer(shares, shares), -1.0, 1.0)

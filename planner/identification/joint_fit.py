@@ -29,7 +29,6 @@ from planner.identification.least_squares import (
     SEARCH,
     Effort,
     Fit,
-    Response,
     huber,
     least_squares,
     respond,
@@ -83,8 +82,7 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         simple = search(grid, found.parameters, scale=best.scale)
         # Where the log does not tell which ticks the joint has, they agree to a tenth of this.
         fits += [simple] if huber(simple.weighted, best.scale) < 0.995 * best.cost else []
-    again = (search(fit.grid, fit.parameters, starts=fit.starts) for fit in fits)
-    return tuple(map(_without_saturation, again))
+    return tuple(_without_saturation(fit.again(effort=SEARCH)) for fit in fits)
 
 
 def refitted(
@@ -103,14 +101,7 @@ def refitted(
         inertia = at.time_constant > 0.0
         gain, lag = with_ticks(at.gain, at.lag, before.tick, tick, inertia=inertia)
         at = at._replace(gain=gain, lag=lag)
-    return least_squares(grid, at, free=fit.free, starts=starts_of(grid, fit), effort=effort)
-
-
-def starts_of(grid: Grid, fit: Fit) -> Array:
-    """Where the runs start: as fitted where the fit has seen it, else as measured."""
-    fitted_starts = dict(zip(fit.grid.firsts, fit.starts, strict=True))
-    pairs = zip(grid.firsts, grid.measured_starts, strict=True)
-    return np.array([fitted_starts.get(first, angle) for first, angle in pairs])
+    return fit.again(at, grid=grid, effort=effort)
 
 
 def _initial_fit(grid: Grid) -> Fit:
@@ -123,7 +114,7 @@ def _initial_fit(grid: Grid) -> Fit:
     quick = [least_squares(grid, begin, effort=QUICK) for begin in begins]
     scale = min(fit.scale for fit in quick)
     best = min(quick, key=lambda fit: huber(fit.weighted, scale))
-    return least_squares(grid, best.parameters, starts=best.starts, scale=scale, effort=SEARCH)
+    return best.again(scale=scale, effort=SEARCH)
 
 
 def _divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[Parameters]:
@@ -140,14 +131,14 @@ def _without_saturation(best: Fit) -> Fit:
     Small steps of a joint that never saturates are fitted to 0.5 % with a top speed far too low;
     begun without one they are fitted to rounding.
     """
-    at, grid, shown = best.parameters, best.grid, peak_command(best)
+    at, shown = best.parameters, best.peak_command
     if at.v_max > shown or best.exact:
         return best
     begin = _divided_delay(at.whole_delay, v_max=10.0 * shown, offset=at.offset)[1]
-    found = least_squares(grid, begin, starts=best.starts, scale=best.scale, effort=SEARCH)
+    found = best.trial(begin, effort=SEARCH)
     if found.cost >= (1.0 - 1e-6) * best.cost:  # by no more than rounding
         return best
-    return least_squares(grid, found.parameters, starts=found.starts, effort=SEARCH)
+    return found.again(effort=SEARCH)
 
 
 def moving(grid: Grid) -> Grid:
@@ -190,25 +181,13 @@ def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
     return found
 
 
-def peak_command(fit: Fit) -> float:
-    """Highest speed that the requests of a fit called for, limited or not [rad/s]."""
-    return commanded_speed(fit.parameters, fit.response)
-
-
-def commanded_speed(parameters: Parameters, response: Response) -> float:
-    """Highest speed that the requests called for in any run, limited or not [rad/s]."""
-    largest = float(np.max(np.abs(response.errors)))
-    held = 0.0 if parameters.integral_rate > 0.0 else parameters.dead_band
-    return parameters.gain * max(largest - held, 0.0)
-
-
 def with_observed_speed(fit: Fit) -> Fit:
     """The fit with a top speed no higher than anything the log called for.
 
     Beyond that every top speed predicts the same; this one is the lowest. Of a joint that friction
     holds throughout the log calls for none.
     """
-    shown = peak_command(fit)
+    shown = fit.peak_command
     if not 0.0 < shown < fit.parameters.v_max * (1.0 - abs(fit.parameters.asymmetry)):
         return fit
     return replace(fit, parameters=fit.parameters._replace(v_max=JUST_ABOVE * shown))
@@ -223,15 +202,13 @@ def never_saturating(fit: Fit) -> Fit | None:
     if fit.parameters.v_max > fit.grid.fastest:
         return None
     at = fit.parameters._replace(v_max=FAR_ABOVE * fit.grid.fastest)
-    return least_squares(fit.grid, at, free=fit.free & ~only("v_max"), starts=fit.starts)
+    return fit.again(at, free=fit.free & ~only("v_max"))
 
 
 def with_speed_of(fit: Fit, speed: float) -> Fit:
     """The fit with the top speed raised to one that a joint was seen to have [rad/s]."""
     at = fit.parameters._replace(v_max=JUST_ABOVE * speed)
-    raised = least_squares(
-        fit.grid, at, free=fit.free & ~only("v_max"), starts=fit.starts, scale=fit.scale
-    )
+    raised = fit.trial(at, free=fit.free & ~only("v_max"), effort=FULL)
     return replace(raised, free=fit.free)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from planner.identification.grid import Grid, Timing, unequal
 from planner.identification.intervals import at_edge
-from planner.identification.joint_fit import delayed_errors, peak_command
+from planner.identification.joint_fit import delayed_errors
 from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import GAP, Log
 from planner.identification.result import Finding, HeldOut, Interval, Topic, told
@@ -164,7 +164,7 @@ def _refused(why: str, note: Finding) -> tuple[Verdict, Finding, list[Finding]]:
 def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[Finding]:
     """A finding for each parameter that the log does not determine."""
     found = []
-    at, called, gain, v_max = fit.parameters, peak_command(fit), bounds["gain"], bounds["v_max"]
+    at, called, gain, v_max = fit.parameters, fit.peak_command, bounds["gain"], bounds["v_max"]
     if math.isinf(v_max.upper):
         found.append(
             told(

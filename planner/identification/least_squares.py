@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
@@ -13,6 +15,7 @@ from scipy.special import ndtri
 from planner.identification.grid import Grid
 from planner.identification.parameters import (
     BASE,
+    TERMS,
     Free,
     Parameters,
     box_of,
@@ -22,6 +25,7 @@ from planner.identification.parameters import (
     parameters_at,
     units,
 )
+from planner.identification.result import Interval, Term
 from planner.model.law import Law
 from planner.trajectory import Array, Indices, rms
 
@@ -91,18 +95,17 @@ FULL = Effort(evaluations=60, tolerance=1e-7, rounds=6, averaging=(0.3, EDGE_DIS
 
 
 class Response(NamedTuple):
-    """A joint run along the logs of a grid.
+    """A joint run along the logs of a grid."""
 
-    Attributes:
-        states: Angles at all states [rad], (s,).
-        predicted: Angles at the used rows [rad], (rows,).
-        errors: Least and largest request that acts at each tick, plus sag, less the angle before it
-            [rad], (t, 2).
-    """
-
-    states: Array
-    predicted: Array
+    predicted: Array  # angles at the used rows [rad], (rows,)
+    # least and largest request that acts at each tick, plus sag, less the angle before it [rad],
+    # (t, 2)
     errors: Array
+
+    def highest_command(self, at: Parameters) -> float:
+        """Highest speed that the requests called for in any run, limited or not [rad/s]."""
+        held = 0.0 if at.integral_rate > 0.0 else at.dead_band
+        return at.gain * max(float(np.max(np.abs(self.errors))) - held, 0.0)
 
 
 def respond(grid: Grid, parameters: Parameters, starts: Array) -> Response:
@@ -133,7 +136,7 @@ def _run(
 
     states = np.empty(len(grid.ticks) + len(starts))
     states[grid.starts] = starts
-    response = Response(states, np.empty(len(grid.angles)), np.empty((len(grid.ticks), 2)))
+    response = Response(np.empty(len(grid.angles)), np.empty((len(grid.ticks), 2)))
     slopes = np.empty((len(grid.angles), len(columns)))
     kernel.along(
         servo_of(grid, parameters),
@@ -172,30 +175,13 @@ class Slopes(NamedTuple):
         return np.asarray(self.of_law[:, -1])
 
 
-def slopes_of(
-    grid: Grid,
-    parameters: Parameters,
-    starts: Array,
-    free: Free,
-    *,
-    averaging: float = EDGE_DISTANCE,
-) -> Slopes:
-    """Derivatives by the parameters and by the first angles: (16) of ``docs/math.md``.
-
-    Args:
-        grid: The runs.
-        parameters: The joint.
-        starts: Angle at the start of each run [rad], (runs,).
-        free: By which parameters.
-        averaging: Distance to both sides over which derivatives by lag and acceleration time are
-            averaged [ticks].
-    """
-    return _linearised(grid, parameters, starts, free, averaging)[1]
-
-
-def _linearised(
-    grid: Grid, parameters: Parameters, starts: Array, free: Free, averaging: float
+def linearised(
+    grid: Grid, parameters: Parameters, starts: Array, free: Free, averaging: float = EDGE_DISTANCE
 ) -> tuple[Response, Slopes]:
+    """Run a joint along logs, with derivatives by parameters and first angles: (16).
+
+    Those by lag and acceleration time are averaged over ``averaging`` [ticks] to both sides.
+    """
     from planner.model import kernel
 
     change = _by_coordinates(grid, parameters)[:, free]
@@ -253,6 +239,7 @@ class Fit:
         residuals: Predicted minus actual angle at the used rows [rad].
         scale: Standard deviation of the weighted residuals without outliers [rad].
         cost: Huber's loss of these at that scale, sum over the rows [rad^2]; half a sum of squares.
+        terms: What was tried beside the paper's parameters, by the names of a model.
     """
 
     grid: Grid
@@ -263,6 +250,7 @@ class Fit:
     residuals: Array
     scale: float
     cost: float
+    terms: dict[str, Term] = dataclasses.field(default_factory=dict)
 
     @property
     def free_names(self) -> tuple[str, ...]:
@@ -299,9 +287,74 @@ class Fit:
         """Whether the residuals are rounding."""
         return min(self.scale, self.rms) <= ROUNDED * float(np.std(self.grid.angles))
 
+    @property
+    def peak_command(self) -> float:
+        """Highest speed that the requests called for, limited or not [rad/s]."""
+        return self.response.highest_command(self.parameters)
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of residuals that are independent from row to row [rad].
+
+        What the model does not explain is alike in neighbouring rows, so that it cancels in their
+        differences.
+        """
+        sound, run = self.weights >= 1.0, self.grid.run
+        steps = np.diff(self.weighted)[(run[1:] == run[:-1]) & sound[1:] & sound[:-1]]
+        return min(self.scale, rms(steps) / math.sqrt(2.0)) if len(steps) else self.scale
+
+    @property
+    def structure(self) -> float:
+        """Share of the variance of the residuals that is no noise; 0 where that may be chance."""
+        chance = 2.0 / math.sqrt(len(self.residuals))
+        return max(1.0 - (self.noise / self.scale) ** 2 - chance, 0.0)
+
     def slopes(self, *, averaging: float = EDGE_DISTANCE) -> Slopes:
         """Derivatives of the predicted angles by what was fitted."""
-        return slopes_of(self.grid, self.parameters, self.starts, self.free, averaging=averaging)
+        return linearised(self.grid, self.parameters, self.starts, self.free, averaging)[1]
+
+    def starts_on(self, grid: Grid) -> Array:
+        """Where the runs of a grid start: as fitted where it was, else as measured."""
+        if grid is self.grid:
+            return self.starts
+        fitted = dict(zip(self.grid.firsts, self.starts, strict=True))
+        pairs = zip(grid.firsts, grid.measured_starts, strict=True)
+        return np.array([fitted.get(first, angle) for first, angle in pairs])
+
+    def along(self, grid: Grid) -> Response:
+        """The joint run along a grid."""
+        return respond(grid, self.parameters, self.starts_on(grid))
+
+    def again(self, at: Parameters | None = None, *, grid: Grid | None = None, **how: Any) -> Fit:
+        """The search begun here, or at other parameters; ``how`` as in :func:`least_squares`."""
+        grid = self.grid if grid is None else grid
+        how = {"free": self.free, "starts": self.starts_on(grid), **how}
+        found = least_squares(grid, self.parameters if at is None else at, **how)
+        return replace(found, terms=self.terms)
+
+    def trial(self, at: Parameters | None = None, *, effort: Effort = TERM, **how: Any) -> Fit:
+        """The same at this fit's scale, so that the losses compare."""
+        return self.again(at, effort=effort, **{"scale": self.scale, **how})
+
+    def without(self, *names: str, effort: Effort = TERM) -> Fit:
+        """The fit without some terms."""
+        absent = {name: Parameters._field_defaults[name] for name in names}
+        at, free = self.parameters._replace(**absent), self.free & ~only(*names)
+        return self.trial(at, free=free, effort=effort)
+
+    def noting(self, without: Fit, with_it: Fit, ends: Mapping[str, Interval]) -> Fit:
+        """The fit with a note of what terms would bring; those that it has are kept."""
+        tried = {
+            TERMS[name]: Term(
+                name=TERMS[name],
+                kept=self.has(name),
+                rms_without=without.rms,
+                rms_with=with_it.rms,
+                interval=interval,
+            )
+            for name, interval in ends.items()
+        }
+        return replace(self, terms=self.terms | tried)
 
 
 def least_squares(
@@ -389,7 +442,7 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
             break
         coordinates[free] += step
         at, firsts = parameters_at(grid, coordinates), fit.starts + starts
-        response, by_trial = _linearised(grid, at, firsts, free, averaging)
+        response, by_trial = linearised(grid, at, firsts, free, averaging)
         trial = _fit_of(grid, at, free, firsts, response, fit.scale)
         reduced = fit.cost - trial.cost
         if not reduced >= 0.25 * predicted:

@@ -17,21 +17,14 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.identification.grid import Grid, resampled, resampled_like
-from planner.identification.intervals import (
-    Uncertainty,
-    at_edge,
-    model_interval,
-    rise_allowed,
-    structure_of,
-    uncertainty_of,
-)
-from planner.identification.joint_fit import peak_command
+from planner.identification.intervals import at_edge, model_interval, rise_allowed, uncertainty_of
 from planner.identification.least_squares import (
+    FULL,
     PROFILE,
     TERM,
     Effort,
@@ -41,7 +34,6 @@ from planner.identification.least_squares import (
     least_squares,
     respond,
 )
-from planner.identification.log import Log
 from planner.identification.parameters import (
     MOST_SAG,
     TERMS,
@@ -50,7 +42,7 @@ from planner.identification.parameters import (
     coordinates_of,
     only,
 )
-from planner.identification.result import Interval, Term
+from planner.identification.result import Interval
 from planner.trajectory import Array, rms
 
 ORDER = ("time_constant", "dead_band", "compliance", "slowing", "sag_sin", "asymmetry")
@@ -145,64 +137,40 @@ virtual servos is 16 % larger by derivatives alone, that of made joints 78 % lar
 alone, both in the mean; with twice as many points no less.)"""
 
 
-def with_terms(fit: Fit, known: tuple[Term, ...] = ()) -> tuple[Fit, tuple[Term, ...]]:
+def with_terms(fit: Fit) -> Fit:
     """Add one term after another, and keep those that reduce the loss by (16a).
 
     A term is kept where it lowers the Bayesian information criterion (Schwarz, 1978) of as many
     rows as are independent, ``n_eff log(loss without / loss with) > log(n_eff)`` with
-    ``n_eff = n / correlation time of the residuals``, and saves at least 1 % of the loss.
-
-    Args:
-        fit: The fit.
-        known: Terms that were tried; those that the fit has are kept, the others tried again.
-
-    Returns:
-        The fit with the terms that are kept, and the errors with and without each that was tried.
-        The interval of a dead band that cannot be told from a sag has no upper end.
+    ``n_eff = n / correlation time of the residuals``, and saves at least 1 % of the loss. Terms
+    that the fit has are kept. The interval of a dead band that cannot be told from a sag has no
+    upper end.
     """
-    terms = {term.name: term for term in known if term.kept}
+    fit = replace(fit, terms={name: term for name, term in fit.terms.items() if term.kept})
     for name in ORDER:
         if not fit.has(name) and _shows(name, fit):
-            fit = _with_term(name, fit, terms)
-    fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
-    return fit, tuple(terms.values())
+            fit = _with_term(name, fit)
+    return fit.again()
 
 
-def _with_term(name: str, fit: Fit, terms: dict[str, Term], known: Fit | None = None) -> Fit:
+def _with_term(name: str, fit: Fit, known: Fit | None = None) -> Fit:
     """The fit with a term that is kept, or the same fit; it is noted, with its partners.
 
     The fit with it is ``known`` of an overloaded joint.
     """
-    trial = known or _fitted_with(name, fit)
-    kept, uncertainty = pays(fit, trial), uncertainty_of(trial)
+    trial = replace(known or _fitted_with(name, fit), terms=fit.terms)
+    kept = pays(fit, trial)
     if name == "sag_sin":
-        kept = kept and _sag_is_determined(trial, uncertainty)
+        kept = kept and _sag_is_determined(trial)
         if known is None:
             kept = kept and not has_large_sag(trial) and _pays_beside_asymmetry(fit, trial)
-    for each in (name, *PARTNERS.get(name, ())):
-        interval = model_interval(trial, uncertainty, each)
-        if name == "dead_band" and not kept and _any_dead_band_does(fit, trial, uncertainty):
-            interval = Interval(0.0, math.inf)
-        _note(terms, each, kept, fit, trial, interval)
-    return trial if kept else fit
+    ends = {each: model_interval(trial, each) for each in (name, *PARTNERS.get(name, ()))}
+    if name == "dead_band" and not kept and _any_dead_band_does(fit, trial):
+        ends[name] = Interval(0.0, math.inf)
+    return (trial if kept else fit).noting(fit, trial, ends)
 
 
-def _note(
-    terms: dict[str, Term], name: str, kept: bool, without: Fit, with_it: Fit, interval: Interval
-) -> None:
-    """Note what a term would bring."""
-    terms[TERMS[name]] = Term(
-        name=TERMS[name],
-        kept=kept,
-        rms_without=without.rms,
-        rms_with=with_it.rms,
-        interval=interval,
-    )
-
-
-def with_motor(
-    fit: Fit, terms: tuple[Term, ...], begin: Parameters | None = None
-) -> tuple[Fit, tuple[Term, ...]]:
+def with_motor(fit: Fit, begin: Parameters | None = None) -> Fit:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
 
     A load and a sag by the angle that were not kept are tried again beside them: they may show only
@@ -212,39 +180,35 @@ def with_motor(
     """
     excerpt, loaded = _excerpt_to_search(fit, spread=True), None
     if excerpt is None:
-        return fit, terms
-    free, known = fit.free | only(*MOTOR), {term.name: term for term in terms}
+        return fit
+    free = fit.free | only(*MOTOR)
     motor = _motor(fit, [begin] if begin else _beginnings(fit, excerpt, free), free, fit.starts)
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
         sag = only(*SAG) & ~free & fit.grid.unloaded
         begins = [begin] if begin else _anywhere(fit, excerpt)
         bare = found = _motor(fit, begins, free | sag, fit.grid.measured_starts)
         if (found.free & sag).any():
-            bare, loaded = left_out(found, SAG, scale=fit.scale, effort=ENOUGH), found
+            bare, loaded = found.without(*SAG, effort=ENOUGH), found
         if _saving(fit, bare) >= SAVING:
             motor = min(motor, bare, key=lambda each: huber(each.weighted, fit.scale))
     for name, by in (("compliance", None), ("slowing", None), ("sag_sin", loaded)):
-        untried = TERMS[name] in known and not known[TERMS[name]].kept
-        if untried and (by is not None or motor is not fit):
-            motor = _with_term(name, motor, known, by)
-    if motor is fit:
-        return fit, terms
+        untried = TERMS[name] in fit.terms and not fit.terms[TERMS[name]].kept
+        if untried and (by is not None or motor.response is not fit.response):
+            motor = _with_term(name, motor, by)
+    if motor.response is fit.response:
+        return fit
     ends = dict.fromkeys(MOTOR, Interval(0.0, math.inf))
     ends["asymmetry"] = Interval(-math.inf, math.inf)
     for name in MOTOR[1:]:  # another one may pay now
         if not motor.has(name) and _shows(name, motor):
-            motor = _with_term(name, motor, known)
-            ends[name] = known[TERMS[name]].interval
-    motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
-    uncertainty = uncertainty_of(motor)
-    for name in MOTOR:
-        kept = motor.has(name)
-        interval = model_interval(motor, uncertainty, name) if kept else ends[name]
-        _note(known, name, kept, fit, motor, interval)
-    return motor, tuple(known.values())
+            motor = _with_term(name, motor)
+            ends[name] = motor.terms[TERMS[name]].interval
+    motor = motor.again()
+    ends |= {name: model_interval(motor, name) for name in MOTOR if motor.has(name)}
+    return motor.noting(fit, motor, ends)
 
 
-def with_integral(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
+def with_integral(fit: Fit) -> Fit:
     """The fit, with the terms of a motor, with the integral of a loop of the servo if that pays.
 
     It is sought together with the terms of a motor and with the sag, which it hides at rest.
@@ -254,24 +218,20 @@ def with_integral(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, .
     """
     excerpt = _excerpt_to_search(fit, spread=True)
     if excerpt is None or fit.has(*INTEGRALS):
-        return fit, terms
+        return fit
     bare, trial = _fitted_with_integral(fit, excerpt)
-    uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
-    names = (*INTEGRALS, *MOTOR, *SAG, "compliance")
-    ends = {name: model_interval(trial, uncertainty, name) for name in names}
-    needed = ("time_constant", *(name for name in INTEGRALS if trial.has(name)))
     at, tick = trial.parameters, trial.grid.tick
+    ends = {name: model_interval(trial, name) for name in (*INTEGRALS, *MOTOR, *SAG, "compliance")}
+    needed = ("time_constant", *(name for name in INTEGRALS if trial.has(name)))
     possible = at.time_constant >= LEAST_INERTIA * tick
     possible &= at.integral < at.fastest_integral(tick)
     possible &= not _imitates_drift(at)
     determined = all(ends[name].lower > 0.0 for name in needed)
     pays_alone = pays(bare, trial) and _saving(bare, trial) >= LEAST_SAVING
-    found = trial if pays(fit, trial) and pays_alone and possible and determined else fit
-    for name, interval in ends.items():
-        had_it, has_it = (each.has(name) for each in (fit, found))
-        if had_it != has_it or name in INTEGRALS:
-            _note(known, name, has_it, fit, trial, interval)
-    return found, tuple(known.values())
+    if not (possible and determined and pays_alone and pays(fit, trial)):
+        return fit
+    names = [name for name in ends if name in INTEGRALS or fit.has(name) != trial.has(name)]
+    return trial.noting(fit, trial, {name: ends[name] for name in names})
 
 
 def _imitates_drift(at: Parameters) -> bool:
@@ -286,7 +246,7 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit]:
     """
     at, sag = fit.parameters, SAG if fit.grid.unloaded else ()
     sag = (*sag, *(["compliance"] if _shows("compliance", fit) else []))
-    search, rate = partial(least_squares, scale=fit.scale), INTEGRAL_START / at.whole_delay
+    rate = INTEGRAL_START / at.whole_delay
     motors = _divisions(fit, [None])
     if at.time_constant > 0.0:
         motors.insert(0, at)
@@ -297,45 +257,34 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit]:
         if name == "position_integral_rate":  # that of a speed loop is found without
             starts += _integrals(fit, excerpt)
         free = fit.free | only(name, *MOTOR, *sag)
-        trials += [search(excerpt, each, free=free, effort=TRIAL) for each in starts]
+        trials += [fit.trial(each, grid=excerpt, free=free, effort=TRIAL) for each in starts]
     best = min(trials, key=lambda each: (_imitates_drift(each.parameters), each.cost))
-    best = search(fit.grid, best.parameters, free=best.free, starts=fit.starts, effort=TERM)
+    best = fit.trial(best.parameters, free=best.free)
     if _saving(fit, best) < 0.5 * LEAST_SAVING:  # it will not save enough
         return fit, best
-    search = partial(search, fit.grid)
-    best = search(best.parameters, free=best.free, starts=best.starts, effort=ENOUGH)
-    bare = left_out(best, INTEGRALS, scale=fit.scale, effort=TERM)
+    best = best.trial(effort=ENOUGH)
+    bare = best.without(*INTEGRALS)
     if _saving(bare, best) < 0.5 * LEAST_SAVING:
         return bare, best
-    best = _redivided(best, partial(search, free=best.free))
+    best = _redivided(best)
     for names in (SAG, ("compliance",), *((name,) for name in MOTOR if name != "time_constant")):
         if best.free[only(*names)].all():
-            without = left_out(best, names, scale=fit.scale, effort=ENOUGH)
+            without = best.without(*names, effort=ENOUGH)
             believed = names != SAG or not has_large_sag(best)
             best = best if believed and pays(without, best) else without
-    return left_out(best, INTEGRALS, scale=fit.scale, effort=ENOUGH), best
+    return best.without(*INTEGRALS, effort=ENOUGH), best
 
 
-def with_needed(fit: Fit, names: Sequence[str], **how: Any) -> Fit:
-    """The fit without those of some terms that do not reduce the loss by (16a), one by one.
-
-    Further arguments are those of the search.
-    """
+def with_needed(fit: Fit, names: Sequence[str], *, effort: Effort) -> Fit:
+    """The fit without those of some terms that do not reduce the loss by (16a), one by one."""
     for name in names:
         if fit.has(name):
-            without = left_out(fit, (name, *PARTNERS.get(name, ())), **{"scale": fit.scale, **how})
+            without = fit.without(name, *PARTNERS.get(name, ()), effort=effort)
             fit = fit if pays(without, fit) else without
     return fit
 
 
-def left_out(fit: Fit, names: Sequence[str], **how: Any) -> Fit:
-    """The fit without some terms; further arguments are those of the search."""
-    absent = {name: Parameters._field_defaults[name] for name in names}
-    at, free = fit.parameters._replace(**absent), fit.free & ~only(*names)
-    return least_squares(fit.grid, at, free=free, starts=fit.starts, **how)
-
-
-def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
+def with_calm_friction(fit: Fit) -> Fit:
     """The fit with the dead band of the log that surely shows most of it; or the same fit.
 
     Whatever shakes a joint, other joints or the ground, hides its dry friction, so that logs of one
@@ -344,9 +293,9 @@ def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
     half as far as those of the widest log: static friction, which holds a joint that hardly moves,
     is more than what slows it down.
     """
-    if len(logs) < 2 or not fit.free[Parameters._fields.index("dead_band")]:
+    grid, at, logs = fit.grid, fit.parameters, fit.grid.logs
+    if len(logs) < 2 or not fit.has("dead_band"):
         return fit
-    grid, at = fit.grid, fit.parameters
     least, size = at.dead_band, at.dead_band
     spreads = [float(np.std(log.angles[log.torque_on])) for log in logs]
     for log, spread in zip(logs, spreads, strict=True):
@@ -358,19 +307,13 @@ def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
         alone = least_squares(part, at, free=only(*FRICTION), effort=TERM)
         if alone.rms > EXPLAINED * float(np.std(part.angles)) or at_edge(alone, "dead_band"):
             continue
-        lower = model_interval(alone, uncertainty_of(alone), "dead_band").lower
+        lower = model_interval(alone, "dead_band").lower
         if lower > least:
             least, size = lower, alone.parameters.dead_band
     if size == at.dead_band:
         return fit
-    calm = least_squares(
-        grid,
-        at._replace(dead_band=size),
-        free=fit.free & ~only("dead_band"),
-        starts=fit.starts,
-        scale=fit.scale,
-    )
-    return replace(calm, free=fit.free)
+    at, free = at._replace(dead_band=size), fit.free & ~only("dead_band")
+    return replace(fit.trial(at, free=free, effort=FULL), free=fit.free)
 
 
 def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) -> Fit:
@@ -378,29 +321,26 @@ def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) ->
 
     Those of :data:`MOTOR` without which the loss is no larger are left out again.
     """
-    search = partial(least_squares, fit.grid, starts=starts, scale=fit.scale, effort=TERM)
     begins = [Parameters(*np.where(free, each, fit.parameters).tolist()) for each in begins]
-    trial = min((search(begin, free=free) for begin in begins), key=lambda each: each.cost)
-    trial = search(trial.parameters, starts=trial.starts, free=free, effort=ENOUGH)
+    trials = (fit.trial(begin, free=free, starts=starts) for begin in begins)
+    trial = min(trials, key=lambda each: each.cost).trial(effort=ENOUGH)
     if len(begins) > 1 and _saving(fit, trial) >= 0.5 * SAVING:
-        trial = _redivided(trial, partial(search, free=free))
+        trial = _redivided(trial)
     if not pays(fit, trial):
         return fit
-    trial = with_needed(trial, MOTOR, scale=fit.scale, effort=TERM)
+    trial = with_needed(trial, MOTOR, effort=TERM)
     return trial if _saving(fit, trial) >= SAVING else fit
 
 
-def _redivided(fit: Fit, search: Callable[..., Fit]) -> Fit:
+def _redivided(fit: Fit) -> Fit:
     """The fit, or a better one that begins with another division of its delay.
 
     Lag, window, inertia and gain can replace one another, so that the search by derivatives may end
     in a local optimum in which one takes the place of another, or of the dead band.
     """
     while True:
-        begins = _divisions(fit, [*LIMITS, None])
-        trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in begins]
-        best = min(trials, key=lambda each: each.cost)
-        best = search(best.parameters, starts=best.starts, effort=ENOUGH)
+        trials = [fit.trial(at, effort=TRIAL) for at in _divisions(fit, [*LIMITS, None])]
+        best = min(trials, key=lambda each: each.cost).trial(effort=ENOUGH)
         if best.cost >= 0.99 * fit.cost:
             return fit
         fit = best
@@ -464,14 +404,13 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
             )
             for share, window, lag in ((0.2, 0.5, 1.0), (0.4, 0.2, 0.5))
         ]
-    search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
-    found = min((search(each, starts=fit.starts) for each in begins), key=lambda each: each.cost)
-    at, shown = found.parameters, peak_command(found)
+    found = min((fit.trial(each, free=free) for each in begins), key=lambda each: each.cost)
+    at, shown = found.parameters, found.peak_command
     if name == "dead_band" and at.v_max > shown:
         # Friction hides how fast the joint is called to move: v_max had no slope until here.
         # (Without this one of 29 reference logs is fitted 0.4 % worse.)
         lower = at._replace(v_max=0.7 * shown)
-        found = min(found, search(lower, starts=found.starts), key=lambda each: each.cost)
+        found = min(found, found.trial(lower), key=lambda each: each.cost)
     return found
 
 
@@ -494,42 +433,35 @@ def _pays_beside_asymmetry(fit: Fit, trial: Fit) -> bool:
         return True
     rival = _fitted_with("asymmetry", fit)
     at = trial.parameters._replace(asymmetry=rival.parameters.asymmetry)
-    search = partial(least_squares, fit.grid, scale=fit.scale, effort=TERM)
     both = [
-        search(begin, free=trial.free | rival.free, starts=each.starts)
+        each.trial(begin, free=trial.free | rival.free)
         for begin, each in ((rival.parameters, rival), (at, trial), (trial.parameters, trial))
     ]
     best = min(both, key=lambda each: each.cost)
     return pays(rival, best) and _saving(rival, best) >= SAVING
 
 
-def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
+def _any_dead_band_does(fit: Fit, trial: Fit) -> bool:
     """Whether a dead band of half the errors fits as well, with another sag.
 
     In motion of one direction friction holds the joint back by as much as a sag would.
     """
-    at, grid = trial.parameters, fit.grid
+    at = trial.parameters
     errors = np.mean(fit.response.errors, axis=1)
     size = 0.5 * rms(errors)
     moved = math.copysign(size - at.dead_band, float(np.sum(errors)))
-    held = least_squares(
-        grid,
-        at._replace(dead_band=size, offset=at.offset + moved),
-        free=fit.free,
-        starts=trial.starts,
-        scale=trial.scale,
-        effort=PROFILE,
-    )
-    return held.cost <= trial.cost + rise_allowed(trial, uncertainty, "dead_band")
+    at = at._replace(dead_band=size, offset=at.offset + moved)
+    held = trial.trial(at, free=fit.free, effort=PROFILE)
+    return held.cost <= trial.cost + rise_allowed(trial, "dead_band")
 
 
-def _sag_is_determined(fit: Fit, uncertainty: Uncertainty) -> bool:
+def _sag_is_determined(fit: Fit) -> bool:
     """Whether a sag by the angle is far from 0 in the metric of its covariance, and bounded.
 
     What the model does not explain, such as a mechanical stop, may be like a sag, and logs of few
     or close angles do not tell a sag by the angle from a constant one.
     """
-    pair = np.flatnonzero(only(*SAG))
+    pair, uncertainty = np.flatnonzero(only(*SAG)), uncertainty_of(fit)
     sag = coordinates_of(fit.grid, fit.parameters)[pair]
     covariance = uncertainty.covariance[np.ix_(pair, pair)]
     if any(at_edge(fit, name) for name in SAG) or not np.isfinite(covariance).all():
@@ -573,7 +505,7 @@ def backlash_of(fit: Fit) -> Backlash | None:
 
     def fitted(begin: Parameters, effort: Effort) -> Fit:  # what begins without stays without
         ways = free | only("play") if begin.play > 0.0 else free
-        return least_squares(excerpt, begin, free=ways, scale=fit.scale, effort=effort)
+        return fit.trial(begin, grid=excerpt, free=ways, effort=effort)
 
     def best(begins: Iterable[Parameters]) -> Fit:
         trials = (fitted(begin, TRIAL) for begin in begins)
@@ -622,8 +554,8 @@ def _beginnings(fit: Fit, excerpt: Grid, free: Free) -> list[Parameters]:
     """
     joint = partial(_near, fit)
     loss, points = _screened(joint, 7, excerpt, fit.scale)
-    search = partial(least_squares, excerpt, free=free, scale=fit.scale, effort=TRIAL)
-    trials = [search(joint(point)) for point in points[:TRIALS]]
+    near = partial(fit.trial, grid=excerpt, free=free, effort=TRIAL)
+    trials = [near(joint(point)) for point in points[:TRIALS]]
     trials.sort(key=lambda trial: trial.cost)
     best = _evolved(loss, points[:POPULATION], GENERATIONS)
     return [t.parameters for t in trials[:FOLLOWED]] + [joint(each) for each in best]
@@ -751,7 +683,7 @@ def _excerpt_to_search(fit: Fit, *, spread: bool = False) -> Grid | None:
     seconds are left out, in which the unknown speed at the start matters. None where the residuals
     are noise, or the rows are few.
     """
-    if fit.exact or structure_of(fit) < LEAST_STRUCTURE:
+    if fit.exact or fit.structure < LEAST_STRUCTURE:
         return None
     grid, length = fit.grid, 4.0
     since = grid.times - grid.times[grid.first_rows][grid.run]

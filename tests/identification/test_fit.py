@@ -17,8 +17,8 @@ from planner.identification.least_squares import (
     USUAL,
     huber,
     least_squares,
+    linearised,
     respond,
-    slopes_of,
 )
 from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, coordinates_of, only, parameters_at
@@ -139,7 +139,7 @@ def test_the_normal_equations_are_those_of_the_derivatives():
     """Two logs, so that each first angle acts on the rows of its own run alone."""
     grid = grid_of(step_logs())
     at = Parameters.of(AIBO)._replace(gain=30.0)
-    slopes = slopes_of(grid, at, grid.measured_starts, USUAL)
+    _, slopes = linearised(grid, at, grid.measured_starts, USUAL)
     residuals = respond(grid, at, grid.measured_starts).predicted - grid.angles
     corner = float(np.median(np.abs(residuals)))  # half of them are outliers
     weights = corner / np.maximum(np.abs(residuals), corner)

@@ -13,10 +13,8 @@ from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
     correlation_time,
     intervals_of,
-    noise_of,
     over_top_speeds,
     rise_allowed,
-    structure_of,
     uncertainty_of,
 )
 from planner.identification.joint_fit import fit_joint, with_observed_speed
@@ -180,13 +178,13 @@ def test_noise_is_what_differs_from_row_to_row_and_structure_what_does_not(fitte
     size = float(np.sqrt(np.mean((white + smooth) ** 2)))
     for residuals, scale in ((white, 0.01), (white + smooth, size)):
         made = replace(fit, residuals=residuals, scale=scale)
-        assert noise_of(made) == pytest.approx(0.01, rel=0.1)
-        expected = 1.0 - (noise_of(made) / scale) ** 2 - 2.0 / math.sqrt(rows)
-        assert structure_of(made) == pytest.approx(max(expected, 0.0))
-    assert structure_of(replace(fit, residuals=white + smooth, scale=size)) > 0.5
+        assert made.noise == pytest.approx(0.01, rel=0.1)
+        expected = 1.0 - (made.noise / scale) ** 2 - 2.0 / math.sqrt(rows)
+        assert made.structure == pytest.approx(max(expected, 0.0))
+    assert replace(fit, residuals=white + smooth, scale=size).structure > 0.5
     outliers = white.copy()
     outliers[100] = 5.0
-    assert noise_of(replace(fit, residuals=outliers, scale=0.01)) == pytest.approx(0.01, rel=0.1)
+    assert replace(fit, residuals=outliers, scale=0.01).noise == pytest.approx(0.01, rel=0.1)
 
 
 @pytest.mark.parametrize(("amplitude", "rows"), [(0.13, 250), (0.14, 120)])
@@ -194,14 +192,13 @@ def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude
     """That of a top speed that few rows show. Two halvings end beyond it, by less than as much."""
     log = rich_log(amplitude=amplitude, noise=2.0 * NOISE, rows=rows)
     fit = with_observed_speed(*fit_joint([log], timing_of([log], tick=None, hold=None)))
-    uncertainty = uncertainty_of(fit)
-    ends = intervals_of(fit, uncertainty)["v_max"]
+    ends = intervals_of(fit)["v_max"]
     free = fit.free & ~only("v_max")
 
     def rise(v_max):
         at = fit.parameters._replace(v_max=v_max)
         held = least_squares(fit.grid, at, free=free, starts=fit.starts, scale=fit.scale)
-        return (held.cost - fit.cost) / rise_allowed(fit, uncertainty, "v_max")
+        return (held.cost - fit.cost) / rise_allowed(fit, "v_max")
 
     for end in ends:
         assert 0.95 < rise(end) < 2.0

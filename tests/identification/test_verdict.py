@@ -10,7 +10,7 @@ import pytest
 
 import planner
 from planner.identification.grid import timing_of
-from planner.identification.intervals import intervals_of, uncertainty_of
+from planner.identification.intervals import intervals_of
 from planner.identification.joint_fit import fit_joint
 from planner.identification.judgement import verdict_on
 from planner.identification.result import HeldOut
@@ -124,7 +124,7 @@ def fitted():
     """A good fit, with what an identification knows of it beside."""
     log = rich_log(noise=NOISE)
     (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
-    return fit, intervals_of(fit, uncertainty_of(fit))
+    return fit, intervals_of(fit)
 
 
 def judged(fitted, *, held=None, simple=None, **known):

@@ -10,7 +10,7 @@ import pytest
 
 import planner
 from planner.identification.grid import resampled
-from planner.identification.least_squares import respond, slopes_of
+from planner.identification.least_squares import linearised, respond
 from planner.identification.parameters import Parameters, units
 from tests.identification.made import rich_log
 from tests.model.rounded_periods import rounded_periods
@@ -58,7 +58,7 @@ def test_derivatives_by_parameters_along_a_log_are_slopes_with_inertia(field, ad
     log = replace(rich_log(INERT, load=load), load=load)
     grid = resampled([log], tick=INERT.tick, reach=0.5, burn_in=0.0)
     only = np.array([name == field for name in Parameters._fields])
-    found = slopes_of(grid, at, log.angles[:1], only).by_parameter[:, 0] / units(grid, at)[only]
+    found = linearised(grid, at, log.angles[:1], only)[1].by_parameter[:, 0] / units(grid, at)[only]
     step = 1e-6 * max(getattr(at, field), 0.1)
     ahead, behind = (
         respond(grid, at._replace(**{field: getattr(at, field) + way}), log.angles[:1]).predicted
@@ -77,7 +77,7 @@ def test_the_derivative_by_the_first_angle_is_a_slope(added):
         Parameters.of(INERT)._replace(**added),
         np.zeros(len(Parameters._fields), dtype=bool),
     )
-    found = slopes_of(grid, at, log.angles[:1], nothing).by_start
+    found = linearised(grid, at, log.angles[:1], nothing)[1].by_start
     ahead, behind = (respond(grid, at, log.angles[:1] + way).predicted for way in (1e-6, -1e-6))
     assert np.max(np.abs((ahead - behind) / 2e-6 - found)) <= 1e-5
 

@@ -143,8 +143,8 @@ def servos(seeds: int) -> Table:
             size = float(np.random.default_rng([seed, 1]).uniform(*sizes_of))
             log = random_servo(seed, **({defect: size} if defect else {}), **settings)
             began = time.process_time()
-            fit, terms = with_terms(*fit_joint([log], timing_of([log], tick=None, hold=None)))
-            fit, _ = with_motor(fit, terms)
+            (plain,) = fit_joint([log], timing_of([log], tick=None, hold=None))
+            fit = with_motor(with_terms(plain))
             backlash = backlash_of(with_observed_speed(fit))
             seconds += (time.process_time() - began) / seeds
             limit = fit.parameters.max_acceleration(fit.grid.tick)
