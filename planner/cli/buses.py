@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -17,22 +17,12 @@ from planner.exceptions import BusError
 from planner.robot import EXPECTED_BUS, KINDS, bus_name
 
 if TYPE_CHECKING:
-    from planner.robot.arm import Arm, Servo
+    from planner.robot.arm import Arm
     from planner.robot.bus import Bus
 
 
-def _bus(text: str) -> str:
-    if bus_name(text) is None:
-        raise ValueError
-    return text
-
-
 def bus_options(model: str = "") -> Callable[[Command], Command]:
-    """Give a command the options that :func:`open_bus` takes.
-
-    ``model`` is the help of the file that names the servos of the joints, and by default the bus;
-    without it a bus has to be named.
-    """
+    """Give a command the options of :func:`open_bus`, or with a help of ``model`` `open_arm`."""
     file = options.option("--model", model, options.INPUT, metavar="FILE", required=True)
     return options.several(
         options.option(
@@ -41,7 +31,7 @@ def bus_options(model: str = "") -> Callable[[Command], Command]:
             "lerobot:ROBOT, such as lerobot:so101, is a robot by LeRobot's own classes; virtual "
             f"are simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
             + ("  [default: that of the model file]" if model else ""),
-            options.Parsed(_bus, "BUS", EXPECTED_BUS),
+            options.Parsed(bus_name, "BUS", EXPECTED_BUS),
             required=not model,
         ),
         options.option("--port", "The serial port, such as /dev/ttyACM0.", metavar="P"),
@@ -119,20 +109,25 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
 
 
 @contextmanager
-def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str) -> Iterator[Arm]:
-    """The joints on the bus that the options name, or else the model file, in the block."""
-    from planner.files.joint_model import read_bus
+def open_arm(
+    choices: Mapping[str, Any], model: str, joints: Sequence[str] | None = None, *, advice: str
+) -> Iterator[Arm]:
+    """Joints of a model file, by default all, on the bus of the options, or else of the file.
+
+    The ``advice`` follows where Ctrl-C or a fault ends the block.
+    """
+    from planner.files.joint_model import read_bus, read_servos
     from planner.robot.arm import Arm
 
-    if choices["bus"] is None:
-        bus_settings = read_bus(model)
-        if "bus" not in bus_settings:
-            raise click.UsageError(
-                f"{model} does not name the bus of its servos: name it with --bus, such as --bus "
-                "feetech --port /dev/ttyACM0."
-            )
-        choices = {**choices, **{key: choices[key] or each for key, each in bus_settings.items()}}
-    with open_bus(choices, {name: servo.id for name, servo in servos.items()}) as bus:
+    servos, own = read_servos(model, joints), {} if choices["bus"] else read_bus(model)
+    if not (choices["bus"] or "bus" in own):
+        raise click.UsageError(
+            f"{model} does not name the bus of its servos: name it with --bus, such as --bus "
+            "feetech --port /dev/ttyACM0."
+        )
+    choices = {**choices, **{key: choices[key] or each for key, each in own.items()}}
+    ids = {name: servo.id for name, servo in servos.items()}
+    with open_bus(choices, ids) as bus, stopping(advice):
         yield Arm(bus, servos)
 
 

@@ -265,25 +265,24 @@ def check(
     """  # noqa: D301
     from tempfile import TemporaryDirectory
 
-    from planner.files.joint_model import read_model_file, read_servos
+    from planner.files.joint_model import read_model_file
     from planner.report.calibration_text import recheck_answer
     from planner.robot import calibration
 
-    servos = read_servos(model)
-    joints = _chosen(chosen, servos)
-    models = dict(zip(joints, read_model_file(model).for_joints(joints), strict=True))
-    for name, joint_model in models.items():
-        if joint_model.evidence is None or math.isnan(joint_model.evidence.error):
-            raise InvalidFile(
-                model, f"[{name}] has no expected_error to compare with; calibrate the joint first"
-            )
     document, lines, outdated = {}, [], []
     with (
-        buses.open_arm(choices, servos, model) as arm,
+        buses.open_arm(choices, model, advice="nothing was changed") as arm,
         TemporaryDirectory() as folder,
         Progress() as progress,
-        buses.stopping("nothing was changed"),
     ):
+        joints = _chosen(chosen, arm.servos)
+        models = dict(zip(joints, read_model_file(model).for_joints(joints), strict=True))
+        for name, joint_model in models.items():
+            if joint_model.evidence is None or math.isnan(joint_model.evidence.error):
+                raise InvalidFile(
+                    model,
+                    f"[{name}] has no expected_error to compare with; calibrate the joint first",
+                )
         settings = calibration.check(arm).settings
         with arm.powered():
             for name in joints:
@@ -296,7 +295,7 @@ def check(
                 )
                 progress(f"{name}: comparing")
                 result = calibration.recheck(models[name].requested_every(period), log)
-                registers = servos[name].settings, settings[name]
+                registers = arm.servos[name].settings, settings[name]
                 document[name], line = recheck_answer(name, result, *registers)
                 lines.append(line)
                 if result.holds is False:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import fields
 from functools import partial, wraps
 from pathlib import Path
@@ -31,7 +32,7 @@ Command = Callable[..., Any]
 
 
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
-    """A value that a function parses, or raises ValueError.
+    """A value that a function parses; of other texts it returns None or raises ValueError.
 
     Its ``form``, such as JOINT=DEG, is shown in help, the ``expected`` text in messages.
     """
@@ -43,12 +44,11 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The value of a text."""
-        try:
-            return self.parse(value)
-        except (ValueError, OverflowError):
-            option = "" if param is None else f"{param.opts[0]}: "
-            message = f"{option}got '{value}', expected {self.expected}."
-            raise click.UsageError(message, ctx) from None
+        with suppress(ValueError, OverflowError):
+            if (parsed := self.parse(value)) is not None:
+                return parsed
+        option = "" if param is None else f"{param.opts[0]}: "
+        raise click.UsageError(f"{option}got '{value}', expected {self.expected}.", ctx)
 
     def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
         """The choices that begin like this, or files if none does."""

@@ -47,7 +47,6 @@ def play(
     import numpy as np
 
     from planner.files.columns import SHARES
-    from planner.files.joint_model import read_servos
     from planner.files.paths import growing_log, read_joint_path, write_joint_path
 
     path = read_joint_path(requests)
@@ -59,19 +58,16 @@ def play(
             )
     if path.times is None:
         raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
-    period = path.step
-    rows: list[tuple[float, Array]] = []
-    servos = read_servos(model, path.names)
-    with (
-        buses.open_arm(choices, servos, model) as arm,
-        growing_log(output, path.names) as write_row,
-    ):
+    period, rows = path.step, list["tuple[float, Array]"]()
+    log = growing_log(output, path.names)
+    advice = f"the log until then is {output}.part"
+    with buses.open_arm(choices, model, path.names, advice=advice) as arm, log as write_row:
 
         def keep(time: float, row: Array, angles: Array) -> None:
             write_row(time, row, angles)
             rows.append((time, angles))
 
-        with buses.stopping(f"the log until then is {output}.part"), arm.powered():
+        with arm.powered():
             performance = arm.perform(path.values, period=period, cycles=cycles, keep=keep)
             if performance.interrupted:
                 raise KeyboardInterrupt
@@ -137,22 +133,20 @@ def record(
     """  # noqa: D301
     import numpy as np
 
-    from planner.files.joint_model import read_servos
     from planner.files.paths import growing_log
     from planner.robot.play import play as play_at_times
 
-    servos = read_servos(model)
     kinds = ("",) if by_hand else ("requested", "actual")
+    advice = f"the log until then is {output}.part"
     with (
-        buses.open_arm(choices, servos, model) as arm,
-        growing_log(output, list(servos), kinds=kinds) as write_row,
-        buses.stopping(f"the log until then is {output}.part"),
+        buses.open_arm(choices, model, advice=advice) as arm,
+        growing_log(output, list(arm.servos), kinds=kinds) as write_row,
     ):
         if by_hand:
-            for servo in servos.values():
+            for servo in arm.servos.values():
                 arm.bus.write(servo.id, "torque", 0)
         port, begin, kept = arm.bus.port, arm.bus.port.now(), 0
-        last_read = np.full(len(servos), begin)
+        last_read = np.full(len(arm.servos), begin)
 
         def keep(_: Array) -> None:
             nonlocal kept
@@ -170,5 +164,5 @@ def record(
         )
     lost = arm.bus.lost / max(1, arm.bus.asked)
     summarise(
-        f"{kept} rows of {', '.join(servos)} in {output}; {100.0 * lost:.1f} % of answers lost"
+        f"{kept} rows of {', '.join(arm.servos)} in {output}; {100.0 * lost:.1f} % of answers lost"
     )
