@@ -7,18 +7,18 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
+from planner.cli import desired as loading
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.cli.desired import check_felt, find_leg, leg_of, model_words, values_by_joint
 from planner.cli.export import FOLDERS, check_place, check_rows, write_rows
 from planner.cli.planning import search_options
-from planner.cli.settings import ReplayFormat
 from planner.exceptions import PlannerError
 from planner.files.exports import check_installed, lerobot_dataset
 from planner.files.joint_model import read_model_file
@@ -30,17 +30,8 @@ from planner.files.text import to_json
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
 from planner.parallel import carry_out
-from planner.recording.episode import decoded, encoded, lerobot_episode, write_replay
-from planner.recording.recorded_path import (
-    WHY,
-    JointModels,
-    RecordedPath,
-    check_length,
-    first_logs,
-    models_from,
-    recorded_path,
-    without_grippers,
-)
+from planner.recording import episode, recorded_path
+from planner.recording.recorded_path import JointModels, RecordedPath
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
 from planner.report.plan_results import off_by
@@ -68,11 +59,12 @@ class ReplayTask:
     ) -> tuple[Replay, Fastest | None]:
         """Read the recording and plan its replay, if asked for the fastest within the tolerance."""
         run, replay, speed = self.settings, self.settings.replay, self.settings.path.speed or 1.0
-        logs, arm, limits = self.recording.read(), self.arm(), {}
+        logs, limits = self.recording.read(), {}
         factors = {log.joint or "joint": UNITS[log.unit].factor for log in logs}
-        for name, (low, high) in values_by_joint("limits", run.limits, [*factors]).items():
+        spans = loading.values_by_joint("limits", run.limits, [*factors])
+        for name, (low, high) in spans.items():
             limits[name] = low / factors[name], high / factors[name]
-        path = recorded_path(
+        path = recorded_path.recorded_path(
             logs,
             self.models.by_joint,
             track=replay.track,
@@ -82,7 +74,7 @@ class ReplayTask:
             rate=run.path.rate_hz or self.rate,
             limits=limits or None,
         )
-        path = _with_load(run.plan, replace(path, name=self.recording.name), arm)
+        path = _with_load(run.plan, replace(path, name=self.recording.name), self.arm)
         units = {each.name: UNITS[each.unit].factor for each in path.planned}
         options = search_options(run.plan, path.period, units)
         options |= {"solver": run.plan.solver, "progress": progress}
@@ -96,12 +88,12 @@ class ReplayTask:
         degrees, centimetres = self.settings.tolerance.deg, self.settings.tolerance.cm
         joints = None if degrees is None else math.radians(degrees)
         foot = None if centimetres is None else 0.01 * centimetres
-        return Measure.of(path, joints, foot, self.arm())
+        return Measure.of(path, joints, foot, self.arm)
 
+    @cached_property
     def arm(self) -> Leg | None:
         """The leg or arm of the settings, with the recording's joint names."""
-        leg = leg_of(self.settings)
-        if leg is None:
+        if (leg := loading.leg_of(self.settings)) is None:
             return None
         recorded_names = {name: joint for joint, name in self.settings.replay.urdf_joints.items()}
         names = tuple(recorded_names.get(name, name) for name in leg.joint_names)
@@ -117,7 +109,7 @@ def tasks_of(
     replay, tolerance, fastest = run.replay, run.tolerance, "‹replay.fastest = true›"
     if tolerance.deg is not None and tolerance.cm is not None:
         raise BadSetting("‹tolerance.deg› and ‹tolerance.cm›: expected one of them; leave one out")
-    if tolerance.cm is not None and find_leg(run) is None:
+    if tolerance.cm is not None and loading.find_leg(run) is None:
         raise BadSetting("‹tolerance.cm› is for a foot: name its leg or arm with ‹leg.urdf›")
     if replay.fastest and tolerance.deg is None and tolerance.cm is None:
         raise BadSetting(f"{fastest} needs ‹tolerance.deg› or ‹tolerance.cm›")
@@ -129,12 +121,12 @@ def tasks_of(
     rate, folder = None, ""
     if recordings[0].is_episode:
         rate = find_dataset(recordings[0].file).rate
-    elif len(recordings) > 1 and (logs := first_logs(recordings)):
+    elif len(recordings) > 1 and (logs := recorded_path.first_logs(recordings)):
         rate = 1.0 / float(np.median([log.period for log in logs]))
     if len(recordings) > 1:
         run.folder = folder = str(Path.cwd())  # workers have another one
     else:  # of several, recordings of unsuitable length are left out
-        check_length(
+        recorded_path.check_length(
             recordings[0].read(),
             speed=run.path.speed or 1.0,
             begin=replay.begin_s,
@@ -159,20 +151,18 @@ def _models_of(
                 "‹model.file› is missing: name a file that `identify` wrote, or identify the "
                 f"joints from the recording itself with {marked('model.file', settings.FROM_LOG)}"
             )
-        return JointModels(by_joint={"": JointModel.ers210a()}, words=model_words(model))
+        return JointModels(by_joint={"": JointModel.ers210a()}, words=loading.model_words(model))
     if model.file == settings.FROM_URDF:
         raise BadSetting(f"{marked('model.file', model.file)} has no effect on a replay")
     if model.file == settings.FROM_LOG:
-        return models_from(recordings, joints, progress)
+        return recorded_path.models_from(recordings, joints, progress)
     file = read_model_file(model.file)
-    models = file.models
-    recorded = [log.joint for log in first_logs(recordings)]
-    used = joints or without_grippers(recorded)
-    of_joints = {name: models.get(name, models.get("")) for name in used}
-    words = refusal({name: each.evidence for name, each in of_joints.items() if each})
-    return JointModels(
-        by_joint=models, words=f"model: {file.path}", remarks=(words,) if words else ()
-    )
+    recorded = [log.joint for log in recorded_path.first_logs(recordings)]
+    used = joints or recorded_path.without_grippers(recorded)
+    models = {name: file.models.get(name, file.models.get("")) for name in used}
+    words = refusal({name: each.evidence for name, each in models.items() if each})
+    remarks = (words,) if words else ()
+    return JointModels(by_joint=file.models, words=f"model: {file.path}", remarks=remarks)
 
 
 def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> RecordedPath:
@@ -183,7 +173,7 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
     if plan.load is None:
         return path
     key, planned = marked("plan.load", plan.load), path.planned
-    check_felt(key, [each.model for each in planned if each.model])
+    loading.check_felt(key, [each.model for each in planned if each.model])
     if plan.load == "column":
         if not any(each.load is not None for each in planned):
             raise BadSetting(f"{key}: the recording has no torque of a joint that feels it")
@@ -245,7 +235,7 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 # Many recordings, and what is written.
 
 
-def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
+def check_writing(form: str, recordings: Sequence[Recording], output: str) -> None:
     """Refuse outputs that cannot be written, before anything is computed; claim those that can."""
     check_place("replay.write_as", form, output)
     if form != "lerobot" and len(recordings) > 1:
@@ -265,7 +255,7 @@ def write(file: str, task: ReplayTask, replay: Replay) -> None:
     """Write the requests of one recording."""
     form = task.settings.replay.write_as
     if form in ("csv", "joints", "lerobot"):
-        write_replay(file, task.recording, replay, form)
+        episode.write_replay(file, task.recording, replay, form)
         return
     export = settings.Export(format=form, file=file)
     schedule = Schedule(replay.names, replay.requests, replay.period)
@@ -309,7 +299,7 @@ def replay_many(
             content = results.read(task)
             if content is None:
                 continue
-            of_episode, rows, head = decoded(content)
+            of_episode, rows, head = episode.decoded(content)
             if layout is None or add is None:
                 layout = of_episode
                 add = outputs.enter_context(lerobot_dataset(output, layout, beside=about))
@@ -323,7 +313,7 @@ def replay_many(
             figures.append(head["figures"])
         document: dict[str, Any] = {
             "track": run.replay.track,
-            "why": WHY[run.replay.track],
+            "why": recorded_path.WHY[run.replay.track],
             "models": first.models.words,
             "speed": None if run.replay.fastest else run.path.speed or 1.0,
             "recordings": figures,
@@ -342,7 +332,8 @@ def replay_many(
 def replayed(task: ReplayTask) -> bytes:
     """A replayed recording as the bytes of an NPZ file: a task of :mod:`planner.parallel`."""
     replay, _ = task.run()
-    return encoded(lerobot_episode(task.recording, replay), episode_results(replay))
+    content = episode.lerobot_episode(task.recording, replay)
+    return episode.encoded(content, episode_results(replay))
 
 
 def origin_of(run: settings.ReplayRun, recordings: Sequence[Recording]) -> dict[str, Any]:
@@ -356,7 +347,7 @@ def origin_of(run: settings.ReplayRun, recordings: Sequence[Recording]) -> dict[
 
 def _chosen(run: settings.ReplayRun) -> dict[str, Any]:
     """The settings of a replay, and the content of the URDF that they name."""
-    leg, names = find_leg(run), ("replay", "path", "limits", "plan", "tolerance", "leg")
+    leg, names = loading.find_leg(run), ("replay", "path", "limits", "plan", "tolerance", "leg")
     chosen = {name: getattr(run, name).values() for name in names}
     return {**chosen, "urdf": None if leg is None else digest_of(leg.urdf)}
 

@@ -131,7 +131,7 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
         misses = missed(task, result)
 
     def page(place: str) -> str:
-        arm, recording = task.arm(), task.recording
+        arm, recording = task.arm, task.recording
         missing = [name for name in arm.joint_names if name not in result.names] if arm else []
         about = replay_page(
             result,
