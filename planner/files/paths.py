@@ -39,7 +39,7 @@ from planner.files.staging import writing
 from planner.files.table import Table, read_table, write_table
 from planner.files.text import write_text
 from planner.trajectory import MOST_SAMPLES, Array
-from planner.validation import freeze
+from planner.validation import read_only
 
 LOAD = "_load_Nm"  # ending of the columns that hold the torque on a joint [N m]
 MOST_JOINTS = 1000  # joints of a path, each a plan of its own
@@ -87,11 +87,9 @@ class SampledPath:
         """
         farthest = 5.0  # [s]; times in milliseconds are a thousand times as long
         if self.step > farthest:
-            raise InvalidFile(
-                self.path,
-                f"one sample every {self.step:.6g} s, expected one every {farthest:g} s or more "
-                "often; give the times in seconds, or call a column of milliseconds t_ms",
-            )
+            words = f"one sample every {self.step:.6g} s, expected one every {farthest:g} s"
+            advice = "give the times in seconds, or call a column of milliseconds t_ms"
+            raise InvalidFile(self.path, f"{words} or more often; {advice}")
         if speed is None and (self.times is None or not resample):
             self.check_period(period)
             return self
@@ -106,12 +104,10 @@ class SampledPath:
 
     def check_samples(self, samples: int) -> None:
         """Raise InvalidFile unless these are the requests of a path of so many samples."""
-        if len(self.values) != samples:
-            raise InvalidFile(
-                self.path,
-                f"got {len(self.values)} requests, expected {samples}, one for each sample of the "
-                "desired path; name the path for which they were planned",
-            )
+        if (count := len(self.values)) != samples:
+            expected = f"expected {samples}, one for each sample of the desired path"
+            advice = "name the path for which they were planned"
+            raise InvalidFile(self.path, f"got {count} requests, {expected}; {advice}")
 
 
 def check_step(path: str, step: float, period: float, advice: str, row: str = "sample") -> None:
@@ -176,7 +172,7 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
     if own := [j for j, name in enumerate(names) if name in loaded]:
         loads = np.zeros_like(values)
         loads[:, own] = table.numbers([f"{names[j]}{LOAD}" for j in own])
-        freeze(loads)
+        read_only(loads)
     return SampledPath(str(table.path), names, units, values, read_times(table, even=even), loads)
 
 
@@ -199,8 +195,7 @@ def write_joint_path(
     if loads is not None:
         titles += [f"{name}{LOAD}" for name in names]
         columns += list(loads.T)
-    rows = np.column_stack([period * np.arange(len(angles)), *columns])
-    write_table(path, [TIME, *titles], rows)
+    write_samples(path, titles, np.column_stack(columns), period=period)
 
 
 def is_foot_path(table: Table) -> bool:
@@ -218,8 +213,13 @@ def foot_path(table: Table, *, even: bool = True) -> SampledPath:
 
 def write_foot_path(path: Path | str, positions: Array, *, period: float) -> None:
     """Write positions [m], shape (n, 3), one every ``period`` [s], as CSV."""
-    rows = np.column_stack([period * np.arange(len(positions)), positions])
-    write_table(path, [TIME, *(f"{axis}_m" for axis in AXES)], rows)
+    write_samples(path, [f"{axis}_m" for axis in AXES], positions, period=period)
+
+
+def write_samples(path: Path | str, titles: Sequence[str], rows: Array, *, period: float) -> None:
+    """Write rows, (n, len(titles)), one every ``period`` [s], as CSV with their times."""
+    times = period * np.arange(len(rows))
+    write_table(path, [TIME, *titles], np.column_stack([times, rows]))
 
 
 def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:
@@ -243,11 +243,9 @@ def read_times(table: Table, *, even: bool = True) -> Array | None:
     uneven = np.abs(steps - period) > UNEVEN * period
     if even and uneven.any():
         k = int(np.argmax(uneven)) + 1
-        raise table.fault(
-            f"{column} advances by {steps[k - 1]:g} s where most steps are {period:g} s, expected "
-            "even steps; plan with --rate-hz to resample the path",
-            k,
-        )
+        words = f"{column} advances by {steps[k - 1]:g} s where most steps are {period:g} s"
+        advice = "expected even steps; plan with --rate-hz to resample the path"
+        raise table.fault(f"{words}, {advice}", k)
     return times
 
 
@@ -256,13 +254,11 @@ def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Arra
 
     A cycle lasts one mean step longer; it is stretched to a whole number of samples.
     """
-    span = float(times[-1] - times[0])
     since = times - times[0]
+    span = float(since[-1])
     if span / period > MOST_SAMPLES:
-        raise InvalidInput(
-            f"a sample every {period:g} s for {span:g} s: expected at most {MOST_SAMPLES} samples; "
-            "ask for a lower rate"
-        )
+        most = f"expected at most {MOST_SAMPLES} samples; ask for a lower rate"
+        raise InvalidInput(f"a sample every {period:g} s for {span:g} s: {most}")
     if cyclic:
         whole = span * len(times) / (len(times) - 1)
         count = max(round(whole / period), 1)
@@ -270,9 +266,7 @@ def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Arra
         since, rows = np.append(since, whole), np.vstack([rows, rows[:1]])
     else:
         at = np.arange(math.floor(span / period + UNEVEN) + 1) * period
-    columns = np.column_stack([np.interp(at, since, column) for column in rows.T])
-    freeze(columns)
-    return columns
+    return read_only(np.column_stack([np.interp(at, since, column) for column in rows.T]))
 
 
 @contextmanager
@@ -281,9 +275,8 @@ def growing_log(
 ) -> Iterator[Callable[..., None]]:
     """A CSV of the joints' angles that has every row as soon as it was measured.
 
-    Other outputs appear whole or not at all, but no measured row may be lost: the log is written as
-    ``NAME.part``, and gets its name at the end of the block. The function in the block writes a
-    row: a time [s], and of each kind the angles [rad], NaN where there is none.
+    It is written as ``NAME.part``, and gets its name at the end of the block. The function in the
+    block writes a row: a time [s], and of each kind the angles [rad], NaN where there is none.
     """
     unfinished, rows = Path(f"{path}.part"), 0
 

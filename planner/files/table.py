@@ -86,12 +86,9 @@ class Table(Source):
             values[:, j] = [_number(cell) for cell in cells]
             for k in np.flatnonzero(~np.isfinite(values[:, j])).tolist():
                 if not (missing and cells[k].lower() in ("", "nan")):
-                    content = f"'{_shortened(cells[k])}'" if cells[k] else "nothing"
-                    raise self.fault(
-                        f"column '{name}': got {content}, expected a finite number; "
-                        "remove or interpolate the sample",
-                        k,
-                    )
+                    got = f"'{_shortened(cells[k])}'" if cells[k] else "nothing"
+                    words = "expected a finite number; remove or interpolate the sample"
+                    raise self.fault(f"column '{name}': got {got}, {words}", k)
         freeze(values)
         return values
 
@@ -133,32 +130,20 @@ def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
             if len(row) != len(names):
                 cut = len(row) < len(names) and not any(map(_is_row, reader))
                 advice = "is the file cut short?" if cut else "mend the row or its commas"
-                raise InvalidFile(
-                    path,
-                    f"got {len(row)} {'cell' if len(row) == 1 else 'cells'}, expected "
-                    f"{len(names)} ({_shortened(', '.join(names))}); {advice}",
-                    line=line,
-                )
+                got = f"got {len(row)} {'cell' if len(row) == 1 else 'cells'}"
+                expected = f"expected {len(names)} ({_shortened(', '.join(names))})"
+                raise InvalidFile(path, f"{got}, {expected}; {advice}", line=line)
             rows.append(tuple(row) if delimiter == "," else tuple(map(_with_point, row)))
             lines.append(line)
             if len(rows) > most:
-                raise InvalidFile(
-                    path,
-                    f"more than {most} rows of {len(names)} columns; split the file, leave columns "
-                    "out, or take fewer samples a second",
-                )
+                advice = "split the file, leave columns out, or take fewer samples a second"
+                raise InvalidFile(path, f"more than {most} rows of {len(names)} columns; {advice}")
     except csv.Error as error:
-        raise InvalidFile(
-            path,
-            f"not CSV ({error}); expected comma-separated numbers",
-            line=start + reader.line_num,
-        ) from error
+        words, line = f"not CSV ({error}); expected comma-separated numbers", start
+        raise InvalidFile(path, words, line=line + reader.line_num) from error
     if len(rows) < 2:
-        raise InvalidFile(
-            path,
-            f"rows of samples: got {len(rows)}, expected at least 2; give a row for each sample of "
-            "the whole motion",
-        )
+        advice = "give a row for each sample of the whole motion"
+        raise InvalidFile(path, f"rows of samples: got {len(rows)}, expected at least 2; {advice}")
     return Table(path=str(path), lines=lines, names=names, rows=rows)
 
 
@@ -176,7 +161,7 @@ def table_text(names: Sequence[str], values: Array) -> str:
 def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """A header and rows as CSV; every CSV file of this package is written by it.
 
-    Texts that spreadsheets take as formulas have an apostrophe before them, as have read titles.
+    A text that a spreadsheet takes as a formula gets an apostrophe, of titles taken off again.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -199,16 +184,13 @@ def _names_in(path: Path | str, titles: Sequence[str], line: int) -> tuple[str, 
     names = [each[1:] if each.startswith("'") and _is_formula(each) else each for each in names]
     (name, count), problem = Counter(names).most_common(1)[0], ""
     if len(names) > MOST_COLUMNS:
-        problem = (
-            f"{len(names)} columns, expected at most {MOST_COLUMNS}; leave out what is not needed"
-        )
+        most = f"expected at most {MOST_COLUMNS}; leave out what is not needed"
+        problem = f"{len(names)} columns, {most}"
     elif "" in names:
         problem = f"column {names.index('') + 1} has no name; name or remove it"
     elif all(map(_is_number, names)):
-        problem = (
-            f"the first line holds numbers ({_shortened(','.join(names))}), expected names; "
-            "put a line of column names above them"
-        )
+        advice = "expected names; put a line of column names above them"
+        problem = f"the first line holds numbers ({_shortened(','.join(names))}), {advice}"
     elif count > 1:
         problem = f"{count} columns are named '{name}', expected one; rename the others"
     if problem:

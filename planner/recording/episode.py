@@ -11,12 +11,10 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.files.columns import TIME
 from planner.files.exports import LEROBOT_TASK, Layout, frame_rate, lerobot_dataset
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
-from planner.files.paths import write_joint_path
-from planner.files.table import write_table
+from planner.files.paths import write_joint_path, write_samples
 from planner.recording.replaying import JointReplay, Replay
 from planner.trajectory import Array
 
@@ -111,9 +109,8 @@ def write_replay(
             unit = log.written.unit if log.written else {"rad": "rad", "1": "range"}[log.unit]
             own = log.written.column if log.written else ""
             columns.append(own or f"{log.joint or 'requested'}_{unit}")
-        times = np.arange(len(requests)) * replay.period
         values = np.column_stack([as_written(joint, joint.requests) for joint in replay.joints])
-        write_table(file, [TIME, *columns], np.column_stack([times, values]))
+        write_samples(file, columns, values, period=replay.period)
     else:
         units = ["deg" if joint.path.unit == "rad" else "percent" for joint in replay.joints]
         shares = np.array([joint.path.unit == "1" for joint in replay.joints])

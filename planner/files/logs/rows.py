@@ -239,11 +239,9 @@ def _cleaned(rows: Rows) -> tuple[Rows, Mask]:
     partial = lost | rows.unread
     count, whole = len(lost), int(np.sum(~partial))
     if whole < count and whole < FEWEST_ROWS:
-        raise rows.fault(
-            f"a value is missing in {count - whole} of {count} rows, expected both angles in "
-            f"at least {FEWEST_ROWS}; are requested and actual angles in rows of their own?",
-            int(np.argmax(partial)),
-        )
+        words = f"a value is missing in {count - whole} of {count} rows, expected both angles in at"
+        advice = "are requested and actual angles in rows of their own?"
+        raise rows.fault(f"{words} least {FEWEST_ROWS}; {advice}", int(np.argmax(partial)))
     kept = np.flatnonzero(~lost)
     names = ("times", "requests", "angles", "load", "torque_on")
     arrays: dict[str, Any] = {
@@ -252,13 +250,9 @@ def _cleaned(rows: Rows) -> tuple[Rows, Mask]:
     double = np.arange(len(kept)) > 0
     for array in arrays.values():
         double[1:] &= (array[1:] == array[:-1]) | (np.isnan(array[1:]) & np.isnan(array[:-1]))
-    notes = [
-        f"{_rows_words(rows.source, left)}: left out, {reason}"
-        for left, reason in (
-            (np.flatnonzero(lost), "as the time or the request is missing"),
-            (kept[double], "the same as the row before"),
-        )
-        if len(left)
+    parts = [
+        (np.flatnonzero(lost), "left out, as the time or the request is missing"),
+        (kept[double], "left out, the same as the row before"),
     ]
     arrays, kept = {name: array[~double] for name, array in arrays.items()}, kept[~double]
     rows = replace(rows, **arrays, numbers=kept)
@@ -267,26 +261,22 @@ def _cleaned(rows: Rows) -> tuple[Rows, Mask]:
         places = np.flatnonzero(~missing)
         last = places[np.maximum(np.searchsorted(places, np.arange(len(missing))) - 1, 0)]
         what = "angle" if np.isnan(rows.angles).any() else "load"
-        words = _rows_words(rows.source, kept[missing])
-        notes.append(f"{words}: the {what} is missing, only the request counts")
+        parts.append((kept[missing], f"the {what} is missing, only the request counts"))
         for name in {"angles", "load"} & set(arrays):
             arrays[name] = np.where(np.isnan(arrays[name]), arrays[name][last], arrays[name])
-    return replace(rows, **arrays, notes=(*rows.notes, *notes)), ~missing
-
-
-def _rows_words(source: Source, numbers: Indices) -> str:
-    """Number of these rows of the source, and the first one, in words."""
-    first = source.place_of(int(numbers[0]))
-    return first if len(numbers) == 1 else f"{len(numbers)} rows, first {first}"
+    notes = list(rows.notes)
+    for numbers, words in [each for each in parts if len(each[0])]:
+        first = rows.source.place_of(int(numbers[0]))
+        first = first if len(numbers) == 1 else f"{len(numbers)} rows, first {first}"
+        notes.append(f"{first}: {words}")
+    return replace(rows, **arrays, notes=tuple(notes)), ~missing
 
 
 def _with_fitted_scale(rows: Rows, measured: Mask) -> Rows:
     """The rows with the scale of counts, by a line through slow rows, and a note on it."""
     if rows.request_scale.name == COUNTS:
-        raise rows.wrong(
-            "requests in counts, whose scale is unknown; expected us, deg, rad or ticks, "
-            "with counts for the actual angles only",
-        )
+        advice = "expected us, deg, rad or ticks, with counts for the actual angles only"
+        raise rows.wrong(f"requests in counts, whose scale is unknown; {advice}")
     if rows.angle_scale.name != COUNTS:
         return rows
     requests = rows.request_scale.factor * rows.requests + rows.request_scale.shift
@@ -300,10 +290,10 @@ def _with_fitted_scale(rows: Rows, measured: Mask) -> Rows:
     if not (share >= SLOW_RANGE and {-1.0, 1.0} <= set(behind.tolist())):
         raise rows.wrong(
             f"the scale of actual angles in counts cannot be found: {len(inputs)} rows have slow "
-            f"requests, over {100.0 * share:.0f} % of their range; expected "
-            f"requests over {100.0 * SLOW_RANGE:g} % of it that move by at most "
-            f"{100.0 * SLOW_SHARE:g} % of it in {SLOW_TIME:g} s, up and "
-            "down, such as excite's slow triangle; or give the unit of the actual angles",
+            f"requests, over {100.0 * share:.0f} % of their range; expected requests over "
+            f"{100.0 * SLOW_RANGE:g} % of it that move by at most {100.0 * SLOW_SHARE:g} % of it "
+            f"in {SLOW_TIME:g} s, up and down, such as excite's slow triangle; or give the unit "
+            "of the actual angles",
         )
     basis = np.column_stack([np.ones_like(inputs), inputs, behind, speeds])
     line, *_ = np.linalg.lstsq(basis, counts)
@@ -353,20 +343,15 @@ def _slow(times: Array, requests: Array) -> Mask:
 
 def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
     """Numbers in the unit of their scale, all of them finite and of a likely size."""
-    if not np.isfinite(numbers).all():
-        k = int(np.argmin(np.isfinite(numbers)))
-        raise rows.fault(
-            f"{what}: got {numbers[k]}, expected a finite number; remove or interpolate the sample",
-            k,
-        )
+    for k in np.flatnonzero(~np.isfinite(numbers))[:1].tolist():
+        advice = "expected a finite number; remove or interpolate the sample"
+        raise rows.fault(f"{what}: got {numbers[k]}, {advice}", k)
     values: Array = scale.factor * numbers + scale.shift
     largest = {"1": MOST_SHARE, "rad": LARGEST}.get(scale.unit, math.inf)
-    if (beyond := np.abs(values) > largest).any():
-        k = int(np.argmax(beyond))
-        expected = "a share of the range" if scale.unit == "1" else "an angle"
-        raise rows.fault(
-            f"{what}: got {numbers[k]:g}, expected {expected} in {scale.name}; check the unit", k
-        )
+    for k in np.flatnonzero(np.abs(values) > largest)[:1].tolist():
+        what += f": got {numbers[k]:g}, expected "
+        what += "a share of the range" if scale.unit == "1" else "an angle"
+        raise rows.fault(f"{what} in {scale.name}; check the unit", k)
     return values
 
 
