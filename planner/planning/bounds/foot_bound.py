@@ -82,17 +82,42 @@ def foot_bound(task: Task, angles: Array) -> float:
     if attained or any(model.exceeds_v_max for model in models):
         return 0.0
     relaxation = LagrangianRelaxation.of(task, plan_error)
-    lower, upper = relaxation.distance.lower, relaxation.distance.upper
+    distance, samples = relaxation.distance, relaxation.samples
+    lower, upper = distance.lower, distance.upper
+    # How far every joint's angle can be from the one at the middle sample
+    apart = np.abs(np.arange(samples) - samples // 2)
     if task.cyclic:
         turn = 2.0 * math.pi
         angles = angles - turn * np.floor((np.min(angles, axis=0) - lower[0]) / turn)
-    # How far every joint's angle can be from the one at the middle sample
-    apart = np.abs(np.arange(len(angles)) - len(angles) // 2)
-    if task.cyclic:
-        apart = np.minimum(apart, len(angles) - apart)
+        apart = np.minimum(apart, samples - apart)
     away = np.outer(apart, list(map(farthest_per_period, models, task.loads)))
-    squared = _branch_and_bound(relaxation, away, np.clip(angles, lower, upper))
-    return plan_error * math.sqrt(min(squared, 1.0))
+    angles, multipliers = np.clip(angles, lower, upper), relaxation.unconditional
+    for _ in range(12):
+        step = gauss_newton_step(relaxation, angles)
+        if step is None or np.max(np.abs(step[0] - angles)) <= 1e-5:  # [rad]
+            break
+        angles, multipliers = step
+    squares = distance.squared(angles)
+    if (np.max(squares) if relaxation.norm == "max" else np.mean(squares)) < 1e-3:
+        return 0.0  # this is an upper limit of the bound
+    order, rounds = count(), min(max(EFFORT // samples, 3), 12)  # three or four usually gain all
+    node = Node(0.0, lower[samples // 2], upper[samples // 2], multipliers, (angles,))
+    node = _improved(relaxation, node, rounds)
+    nodes, effort = [(node.bound, next(order), node)], node.effort
+    while nodes[0][0] < 1.0 - GAP and effort < EFFORT:
+        _, _, node = heapq.heappop(nodes)
+        for half in _split(node):
+            low = np.maximum(lower, half.lower - away)
+            near = distance._replace(
+                lower=low, upper=np.maximum(np.minimum(upper, half.upper + away), low)
+            )
+            child = _improved(relaxation._replace(distance=near), half, rounds=3)
+            effort += child.effort
+            heapq.heappush(nodes, (child.bound, next(order), child))
+    logging.getLogger(__name__).debug(
+        "foot bound: %.5f of the squared error proved by %d nodes", nodes[0][0], len(nodes)
+    )
+    return plan_error * math.sqrt(min(nodes[0][0], 1.0))
 
 
 class Distance(NamedTuple):
@@ -171,8 +196,7 @@ class LagrangianRelaxation(NamedTuple):
     @property
     def unconditional(self) -> Multipliers:
         """Multipliers without the joints' conditions: the distance of any configuration."""
-        weights = np.full(self.samples, 1.0 / self.samples)
-        return weights, np.zeros(len(self.limits))
+        return _normalised(np.zeros(self.samples)), np.zeros(len(self.limits))
 
 
 def dual_function(
@@ -196,14 +220,12 @@ def dual_function(
 def gauss_newton_step(
     relaxation: LagrangianRelaxation, angles: Array
 ) -> tuple[Array, Multipliers] | None:
-    """The best angles in the box for a linearised foot, and their multipliers; None if it fails.
-
-    The unknowns are the angles at all ticks, the linearised errors sample by sample and, in the
-    norm "max", the largest of their lengths.
-    """
+    """The best angles in the box for a linearised foot, and their multipliers; None if it fails."""
     distance, samples = relaxation.distance, relaxation.samples
     errors, jacobians = distance.errors(angles, slice(None))
     ticks, sampled = relaxation.matrix.shape[1], relaxation.sampled.ravel()
+    # The unknowns are the angles at all ticks, the linearised errors sample by sample and, in the
+    # norm "max", the largest of their lengths.
     row = 3 * np.arange(samples) + np.arange(3)[:, np.newaxis]
     rows, columns = np.broadcast_arrays(row, relaxation.sampled.T[:, np.newaxis])
     linear = sparse.csr_array(
@@ -211,12 +233,7 @@ def gauss_newton_step(
     )
     at = sparse.eye_array(ticks, format="csr")[sampled]
     each = sparse.eye_array(3 * samples, format="csr")
-    blocks: list[list[Any]] = [
-        [linear, -each],
-        [relaxation.matrix, None],
-        [at, None],
-        [-at, None],
-    ]
+    blocks: list[list[Any]] = [[linear, -each], [relaxation.matrix, None], [at, None], [-at, None]]
     limits = [linear @ (at.T @ angles.ravel()) - errors.T.ravel(), relaxation.limits]
     limits += [distance.upper.ravel(), -distance.lower.ravel()]
     curvature, slope = np.zeros(ticks + 3 * samples), np.zeros(ticks + 3 * samples)
@@ -263,12 +280,8 @@ def bundle_step(
 ) -> tuple[Multipliers, float]:
     """Multipliers of the greatest bound if all angles were among the columns, near the centre.
 
-    This is a step of a proximal bundle method, in which every sample has its own cuts: a quadratic
-    program. Its unknowns are the multipliers of the conditions, their linear terms at the samples,
-    the least value of those between samples, and the least value and the weight of each sample.
-
-    Returns:
-        The multipliers, and their predicted bound; the centre and 0 where the solver fails.
+    A step of a proximal bundle method, in which every sample has its own cuts: a quadratic program.
+    Returns the multipliers and their predicted bound; the centre and 0 where the solver fails.
     """
     samples, sampled, between = relaxation.samples, relaxation.sampled, relaxation.between
     gradients = sparse.csr_array(relaxation.matrix.T)
@@ -277,6 +290,8 @@ def bundle_step(
     if size == 0.0:
         return centre, 0.0
     conditions, fixed = gradients.shape[1], relaxation.norm == "rms"
+    # The unknowns are the multipliers of the conditions, their linear terms at the samples, the
+    # least value of those between samples, and the least value and the weight of each sample.
     each = sparse.eye_array(samples)
     of_weights = each if fixed else sparse.csr_array(np.ones((1, samples)))
     zero: list[list[Any]] = [
@@ -328,40 +343,6 @@ class Node(NamedTuple):
     multipliers: Multipliers  # multipliers that prove it
     columns: tuple[Array, ...]  # angles that minimised (13a) under some multipliers, each (n, k)
     effort: int = 0  # samples searched, summed over rounds, and the effort of the rounds themselves
-
-
-def _branch_and_bound(relaxation: LagrangianRelaxation, away: Array, plan: Array) -> float:
-    """The least bound of nodes that cover all responses.
-
-    ``away`` is how far joints go from their angles at the middle sample at most, (n, k).
-    """
-    distance, samples = relaxation.distance, relaxation.samples
-    angles, multipliers = plan, relaxation.unconditional
-    for _ in range(12):
-        step = gauss_newton_step(relaxation, angles)
-        if step is None or np.max(np.abs(step[0] - angles)) <= 1e-5:  # [rad]
-            break
-        angles, multipliers = step
-    squares = distance.squared(angles)
-    if (np.max(squares) if relaxation.norm == "max" else np.mean(squares)) < 1e-3:
-        return 0.0  # this is an upper limit of the bound
-    lower, upper = distance.lower[samples // 2], distance.upper[samples // 2]
-    order, rounds = count(), min(max(EFFORT // samples, 3), 12)  # three or four usually gain all
-    node = _improved(relaxation, Node(0.0, lower, upper, multipliers, (angles,)), rounds)
-    nodes, effort = [(node.bound, next(order), node)], node.effort
-    while nodes[0][0] < 1.0 - GAP and effort < EFFORT:
-        _, _, node = heapq.heappop(nodes)
-        for half in _split(node):
-            lower = np.maximum(distance.lower, half.lower - away)
-            upper = np.maximum(np.minimum(distance.upper, half.upper + away), lower)
-            near = distance._replace(lower=lower, upper=upper)
-            child = _improved(relaxation._replace(distance=near), half, rounds=3)
-            effort += child.effort
-            heapq.heappush(nodes, (child.bound, next(order), child))
-    logging.getLogger(__name__).debug(
-        "foot bound: %.5f of the squared error proved by %d nodes", nodes[0][0], len(nodes)
-    )
-    return nodes[0][0]
 
 
 def _split(node: Node) -> list[Node]:
@@ -420,11 +401,10 @@ def attainable_angles(
     """Least and greatest angles of every joint under requests within limits [rad], (n, k) both.
 
     A joint overshoots a request by v - theta_0 a tick at most, with a sag by its angle of at most s
-    by v - theta_0 / (1 + s), by more in the direction of a higher
-    top speed, and by nothing where that is negative; friction holds it within its dead band, over
-    1 - s. With inertia, or where gravity may overcome it, it may overshoot by any amount. A turn
-    by 2 pi changes nothing for the foot, so that the least angle of a cycle may be taken within a
-    turn of the lower limit, or of -pi; the speed then bounds the greatest angle.
+    by v - theta_0 / (1 + s), by more in the direction of a higher top speed; friction holds it
+    within its dead band, over 1 - s. With inertia, or where gravity may overcome it, it may
+    overshoot by any amount. As a turn changes nothing for the foot, the least angle of a cycle may
+    be taken within a turn of the lower limit, or of -pi; the speed then bounds the greatest angle.
     """
     loads = [None] * len(models) if loads is None else loads
     farthest = np.array(list(map(farthest_per_period, models, loads)))
@@ -460,20 +440,17 @@ def minima(
     (n, k): lower bounds over all angles, (n,), valid however early the search has to stop, the
     tolerance below the least values where it need not, and angles that come close to them, (n, k).
     """
-    chain, *rows, scale = distance
-    blocks = []
-    for first in range(0, len(weights), 64):  # each has up to a few thousand first cells
-        part = slice(first, first + 64)
-        lower, upper, desired = (each[part] for each in rows)
-        own = Distance(chain, lower, upper, desired, scale)
-        blocks.append(_block(own, weights[part], slopes[part], guesses[part], tolerance))
-    proved, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
-    return proved, angles
-
-
-def _block(
-    distance: Distance, weights: Array, slopes: Array, guesses: Array, tolerance: float
-) -> tuple[Array, Array]:
+    if len(weights) > 64:  # each sample has up to a few thousand first cells
+        chain, *rows, scale = distance
+        proved, angles = np.empty(len(weights)), np.empty(guesses.shape)
+        for first in range(0, len(weights), 64):
+            part = slice(first, first + 64)
+            lower, upper, desired = (each[part] for each in rows)
+            own = Distance(chain, lower, upper, desired, scale)
+            proved[part], angles[part] = minima(
+                own, weights[part], slopes[part], guesses[part], tolerance=tolerance
+            )
+        return proved, angles
     angles = guesses.copy()
     least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
     owner, half, centres = _first_cells(distance)
@@ -510,10 +487,7 @@ def _block(
 
 
 def _first_cells(distance: Distance) -> tuple[Indices, Array, Array]:
-    """Sample of each cell, (m,), half a cell's width by sample [rad], (n, k), centres, (m, k).
-
-    The samples' boxes are cut alike.
-    """
+    """Sample of each cell, (m,), half a cell's width by sample [rad], (n, k), centres, (m, k)."""
     width = distance.upper - distance.lower
     across, widest = np.max(width, axis=0), np.radians(15.0)
     while len(width) * np.prod(np.ceil(across / widest) + 1.0) > MOST_CELLS:
