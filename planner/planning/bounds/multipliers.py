@@ -79,11 +79,11 @@ def nearest_motion(reachable: ReachableSet, problem: BoundProblem) -> ConicSolut
     """The motion of a set whose samples are nearest to the desired angles.
 
     The unknowns are the angles that are sampled or that a condition is about, and the speeds, in
-    units of the largest one per tick. In the angles of all ticks alone the conditions
-    are second differences: motions of 100 to 2,000 samples with inertia took 70 to 200 iterations,
-    now 16 to 39. The answer has a multiplier for each row of the set.
+    units of the largest one per tick. In the angles alone conditions are second differences:
+    motions of 100 to 2,000 samples with inertia took 70 to 200 iterations, now 16 to 39. The answer
+    has a multiplier for each row of the set.
     """
-    (of_angles, of_speeds), steps = reachable.parts, reachable.steps
+    of_angles, steps = reachable.of_angles, reachable.steps
     sampled, desired = reachable.sampled, problem.desired
     speed = farthest_per_period(problem.model, problem.load) / problem.model.hold
     speeds, ticks = steps.shape
@@ -95,12 +95,8 @@ def nearest_motion(reachable: ReachableSet, problem: BoundProblem) -> ConicSolut
     moved, equations = sparse.csr_array(sums @ steps)[:, knots], sums.shape[0]
     # Angles are counted from their middle, in units of their range.
     middle, unit = float(np.mean(desired)), max(float(np.ptp(desired)), speed * float(sampled[1]))
-    matrix = sparse.block_array(
-        [
-            [moved * (unit / speed), -sums],
-            [of_angles[:, knots] * (unit / speed), of_speeds],
-        ]
-    )
+    moved, counted = moved * (unit / speed), of_angles[:, knots] * (unit / speed)
+    matrix = sparse.block_array([[moved, -sums], [counted, reachable.of_speeds]])
     limits = (reachable.limits - middle * of_angles.sum(axis=1)) / speed
     answer = nearest_point(
         sparse.csr_array(matrix),
@@ -124,11 +120,7 @@ def nearest_point(
     norm: Norm,  # "rms" for a QP on the squared distance, "max" for an LP on the largest
     equations: int = 0,  # the first so many rows hold with equality
 ) -> ConicSolution:
-    """Minimise the distance of z[sampled] from the desired angles over ``matrix @ z <= limits``.
-
-    Returns:
-        The nearest z and a multiplier for each row.
-    """
+    """The z with ``matrix @ z <= limits`` whose samples are nearest to the desired angles."""
     rows, unknowns = matrix.shape
     origin = np.zeros(unknowns)  # unknowns are counted from D, so that no digits cancel
     origin[sampled] = desired
@@ -171,11 +163,7 @@ def dual_value(
 
 
 def certified_error(reachable: ReachableSet, problem: BoundProblem, multipliers: Array) -> float:
-    """The lower bound that any multipliers prove by (9), or with linearised conditions by (9c).
-
-    For multipliers of at least 0, shape (rows,): a bound on the error of every trajectory of the
-    set, at least 0.
-    """
+    """The error of every trajectory of the set that any multipliers >= 0 prove, by (9) or (9c)."""
     matrix, samples = reachable.matrix, len(problem.desired)
     farthest = farthest_per_period(problem.model, problem.load)
     speeds, ticks = reachable.steps.shape

@@ -54,9 +54,8 @@ class BoundProblem(NamedTuple):
 class ReachableSet:
     """A set that contains every trajectory the joint can make: ``matrix @ angles <= limits``."""
 
-    # what the angles at the ticks and then the speeds between them count in each row, shape (rows,
-    # ticks + speeds)
-    rows: sparse.csr_array
+    of_angles: sparse.csr_array  # what the angles at the ticks count, shape (rows, ticks)
+    of_speeds: sparse.csr_array  # what the speeds between them count, shape (rows, speeds)
     steps: sparse.csr_array  # the speeds of angles [rad/tick], shape (speeds, ticks)
     limits: Array  # b [rad], shape (rows,)
     # indices of the angles that are compared with the desired ones, shape (n,)
@@ -65,17 +64,10 @@ class ReachableSet:
     # linearised at the desired angles: half of the largest second derivative by the angle [1/rad]
     curvature: float = 0.0
 
-    @property
-    def parts(self) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """What the angles and what the speeds count."""
-        ticks = self.steps.shape[1]
-        return self.rows[:, :ticks], self.rows[:, ticks:]
-
     @cached_property
     def matrix(self) -> sparse.csr_array:
         """G, shape (rows, ticks)."""
-        of_angles, of_speeds = self.parts
-        return sparse.csr_array(of_angles + of_speeds @ self.steps)
+        return sparse.csr_array(self.of_angles + self.of_speeds @ self.steps)
 
 
 def reachable_set(
@@ -127,8 +119,10 @@ def reachable_set(
             top = sign * model.tick * limit
             rows.append(sign * posed)
             limits.append(top + np.clip(by_pose - top, 0.0, 2.0 * friction) + sign * shift)
+    matrix = sparse.csr_array(sparse.vstack(rows))
     return ReachableSet(
-        sparse.csr_array(sparse.vstack(rows)),
+        matrix[:, :ticks],
+        matrix[:, ticks:],
         sparse.csr_array(every[moved] - every[moved - 1]),  # a cycle's first is x[0] - x[-1]
         np.concatenate(limits),
         np.arange(0, ticks, model.hold),
@@ -159,26 +153,22 @@ def farthest_per_period(model: JointModel, load: Array | None = None) -> float:
     return float(max(np.max(high), np.max(-low))) * model.period + by_pose
 
 
-def speed_ranges(model: JointModel, load: Array, pose: tuple[float, float]) -> tuple[Array, Array]:
+def speed_ranges(
+    model: JointModel, load: Array, pose: tuple[float, float], *, kept: bool = True
+) -> tuple[Array, Array]:
     """Least and largest speed in each tick [rad/tick]: condition 1.
 
-    A joint with inertia keeps its speed from another load, (m,) [N m]. ``pose`` is the least and
-    largest sag by the pose [rad].
+    A joint with inertia keeps its speed from another load, (m,) [N m], unless speeds are not to be
+    ``kept``. ``pose`` is the least and largest sag by the pose [rad].
     """
-    low, high = _speed_limits(model, load, pose)
-    if model.has_inertia:
+    low, high = (limit * model.tick for limit in model.speed_limits(load))
+    if model.most_pose_sag > 0.0:
+        least = 1e-3 * model.v_max_per_tick  # weaker, where gravity overcomes the joint
+        low = np.minimum(low + model.law.gain * pose[0], -least)
+        high = np.maximum(high + model.law.gain * pose[1], least)
+    if kept and model.has_inertia:
         return np.full_like(low, np.min(low)), np.full_like(high, np.max(high))
     return low, high
-
-
-def _speed_limits(model: JointModel, load: Array, pose: tuple[float, float]) -> tuple[Array, Array]:
-    """Least and largest speed under the load in each tick [rad/tick]."""
-    low, high = (limit * model.tick for limit in model.speed_limits(load))
-    if model.most_pose_sag == 0.0:
-        return low, high
-    least = 1e-3 * model.v_max_per_tick  # weaker, where gravity overcomes the joint
-    low = np.minimum(low + model.law.gain * pose[0], -least)
-    return low, np.maximum(high + model.law.gain * pose[1], least)
 
 
 def speed_conditions(
@@ -186,16 +176,14 @@ def speed_conditions(
 ) -> Iterator[tuple[float, Array, float, Array]]:
     """Bounds on the speed after a tick: condition 2 or, with inertia, 2a and where derived 2b.
 
-    Under the load in the ticks whose speeds are known [N m], (m,), for each pair of ticks t, t + 1;
-    unless the first of these follows the last, there is one pair less.
-
-    Yields:
-        A direction, 1 or -1, and the numbers of ``w(t+1) <= now * w(t) + before * w(t-1) + most``,
-        where speeds are positive in it: ``now`` [-] and ``most`` [rad/tick] for each pair.
+    Under the load in the ticks whose speeds are known [N m], (m,), for each pair of ticks t, t + 1.
+    Yields a direction, 1 or -1, and the numbers of ``w(t+1) <= now * w(t) + before * w(t-1) +
+    most``, where speeds are positive in it: ``now`` [-] and ``most`` [rad/tick] for each pair.
     """
     law, first, next_load = model.law, slice(None if cyclic else -1), np.roll(load, -1)
     low, high = (limit[first] for limit in speed_ranges(model, load, pose))
-    next_low, next_high = (limit[first] for limit in _speed_limits(model, next_load, pose))
+    following = speed_ranges(model, next_load, pose, kept=False)
+    next_low, next_high = (limit[first] for limit in following)
     for sign, slowest, fastest, drive in (
         (1.0, low, high, next_high + law.friction),
         (-1.0, -high, -low, law.friction - next_low),
@@ -221,10 +209,9 @@ def drive_change(
 ) -> tuple[Array, Array]:
     """Slope s and constant p of ``p - s * w(t)``, an upper bound on the drive's gain in a tick.
 
-    It is the right-hand side of (7a), in which the chord between the least and the greatest speed
-    replaces ``max(0, c - w)``, with c the change of the sag under the load, and ``p |w|``, the
-    largest change of the sag by the pose, p being its largest slope. ``change`` is that of the
-    torque in the direction of the speeds [N m].
+    The right-hand side of (7a), with the chords of ``max(0, c - w)``, c the change of the sag under
+    the load, and of ``|w|``, which the sag by the pose may follow. ``change`` is that of the torque
+    in the direction of the speeds [N m].
     """
     weights, gain, by_pose = model.window.weights, model.law.gain, model.most_pose_sag
     replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
@@ -269,8 +256,7 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
 
     The joint rests until the second request acts; then only the weights of the requests that may
     differ from the first one can carry it away, and at any time a change of the sag. The level
-    "slope", and every level of a joint with inertia, ignores the time after the second request. The
-    load is the torque in each tick [N m].
+    "slope" ignores the time after the second request. The load is the torque in each tick [N m].
     """
     resting = np.zeros(model.hold + model.window.first)  # ticks before the second request acts
     changed = np.minimum(np.cumsum(model.window.weights), 1.0)

@@ -255,7 +255,7 @@ def test_the_bound_of_a_long_motion_with_inertia_is_attained_by_a_motion_of_the_
     motion = nearest_motion(reachable, problem).unknowns
     angles, speeds = motion[:150], model.v_max_per_tick * motion[150:]
     np.testing.assert_allclose(np.diff(angles), speeds.reshape(-1, 20).sum(axis=1), atol=ROUNDING)
-    assert np.max(reachable.parts[1] @ speeds - reachable.limits) <= ROUNDING
+    assert np.max(reachable.of_speeds @ speeds - reachable.limits) <= ROUNDING
     bound = lower_bound(model, desired, cyclic=False, norm=norm)
     assert bound == pytest.approx(error_norm(angles - desired, norm), rel=OPTIMAL)
 
