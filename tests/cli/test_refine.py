@@ -71,17 +71,6 @@ def test_a_sensor_delay_of_0_is_not_replaced_by_an_estimate(run, desired, option
     assert learning["knee"]["sensor_delay_ms"] == pytest.approx([removed], abs=1.0)
 
 
-def test_a_path_beyond_the_limits_is_refused_as_by_plan(run, desired, execute):
-    run("plan", desired, "-o", "requests.csv")
-    execute()
-    limits = ("--limits-deg", "hip=-20:30")
-    executed = ("refine", "requests.csv", "measured.csv", "--desired", desired)
-    results = [run(*command, *limits) for command in (("plan", desired), executed)]
-    assert [each.exit_code for each in results] == [2, 2]
-    assert results[0].stderr == results[1].stderr.replace("--desired", "desired")
-    assert "beyond the angles -20 to 30 degrees" in results[0].stderr
-
-
 def test_the_same_recording_twice_is_refused_before_anything_is_written(
     run, desired, execute, tmp_path
 ):

@@ -145,19 +145,6 @@ def test_exports_are_those_of_export(run, write, tmp_path):
     assert result.stderr.count("deg.csv: 88 rows of a, b at 125 Hz, 0.704 s") == 1
 
 
-def test_a_run_that_fails_leaves_the_last_ones_folder(run, write, tmp_path):
-    file = write(JOINTS)
-    assert run("run", file).exit_code == 0
-    before = {each.name: each.read_bytes() for each in (tmp_path / "it").iterdir()}
-    failing = JOINTS + '[plan]\nmethod = "closed-form"\n[limits.joints]\nknee = [5, 29]\n'
-    result = run("run", write(failing))
-    assert result.exit_code == 1
-    assert result.stderr.endswith('plan.method = "optimal" keeps to them\n')
-    assert {each.name: each.read_bytes() for each in (tmp_path / "it").iterdir()} == before
-    left = [each.name for each in tmp_path.iterdir() if each.name.startswith(".")]
-    assert left == []
-
-
 PAGE = (Path(__file__).parents[2] / "docs" / "run.md").read_text(encoding="utf-8")
 
 DECLARED = [

@@ -569,13 +569,3 @@ def test_the_servos_that_are_asked_for_are_served_at_the_port_that_is_printed(
     assert result.stdout == "/dev/pts/9\n"
     assert served == [7]
     assert made == [(count, KINDS[kind], {"faults": faults, "step": pytest.approx(step)})]
-
-
-@pytest.mark.parametrize(
-    "fault", ["drop=1.01", "drop=-0.1", "disconnect=-1", "power-off=inf", "stall=0@1", "stall=7@1"]
-)
-def test_a_fault_that_cannot_be_is_refused_before_anything_is_served(run, monkeypatch, fault):
-    monkeypatch.setattr(servo_bus, "VirtualServos", None)
-    result = run("virtual-bus", "--fault", fault)
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr.startswith("request-planner: --fault: got ")

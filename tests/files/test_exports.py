@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import replace
 
@@ -45,19 +44,6 @@ def test_what_is_written_is_read_back_as_a_joint_path(schedule, tmp_path, unit):
     given = read_joint_path(file)
     assert np.max(np.abs(given.values - schedule.requests)) <= ROUNDING
     assert np.max(np.abs(given.times - schedule.times)) <= ROUNDING
-
-
-def test_ticks_are_whole_numbers_nearest_to_the_requests(tmp_path):
-    file = tmp_path / "ticks.csv"
-    turns = Schedule(("hip", "knee"), np.array([[0.0, 0.0], [0.25, -0.125]]) * 2.0 * np.pi, 0.02)
-    servos = {"hip": Servo(), "knee": Servo(zero_tick=1000)}
-    write_controller_csv(file, turns, unit="ticks", servos=servos)
-    rows = list(csv.reader(file.read_text().splitlines()))
-    assert rows == [
-        ["t_s", "hip_ticks", "knee_ticks"],
-        ["0.0", "2048", "1000"],
-        ["0.02", "3072", "488"],
-    ]
 
 
 def test_a_servo_cannot_go_beyond_its_turn():
@@ -271,16 +257,3 @@ def test_episodes_follow_one_another(tmp_path, parquet):
     parts = [np.quantile(each.astype(np.float32), 0.99, axis=0) for each in actions]
     assert about[1]["stats/action/q99"] == pytest.approx(parts[1], abs=1e-6)
     assert stats["q99"] == pytest.approx(np.average(parts, axis=0, weights=[4, 5, 3]), abs=1e-6)
-
-
-def test_a_dataset_that_is_not_finished_is_not_there(tmp_path, parquet):  # noqa: ARG001
-    layout = Layout(features={"action": ("a",)}, rate=30)
-
-    def fail():
-        with lerobot_dataset(tmp_path / "out", layout) as add:
-            add({"action": np.zeros((3, 1))}, "stay")
-            raise InvalidInput("an episode failed")
-
-    with pytest.raises(InvalidInput, match="an episode failed"):
-        fail()
-    assert list_files(tmp_path) == []

@@ -130,14 +130,6 @@ ENDLESS = {
 }
 
 
-@pytest.mark.parametrize("foot", [(-0.137, 0.0, -0.138), (0.0, 0.0, -0.2), (0.0, 0.0, -0.4)])
-def test_a_leg_of_two_endless_joints_stretches_without_turning_over(foot, tmp_path):
-    leg = endless_leg(tmp_path, "two links")
-    solution = leg.inverse([foot], unreachable="nearest")
-    assert np.abs(solution.angles).max() < 0.25 * np.pi
-    assert solution.distance[0] == pytest.approx(max(0.0, np.linalg.norm(foot) - 0.2), abs=EXACT)
-
-
 @pytest.mark.parametrize("end", [np.inf, 40.0])
 @pytest.mark.parametrize("name", ENDLESS)
 @given(data=st.data())

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -38,28 +37,6 @@ def arm(tmp_path):
 
 def held(*numbers, at=0.4):
     return {f"joint_{number}": at for number in numbers}
-
-
-@given(seed=st.integers(0, 2**32 - 1), kept=st.permutations(range(1, 6)).map(lambda p: p[:3]))
-def test_a_chain_with_joints_held_agrees_with_pinocchio(seed, kept, tmp_path_factory):
-    path = tmp_path_factory.mktemp("arm") / "arm.urdf"
-    path.write_text(urdf_text(ARM, TIP), encoding="utf-8")
-    generator = np.random.default_rng(seed)
-    locked = {f"joint_{n}": generator.uniform(-2, 2) for n in range(1, 6) if n not in kept}
-    leg = Leg.from_urdf(path, base="link_0", foot="tip", locked=locked)
-    assert leg.joint_names == tuple(f"joint_{n}" for n in sorted(kept))
-    angles = generator.uniform(-3.0, 3.0, (4, 3))
-    model = pinocchio.buildModelFromUrdf(str(path))
-    data = model.createData()
-    for pose, found in zip(angles, leg.foot_positions(angles), strict=True):
-        coordinates = pinocchio.neutral(model)
-        for name, angle in {**locked, **dict(zip(leg.joint_names, pose, strict=True))}.items():
-            joint = model.joints[model.getJointId(name)]
-            both = [angle] if joint.nq == 1 else [np.cos(angle), np.sin(angle)]
-            coordinates[joint.idx_q :][: joint.nq] = both
-        pinocchio.framesForwardKinematics(model, data, coordinates)
-        expected = data.oMf[model.getFrameId("tip")].translation
-        np.testing.assert_allclose(found, expected, atol=ROUNDING)
 
 
 def test_the_bodies_of_a_scene_are_where_the_joints_are_held(arm):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinematics import Leg, foot_function
-from tests.kinematics.made_up_robots import Joint, made_up_leg, urdf_text
+from tests.kinematics.made_up_robots import Joint, urdf_text
 
 ROUNDING = 1e-12  # two routes through the same kinematics agree to this [m, m/rad]
 coordinates = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
@@ -29,11 +29,11 @@ chains = st.lists(joints, min_size=1, max_size=6)
 
 
 def pinocchios(model, names, pose):
-    """Position of the tip and of the joints, and Jacobian, by Pinocchio alone."""
+    """Position of the tip and of named joints, and Jacobian by them, by Pinocchio alone."""
     data, tip = model.createData(), model.getFrameId("tip")
     configuration = pinocchio.neutral(model)
     ids = [model.getJointId(name) for name in names]
-    for joint, angle in zip(ids, pose, strict=True):
+    for joint, angle in ((model.getJointId(name), angle) for name, angle in pose.items()):
         both = [angle] if model.nqs[joint] == 1 else [np.cos(angle), np.sin(angle)]
         configuration[model.idx_qs[joint] :][: len(both)] = both
     pinocchio.computeJointJacobians(model, data, configuration)
@@ -49,12 +49,21 @@ def pinocchios(model, names, pose):
 def test_any_leg_agrees_with_pinocchio_in_numbers_and_in_symbols(
     chain, tip, seed, tmp_path_factory
 ):
-    leg = made_up_leg(tmp_path_factory.mktemp("robot"), chain, tip)
+    """Some of its joints may be held."""
+    path = tmp_path_factory.mktemp("robot") / "robot.urdf"
+    path.write_text(urdf_text(chain, tip), encoding="utf-8")
+    random = np.random.default_rng(seed)
+    names = [f"joint_{number}" for number in range(1, len(chain) + 1)]
+    free = sorted(random.choice(names, random.integers(1, len(chain) + 1), replace=False).tolist())
+    held = {name: random.uniform(-2.0, 2.0) for name in names if name not in free}
+    leg = Leg.from_urdf(path, base="link_0", foot="tip", locked=held)
+    assert leg.joint_names == tuple(free)
     model, function = pinocchio.buildModelFromXML(urdf_text(chain, tip)), foot_function(leg)
-    angles = np.random.default_rng(seed).uniform(-3.0, 3.0, (4, len(chain)))
+    angles = random.uniform(-3.0, 3.0, (4, len(free)))
     numeric = leg.foot_positions(angles), leg.joint_positions(angles), leg.jacobians(angles)
     for pose, foot, points, derivatives in zip(angles, *numeric, strict=True):
-        position, origins, jacobian = pinocchios(model, leg.joint_names, pose)
+        whole = dict(zip(free, pose, strict=True)) | held
+        position, origins, jacobian = pinocchios(model, free, whole)
         symbolic_position, symbolic_jacobian = function(pose)
         for found in (foot, symbolic_position.full()[:, 0]):
             np.testing.assert_allclose(found, position, atol=ROUNDING)

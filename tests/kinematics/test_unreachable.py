@@ -6,12 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from kinematics import Leg, UnreachableFoot, UnsupportedLeg
 from kinematics.chain import Chain, Limits
-from tests.kinematics.made_up_robots import SHAPES, ers210a_leg, made_up_leg, reference_leg
+from tests.kinematics.made_up_robots import SHAPES, made_up_leg, reference_leg
 
 EXACT = 1e-9  # distances are right to this [m]
 STRAIGHT = 0.133  # length of the stretched reference leg [m]
@@ -70,18 +68,6 @@ def test_clamping_needs_a_closed_form(tmp_path):
     leg = made_up_leg(tmp_path, *SHAPES["no two axes meet"])
     with pytest.raises(UnsupportedLeg, match=r"clamp.*use 'nearest'"):
         leg.joint_angles([[0.0, 0.0, 0.0]], unreachable="clamp")
-
-
-@given(scale=st.floats(1.0, 1e6), seed=st.integers(0, 1000))
-@settings(deadline=None, max_examples=30)
-def test_the_nearest_pose_stands_up_to_points_however_far(scale, seed):
-    leg = ers210a_leg("front_left")
-    direction = np.random.default_rng(seed).normal(size=3)
-    point = scale * direction / np.linalg.norm(direction)
-    solution = leg.inverse([point], unreachable="nearest")
-    feet = leg.foot_positions(np.random.default_rng(seed).uniform(*leg.limits, (500, 3)))
-    best = np.linalg.norm(feet - point, axis=1).min()
-    assert solution.distance[0] <= best + EXACT * scale
 
 
 def test_limits_of_many_turns_hide_no_pose(tmp_path):

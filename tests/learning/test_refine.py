@@ -221,16 +221,6 @@ def test_an_error_within_the_noise_and_an_encoders_step_ends_learning(
         assert after.learning.next_error == pytest.approx(expected)
 
 
-def test_a_worse_cycle_makes_the_next_one_start_from_the_best() -> None:
-    desired = random_path(6, 88, span=1.0, fastest=0.03)
-    plan = planner.invert_optimal(ERS210A, desired)
-    first = planner.refine(plan, planner.simulate(ERS210A, plan.requests) + 0.02)
-    worse = planner.refine(first, planner.simulate(ERS210A, first.requests) + 0.2, reidentify=False)
-    assert worse.learning.best == 0
-    assert worse.learning.gain < first.learning.gain
-    assert rms(worse.requests - plan.requests) < rms(first.requests - plan.requests)
-
-
 @pytest.fixture(scope="module")
 def two_trials() -> tuple[MadeJoint, planner.Inversion, planner.Inversion]:
     """A slower joint, and the plans after a trial of three cycles and after a second one."""
@@ -323,14 +313,6 @@ def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatc
     assert errors[0] > 1.1 * best.rms
     assert errors[-1] < 1.05 * best.rms
     assert plan.learning.errors.min() == pytest.approx(min(errors))
-    estimated, since = refining._estimated, []
-    monkeypatch.setattr(
-        refining, "_estimated", lambda *given: since.append(given[2]) or estimated(*given)
-    )
-    known = replace(plan, learning=(replace(plan.learning, reidentified=(0, 2, 1)),))
-    for each in (known, known.plan):
-        planner.refine(each, angles, reidentify=False)
-    assert since == [2, 2]  # the trial after which the last of the joints' models was changed
 
 
 PHASE = 2.0 * np.pi * np.arange(88) / 88
@@ -417,23 +399,6 @@ def test_what_is_learnt_with_a_gain_is_that_share_of_what_is_new(attained) -> No
     np.testing.assert_allclose(full.disturbance, 0.02, rtol=0.02)
     less = after_trials(attained, 0.02, 0.03)
     np.testing.assert_allclose(less.disturbance, 0.02 / 3.0, rtol=0.05)
-
-
-@pytest.fixture(scope="module")
-def a_foot() -> planner.FootInversion:
-    walk = planner.reference_walk()
-    return planner.invert_foot(ERS210A, walk.leg, walk.desired_foot, weights=(1.0, 4.0, 0.0))
-
-
-@pytest.mark.parametrize("j", [0, 1, 2])
-def test_deviations_of_a_joint_are_those_of_the_foot_in_its_weighted_norm(j, a_foot) -> None:
-    off = 1e-5 * np.eye(3)[j]
-    foot, moved = (
-        a_foot.plan.task.leg.foot_positions(a_foot.predicted + each) for each in (0.0, off)
-    )
-    scales = a_foot.plan.task.axis_scales
-    expected = math.sqrt(np.mean(np.sum(((moved - foot) * scales) ** 2, axis=1)))
-    assert refining._size(a_foot.plan, off) == pytest.approx(expected, rel=1e-3)
 
 
 def test_measured_angles_before_their_requests_are_refused_as_exchanged():

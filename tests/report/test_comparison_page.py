@@ -24,11 +24,6 @@ def check():
         return planner.cross_check(planner.JointModel.ers210a(), WALK.desired[::4], leg=WALK.leg)
 
 
-@pytest.fixture(scope="module")
-def page(check):
-    return comparison_page(check, title="leg <1>", leg=WALK.leg, unreachable=15).html()
-
-
 @pytest.fixture
 def failed(check):
     wrong = Check("knee", "optimised", "holds <always>", 2.0, Tolerance(1.0, "rad", "rounding"))

@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 import plotly.graph_objects as go
-import pytest
 
 from planner.report.figure import (
     Axis,
@@ -153,14 +152,3 @@ def motion(samples):
     desired = points.copy()
     desired[:, 2, 0] = 0.0
     return desired, [(DIRECT, points)]
-
-
-def test_a_leg_is_shown_in_centimetres_with_its_ground_and_its_error():
-    leg = Timeline(0.008, 3).leg("leg", ("", ""), *motion(3), ground=-0.0501)
-    told = leg.live
-    desired, only = told["motions"]
-    assert only["points"][1] == [[0.0, 0.0, 0.0], [0.0, 0.0, -5.01], [5.0, 0.0, -5.01]]
-    assert only["distances"] == [0.0, 5.0, 10.0]
-    assert only["rms"] == pytest.approx(math.sqrt(125.0 / 3.0), abs=0.005)
-    assert (desired["distances"], desired["rms"], told["ground"]) == (None, None, -5.01)
-    assert only["colour"] == "var(--direct)"

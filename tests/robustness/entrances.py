@@ -205,7 +205,7 @@ ENTRANCES: Mapping[str, tuple[Callable[[], dict[str, Any]], str]] = {
     "read_models": (lambda: {"path": MISSING}, ""),
     "refine": (lambda: _executed() | {"sensor_delay": 0.0, "reidentify": False}, ""),
     "replay": (lambda: _recorded() | {"end": 0.12}, "speed track joints begin limits"),
-    "fastest": (lambda: _recorded() | {"tolerance": 0.2}, "retime"),
+    "fastest": (lambda: _recorded() | {"tolerance": 1.0}, "retime"),
     "joints_in": (lambda: {"path": MISSING}, "options"),
     "read_logs": (lambda: {"paths": MISSING}, "options"),
     "line_offset": (lambda: {"model": MODEL, "slope": 1.0}, "rule"),

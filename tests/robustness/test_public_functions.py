@@ -120,13 +120,6 @@ def test_every_public_function_is_among_the_entrances():
     assert {name for name in ENTRANCES if len(places(name)) == 1} == OF_ONE_ARGUMENT
 
 
-@pytest.mark.parametrize("name", ENTRANCES)
-def test_arguments_that_are_fine_give_an_answer(name):
-    good = ENTRANCES[name][0]
-    if good().get("path", good().get("paths")) is not MISSING:
-        _check_arrays(_call(name, good()))
-
-
 MASKS = (
     (r"setting an array element with a sequence.*?(?=; expected)", "…"),
     (r"unit '.*'(?= is unknown)", "unit …"),
@@ -200,15 +193,16 @@ def test_hostile_values_in_several_places_are_answered_or_refused(name, data):
 
 
 @pytest.mark.parametrize("name", ENTRANCES)
-def test_read_only_arrays_are_taken_and_left_as_they_were(name):
-    good = ENTRANCES[name][0]
-    arguments = good()
+def test_good_arguments_with_read_only_arrays_are_answered_and_left_as_they_were(name):
+    arguments = ENTRANCES[name][0]()
     before = {}
     for place, value in arguments.items():
         if isinstance(value, np.ndarray):
             arguments[place] = value.copy()
             arguments[place].setflags(write=False)
             before[place] = value.copy()
-    _call(name, arguments)
+    answer = _call(name, arguments)
+    assert answer is not None or MISSING in arguments.values()
+    _check_arrays(answer)
     for place, value in before.items():
         assert np.array_equal(arguments[place], value)

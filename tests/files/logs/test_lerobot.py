@@ -227,17 +227,6 @@ def test_a_table_that_cannot_be_read_is_reported_with_its_place(tmp_path, snapsh
     snapshot.refusals("lerobot_tables", read, TABLES, FILE=file)
 
 
-def test_a_file_that_is_cut_short_is_refused(tmp_path):
-    root, file = _with_table(tmp_path, lambda table: table)
-    content = file.read_bytes()
-    for end in (0, 3, len(content) // 2, len(content) - 1):
-        file.write_bytes(content[:end])
-        with pytest.raises(
-            InvalidFile, match=r"0\.parquet: not Parquet that .*; is the file cut short\?$"
-        ):
-            _read(root, **GRIPPER, episodes="0")
-
-
 INFOS = {
     "another version": {**info("v1.6", list(JOINTS))},
     "a list": [],
