@@ -228,11 +228,9 @@ def read_clock(
             if date is not None and (date.tzinfo is None) == (first.tzinfo is None):
                 times[k] = (date - first).total_seconds()
             elif not (missing and cell.lower() in absent):
-                raise table.fault(
-                    f"column '{column}': got '{cell[:40]}', expected a date and time as in the "
-                    f"rows before, such as {first.isoformat()}",
-                    k,
-                )
+                expected = f"a date and time as in the rows before, such as {first.isoformat()}"
+                got = f"column '{column}': got '{cell[:40]}'"
+                raise table.fault(f"{got}, expected {expected}", k)
         return times, f"time from the dates in column '{column}', shifted to start at 0"
     unit = unit or clock_unit(table, column)
     if not unit:

@@ -96,9 +96,8 @@ def read_measured(
         blocks.append(angles[: count * samples].reshape(count, samples, -1))
     angles = np.concatenate(blocks)
     if cycles is not None and cycles > len(angles):
-        raise InvalidFile(
-            paths[0], f"got {len(angles)} of {samples} rows, expected {cycles} cycles"
-        )
+        words = f"got {len(angles)} of {samples} rows, expected {cycles} cycles"
+        raise InvalidFile(paths[0], words)
     return Measured(names or joints, angles[: cycles or len(angles)], unused_rows)
 
 

@@ -90,14 +90,11 @@ def write_controller_csv(
         servo = servos[name]
         counts = np.rint(servo.count(requests))
         least, most = (500, 2500) if unit == "us" else (0, round(servo.ticks_per_turn) - 1)
-        beyond = np.flatnonzero((counts < least) | (counts > most))
-        if beyond.size:
-            k = beyond[0]
+        for k in np.flatnonzero((counts < least) | (counts > most)):
             place = f"a pulse of {counts[k]:.0f} us" if unit == "us" else f"tick {counts[k]:.0f}"
-            raise InvalidInput(
-                f"{name}: request {k}, {np.degrees(requests[k]):.2f} deg, is {place}, expected "
-                f"{least} to {most}; check the zero tick, the ticks per turn and the direction"
-            )
+            words = f"request {k}, {np.degrees(requests[k]):.2f} deg, is {place}, expected {least}"
+            advice = "check the zero tick, the ticks per turn and the direction"
+            raise InvalidInput(f"{name}: {words} to {most}; {advice}")
         columns.append(counts.astype(np.int64).tolist())
     times = np.round(schedule.times, DECIMALS).tolist()
     write_text(path, csv_text(names, zip(times, *columns, strict=True)))
@@ -288,10 +285,8 @@ def frame_rate(period: float) -> float:
     rate, near = 1.0 / period, 1e-3  # periods are written rounded
     whole = round(rate)
     if rate < 1.0 - near:
-        raise InvalidInput(
-            f"a request every {period:g} s is {rate:.6g} per second, expected at least one for "
-            "LeRobot; resample to a higher rate"
-        )
+        words = "expected at least one for LeRobot; resample to a higher rate"
+        raise InvalidInput(f"a request every {period:g} s is {rate:.6g} per second, {words}")
     return whole if abs(rate - whole) <= near * rate else float(f"{rate:.6g}")
 
 

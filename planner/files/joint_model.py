@@ -160,9 +160,8 @@ class ModelFile(NamedTuple):
     def one(self) -> JointModel:
         """The only model of the file, or the one for every joint."""
         if "" not in self.models and len(self.models) != 1:
-            raise InvalidFile(
-                self.path, f"holds models of {', '.join(self.models)}, expected one; name the joint"
-            )
+            words = f"holds models of {', '.join(self.models)}, expected one; name the joint"
+            raise InvalidFile(self.path, words)
         return next(iter(self.models.values()))
 
     def for_joints(self, names: Sequence[str]) -> tuple[JointModel, ...]:

@@ -113,11 +113,8 @@ class SampledPath:
 def check_step(path: str, step: float, period: float, advice: str, row: str = "sample") -> None:
     """Raise InvalidFile if rows, ``step`` [s] apart, are not ``period`` apart, as requests are."""
     if abs(step - period) > UNEVEN * period:
-        raise InvalidFile(
-            path,
-            f"one {row} every {step:.6g} s, expected one every {period:.6g} s, the time between "
-            f"requests; {advice}",
-        )
+        expected = f"expected one every {period:.6g} s, the time between requests"
+        raise InvalidFile(path, f"one {row} every {step:.6g} s, {expected}; {advice}")
 
 
 def path_table(path: Path | str) -> Table:
@@ -144,16 +141,14 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
                     "a path, with one column for each joint; request-planner identify reads logs, "
                     "and --joint takes single columns as a path"
                 )
-        if is_foot_path(table):
-            raise table.fault(
-                "a foot path, expected joint angles in columns <joint>_deg or <joint>_rad; "
-                "request-planner plan makes such from it"
-            )
         no_joints = {*time_columns(table.names), "index", "sample"}  # which number the rows
         columns = [name for name in table.names if not (name in no_joints or name.endswith(LOAD))]
-    problem = ""
-    if not columns:
-        problem = f"only {', '.join(table.names)}; expected columns <joint>_deg or <joint>_rad"
+    problem, titles = "", "columns <joint>_deg or <joint>_rad"
+    if not joints and is_foot_path(table):
+        problem = f"a foot path, expected joint angles in {titles}; request-planner plan makes such"
+        problem += " from it"
+    elif not columns:
+        problem = f"only {', '.join(table.names)}; expected {titles}"
     elif len(columns) > MOST_JOINTS:
         problem = f"{len(columns)} joints, expected at most {MOST_JOINTS}; choose some with --joint"
     if problem:
@@ -163,11 +158,9 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         if unit == "rad":
             check_radians(table, column, angles, f"rename it {name}_deg")
     loaded = [name.removesuffix(LOAD) for name in table.names if name.endswith(LOAD)]
-    if unknown := [name for name in loaded if not joints and name not in names]:
-        raise table.fault(
-            f"column '{unknown[0]}{LOAD}': no joint '{unknown[0]}'{nearest(unknown[0], names)}; "
-            f"joints: {', '.join(names)}"
-        )
+    for name in [name for name in loaded if not joints and name not in names]:
+        words = f"no joint '{name}'{nearest(name, names)}; joints: {', '.join(names)}"
+        raise table.fault(f"column '{name}{LOAD}': {words}")
     loads = None
     if own := [j for j, name in enumerate(names) if name in loaded]:
         loads = np.zeros_like(values)

@@ -54,11 +54,9 @@ class Results:
             old = before if isinstance(before, dict) else {}
             names = {**old, **self._settings}
             if keys := [name for name in names if old.get(name) != self._settings.get(name)]:
-                raise InvalidInput(
-                    f"--resume: {self.folder} holds results for other settings "
-                    f"({', '.join(keys)}); set what was set then, or leave --resume out to compute "
-                    "all again"
-                )
+                words = f"{self.folder} holds results for other settings ({', '.join(keys)})"
+                advice = "set what was set then, or leave --resume out to compute all again"
+                raise InvalidInput(f"--resume: {words}; {advice}")
             return
         with writing(output):
             if self.folder.exists() and not resume:

@@ -221,10 +221,8 @@ def _lock(target: Path, path: Path | str, *, shared: bool) -> Iterator[bool]:
     try:
         descriptor = _locked(place, shared=shared)
     except BlockingIOError as error:
-        raise InvalidFile(
-            path,
-            "another command is at work on it; wait until that has ended, or choose another folder",
-        ) from error
+        advice = "wait until that has ended, or choose another folder"
+        raise InvalidFile(path, f"another command is at work on it; {advice}") from error
     except OSError:  # no locks, or a folder that refuses the output as well
         yield False
         return
@@ -304,11 +302,9 @@ def _replaceable(path: Path | str) -> Path:
     if foreign := list_files(target, _files_of_run(target), most=1000):
         least, more = "at least " if len(foreign) == 1000 else "", len(foreign) - 1
         others = f" and {least}{more} more" if more else ""
-        raise InvalidFile(
-            path,
-            f"holds files that no earlier run made ({foreign[0]}{others}), expected a new or empty "
-            "folder or an earlier run's; choose another folder or move them away",
-        )
+        words = f"holds files that no earlier run made ({foreign[0]}{others}), expected a new or"
+        advice = "choose another folder or move them away"
+        raise InvalidFile(path, f"{words} empty folder or an earlier run's; {advice}")
     return target
 
 

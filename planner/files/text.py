@@ -35,20 +35,16 @@ def read_text(path: Path | str) -> str:
     except FileNotFoundError as error:
         raise InvalidFile(path, "no such file; check the name and the folder") from error
     except (OSError, ValueError) as error:  # a name with a null byte is no name
-        raise InvalidFile(
-            path, f"cannot be read ({reason(error)}); expected a text file"
-        ) from error
+        words = f"cannot be read ({reason(error)}); expected a text file"
+        raise InvalidFile(path, words) from error
     if len(content) > MOST_BYTES:
         raise InvalidFile(path, f"longer than {MOST_BYTES >> 20} MiB; is it the right file?")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise InvalidFile(
-            path,
-            f"byte 0x{content[error.start]:02x} is not UTF-8; save the file as UTF-8 text",
-            line=line,
-        ) from error
+        words = f"byte 0x{content[error.start]:02x} is not UTF-8; save the file as UTF-8 text"
+        raise InvalidFile(path, words, line=line) from error
 
 
 def read_json(path: Path | str, *, what: str) -> Any:
@@ -57,13 +53,12 @@ def read_json(path: Path | str, *, what: str) -> Any:
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
-        raise InvalidFile(
-            path, f"not JSON ({error.msg}); is the file cut short?", line=error.lineno
-        ) from error
-    except RecursionError as error:
-        raise InvalidFile(path, f"not JSON of {what}: nested too deeply") from error
-    except ValueError as error:  # an integer of thousands of digits
-        raise InvalidFile(path, f"not JSON of {what}: a number is too long") from error
+        words = f"not JSON ({error.msg}); is the file cut short?"
+        raise InvalidFile(path, words, line=error.lineno) from error
+    except (RecursionError, ValueError) as error:  # or an integer of thousands of digits
+        deep = isinstance(error, RecursionError)
+        words = f"not JSON of {what}: {'nested too deeply' if deep else 'a number is too long'}"
+        raise InvalidFile(path, words) from error
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -136,21 +131,17 @@ def read_toml(path: Path | str, *, example: str) -> Toml:
     """Read TOML, or standard input for ``-``; the error message shows the ``example``."""
     text = read_text(path)
     if deep := _DEEP.search(text):
-        raise InvalidFile(
-            path,
-            f"a key of more than {MOST_PARTS} parts, expected tables and keys such as '{example}'",
-            line=text.count("\n", 0, deep.start()) + 1,
-        )
+        words = f"a key of more than {MOST_PARTS} parts, expected tables and keys such as"
+        line = text.count("\n", 0, deep.start()) + 1
+        raise InvalidFile(path, f"{words} '{example}'", line=line)
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         place = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
         words = f"{str(error)[: place.start()]} at column {place[2]}" if place else str(error)
-        raise InvalidFile(
-            path,
-            f"not TOML: {words}; expected lines such as '{example}', and 0.1 for .1",
-            line=int(place[1]) if place else None,
-        ) from error
+        expected = f"expected lines such as '{example}', and 0.1 for .1"
+        number = int(place[1]) if place else None
+        raise InvalidFile(path, f"not TOML: {words}; {expected}", line=number) from error
     return Toml(str(path), text, content)
 
 

@@ -77,10 +77,9 @@ def read_logs(
             joints = chosen_joints(path, [*recorded], chosen.joint)
             logs += [make_log(recorded[joint]()) for joint in joints]
     for joint in sorted(set(chosen.units()) - {"", *ROLES, *names}):
-        raise InvalidInput(
-            f"--unit: no joint '{joint}'{nearest(joint, list(names))}; joints: "
-            + ", ".join(each or "(one without a name)" for each in names)
-        )
+        known = ", ".join(each or "(one without a name)" for each in names)
+        hint = nearest(joint, list(names))
+        raise InvalidInput(f"--unit: no joint '{joint}'{hint}; joints: {known}")
     return tuple(logs)
 
 
@@ -131,9 +130,8 @@ def format_of(path: Path | str, options: LogOptions) -> Format:
         raise InvalidFile(path, f"cannot be read ({reason(error)}); check the name") from error
     for name in (*CSV.options, *LEROBOT.options, *BAG.options):
         if getattr(options, name) is not None and name not in form.options:
-            raise InvalidFile(
-                path, f"--{name.replace('_', '-')} means nothing to {form.name}; leave it out"
-            )
+            words = f"--{name.replace('_', '-')} means nothing to {form.name}; leave it out"
+            raise InvalidFile(path, words)
     return form
 
 

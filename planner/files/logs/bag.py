@@ -78,10 +78,8 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     joints = tuple(name for name in actual if name in requested)
     if not joints:
         there = [", ".join([*track][:20]) or "none" for track in tracks]
-        raise InvalidFile(
-            path,
-            f"no joint is on both topics: {topics[0]} has {there[0]}, {topics[1]} has {there[1]}",
-        )
+        found = f"{topics[0]} has {there[0]}, {topics[1]} has {there[1]}"
+        raise InvalidFile(path, f"no joint is on both topics: {found}")
     stamped = _stamped(actual, requested)
     words = ["its header" if each else "receipt" for each in stamped]
     alike = words[0] == words[1]
@@ -96,11 +94,9 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
         stamps, angles, requests, repeated, early = states[joint]
         source = Source(path=path, part=f"joint {joint}" if joint else "", row="state")
         if not len(stamps):
-            raise InvalidFile(
-                source.name,
-                f"no request before the last state: {len(requested[joint][0])} requests on "
-                f"topic {topics[1]}; expected the same clock and time in both topics",
-            )
+            none_yet = f"no request before the last state: {len(requested[joint][0])} requests on"
+            expected = "expected the same clock and time in both topics"
+            raise InvalidFile(source.name, f"{none_yet} topic {topics[1]}; {expected}")
         unit = options.unit_of(joint)
         own = scale(unit or "rad", options.ticks_per_turn, partial(InvalidFile, path))
         said = "--unit said" if unit else "is the custom of ROS (REP 103)"
@@ -200,18 +196,14 @@ def _gather(
                 if len(joints) != len(values):
                     advice = "choose a topic with names by --command-topic"
                     advice = "choose the joint with --joint" if len(values) == 1 else advice
-                    raise InvalidFile(
-                        bag.path,
-                        f"topic {topic}: got {len(values)} without names, expected a number for "
-                        f"each of {len(names)} joints ({', '.join(names)}); {advice}",
-                    )
+                    each = f"a number for each of {len(names)} joints ({', '.join(names)})"
+                    got = f"topic {topic}: got {len(values)} without names"
+                    raise InvalidFile(bag.path, f"{got}, expected {each}; {advice}")
                 notes = (f"numbers of {topic} taken for {', '.join(joints)}",)
             if len(joints) != len(values) or len(set(joints)) != len(joints):
-                raise InvalidFile(
-                    bag.path,
-                    f"{place}: got {len(values)} in '{field}', expected an angle for each of "
-                    f"{len(joints)} joints ({', '.join(joints[:20])})",
-                )
+                each = f"an angle for each of {len(joints)} joints ({', '.join(joints[:20])})"
+                got = f"got {len(values)} in '{field}'"
+                raise InvalidFile(bag.path, f"{place}: {got}, expected {each}")
             for name, value in zip(joints, values, strict=True):
                 series = track.setdefault(name, (array("q"), array("q"), array("d")))
                 series[0].append(received)
@@ -284,11 +276,9 @@ def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> 
     advice = "record the topic of the commands too, or a controller's state"
     requested = chosen("requested", command, REQUEST_TYPES, topics, advice)
     if requested == actual and kinds[actual] != CONTROLLER_STATE:
-        raise InvalidFile(
-            path,
-            f"topic {actual} holds one angle of each joint, expected another topic for the "
-            "requested angles; name it with --command-topic",
-        )
+        expected = "another topic for the requested angles; name it with --command-topic"
+        words = f"topic {actual} holds one angle of each joint, expected {expected}"
+        raise InvalidFile(path, words)
     return actual, requested
 
 
@@ -319,9 +309,8 @@ class Bag:
                     content = decode(data, kind)
                 except Exception as error:
                     if len(stores) == 1:
-                        raise InvalidFile(
-                            self.path, f"{place}: no {kind} ({_words(error)}); is the bag damaged?"
-                        ) from error
+                        words = f"{place}: no {kind} ({_words(error)}); is the bag damaged?"
+                        raise InvalidFile(self.path, words) from error
                     del stores[0]  # the bag was recorded with another layout of this type
             yield when, content
 
@@ -343,9 +332,8 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
     except PlannerError:
         raise
     except Exception as error:  # of rosbags, SQLite, YAML or a decoder
-        raise InvalidFile(
-            path, f"not a bag that can be read ({_words(error)}); is it cut short?"
-        ) from error
+        words = f"not a bag that can be read ({_words(error)}); is it cut short?"
+        raise InvalidFile(path, words) from error
 
 
 def _stores(connections: Sequence[Connection]) -> list[Typestore]:
@@ -406,9 +394,8 @@ def _limited(path: Path | str) -> Iterator[None]:
         nonlocal total
         total += len(unfolded)
         if total > most:
-            raise InvalidFile(
-                path, f"unfolds to more than {most >> 20} MiB; split the bag if it is one"
-            )
+            words = f"unfolds to more than {most >> 20} MiB; split the bag if it is one"
+            raise InvalidFile(path, words)
         return unfolded
 
     def opened(stream: Any, _: str) -> Any:
@@ -423,9 +410,8 @@ def _limited(path: Path | str) -> Iterator[None]:
                 frame = begin()
                 whole += frame.decompress(content, MOST_CHUNK + 1 - len(whole))
                 if len(whole) > MOST_CHUNK:
-                    raise InvalidFile(
-                        path, f"{what} unfolds to more than {MOST_CHUNK >> 20} MiB; is it a bag?"
-                    )
+                    words = f"{what} unfolds to more than {MOST_CHUNK >> 20} MiB; is it a bag?"
+                    raise InvalidFile(path, words)
                 if not frame.eof:
                     raise ValueError(f"{what} ends too soon")
                 content = frame.unused_data

@@ -226,7 +226,6 @@ def _read_torque(table: Table, options: LogOptions) -> tuple[str, Mask | None]:
         return "", None
     cells = [cell.lower() for cell in table.cells(column)]
     for k in [k for k, cell in enumerate(cells) if cell not in SWITCH]:
-        raise table.fault(
-            f"column '{column}': got '{cells[k][:20]}', expected 0, 1, true or false", k
-        )
+        got = f"got '{cells[k][:20]}', expected 0, 1, true or false"
+        raise table.fault(f"column '{column}': {got}", k)
     return f", torque from '{column}'", np.array([SWITCH[cell] for cell in cells])

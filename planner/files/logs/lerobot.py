@@ -180,9 +180,8 @@ def _read(file: Path, *names: str) -> list[Array]:
                 batches.append(batch)
                 size += batch.nbytes
                 if size > MOST_BYTES:
-                    raise InvalidFile(
-                        file, f"more than {MOST_BYTES >> 20} MiB of angles and times; split it"
-                    )
+                    words = f"more than {MOST_BYTES >> 20} MiB of angles and times; split it"
+                    raise InvalidFile(file, words)
             if not sum(map(len, batches)):
                 raise InvalidFile(file, "no rows; is the file cut short?")
             return [
@@ -193,9 +192,8 @@ def _read(file: Path, *names: str) -> list[Array]:
         raise
     except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
         reason = " ".join(str(error).split())[:120]
-        raise InvalidFile(
-            file, f"not Parquet that can be read ({reason}); is the file cut short?"
-        ) from error
+        words = f"not Parquet that can be read ({reason}); is the file cut short?"
+        raise InvalidFile(file, words) from error
 
 
 def _episodes_in(file: Path, numbers: Array) -> list[int]:

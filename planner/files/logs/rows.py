@@ -114,10 +114,8 @@ class LogOptions:
             match = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", part, re.ASCII)
             first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
             if last < first or last - first >= 1_000_000:  # longer ranges are typing errors
-                raise InvalidInput(
-                    f"episodes: got {shown(self.episodes)}, "
-                    "expected numbers and ranges such as 0-3,7"
-                )
+                words = "expected numbers and ranges such as 0-3,7"
+                raise InvalidInput(f"episodes: got {shown(self.episodes)}, {words}")
             chosen.update(range(first, last + 1))
         return frozenset(chosen)
 
@@ -128,9 +126,8 @@ def chosen_joints(path: Path | str, joints: Sequence[str], joint: str | None) ->
         return tuple(joints)
     names = ", ".join(each or "(one without a name)" for each in joints)
     if joint is None and len(joints) != 1:
-        raise InvalidFile(
-            path, f"{len(joints)} joints ({names}); choose one with --joint NAME, or --joint all"
-        )
+        words = f"{len(joints)} joints ({names}); choose one with --joint NAME, or --joint all"
+        raise InvalidFile(path, words)
     if joint is not None and joint not in joints:
         raise InvalidFile(path, f"no joint '{joint}'{nearest(joint, joints)}; joints: {names}")
     return (joints[0] if joint is None else joint,)
