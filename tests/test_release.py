@@ -66,12 +66,6 @@ def test_a_wheel_holds_every_file_of_the_packages_and_nothing_else(build):
     }
 
 
-def test_the_packages_have_their_robots_templates_scripts_and_marks_of_types():
-    kinds = {Path(name).suffix for name in _sources()}
-    assert {".css", ".html", ".js", ".urdf"} <= kinds
-    assert {"kinematics/py.typed", "planner/py.typed"} <= _sources()
-
-
 def test_an_sdist_holds_the_packages_and_all_that_is_needed_to_test_them(build):
     hatchling, folder = build
     with tarfile.open(folder / hatchling.build_sdist(str(folder))) as sdist:

@@ -1,4 +1,4 @@
-"""`compare`: the tables, JSON and pictures of a cross-check, and its verdict as exit status."""
+"""``compare`` and ``reproduce``: verdict, steps, and tables that hold what was computed."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from planner import InvalidInput, JointModel
+from planner.cli.reproduce import STEPS
 from planner.evaluation import cross_check as cross_check_module
-from planner.files.joint_model import models_text
-from planner.files.paths import write_joint_path
+from planner.files.joint_model import models_text, read_model_file
+from planner.files.paths import foot_path, path_table, read_joint_path, write_joint_path
+from planner.files.table import read_table
+from planner.report.paper_results import joint_paths
 
 JOINT = JointModel.ers210a()
 
@@ -68,3 +71,50 @@ def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, brief
     assert not document["passed"]
     failed = {check["name"] for check in document["checks"] if not check["passed"]}
     assert failed == {f"no worse than closed form, {r} rule" for r in ("paper's", "exact")}
+
+
+WRITTEN = 1e-9
+"""Rounding of 12 decimals [deg, m]."""
+
+
+@pytest.mark.parametrize("robot", ["model", "virtual"])
+def test_the_steps_of_the_experiment_are_those_that_are_expected(reproduction_of, robot):
+    assert len([*reproduction_of(robot).told, "the report"]) == STEPS[robot]
+
+
+def check(folder, kept):
+    """Compare tables of joints in a folder with angles [rad], by their names."""
+    for name, angles in kept.items():
+        path = read_joint_path(folder / f"{name}.csv")
+        assert path.names == ("rotator", "abductor", "knee")
+        assert np.degrees(path.values) == pytest.approx(np.degrees(angles), abs=WRITTEN), name
+
+
+def test_tables_of_the_experiment_hold_its_angles_and_positions(reproduced):
+    answer, folder = reproduced.answer, reproduced.folder
+    check(folder, joint_paths(answer))
+    feet = {
+        "desired": answer.walk.desired_foot,
+        **{name: plan.foot for name, plan in answer.plans.items()},
+    }
+    for name, positions in feet.items():
+        written = foot_path(path_table(folder / f"foot_{name}.csv")).values
+        assert written == pytest.approx(positions, abs=WRITTEN), name
+    tables = {f"{name}.csv" for name in joint_paths(answer)} | {f"foot_{name}.csv" for name in feet}
+    assert {file.name for file in folder.glob("*.csv")} == tables
+
+
+def test_tables_of_the_virtual_robot_hold_its_walks_logs_and_models(virtually_reproduced):
+    answer, folder = virtually_reproduced.answer, virtually_reproduced.folder
+    check(folder, {"desired": answer.planned.walk.desired})
+    for method, run in answer.runs.items():
+        kept = {"requests": run.requests, "angles": run.angles, "sensed": run.sensed}
+        for kind, angles in kept.items():
+            check(folder, {f"{kind}_{method}": np.reshape(angles, (-1, 3))})
+    for name, found in zip(answer.planned.walk.joint_names, answer.identifications, strict=True):
+        assert read_model_file(folder / f"{name}.toml").for_joints([name]) == (found.model,)
+        for fit in found.fits:
+            height = np.degrees(np.ptp(fit.log.requests))
+            rows = read_table(folder / f"step_test_{name}_{height:.0f}.csv").rows
+            kept = fit.log.times, np.degrees(fit.log.requests), np.degrees(fit.log.angles)
+            assert np.array(rows, float) == pytest.approx(np.column_stack(kept), abs=WRITTEN)

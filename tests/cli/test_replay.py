@@ -55,40 +55,22 @@ def demo(tmp_path):
 @pytest.fixture
 def dataset(tmp_path):
     """A LeRobot dataset at 30 Hz, -100 to 100, of three episodes, one file each."""
-    pa = pytest.importorskip("pyarrow", reason="needs the extra parquet")
-    from pyarrow import parquet
+    pytest.importorskip("pyarrow", reason="needs the extra parquet")
+    from tests.files.logs.datasets import v21
 
-    root = tmp_path / "my_dataset"
-    (root / "data" / "chunk-000").mkdir(parents=True)
-    (root / "meta").mkdir()
-    feature = {"dtype": "float32", "shape": [3], "names": list(NAMES)}
-    features = {"action": feature, "observation.state": feature, "observation.images.top": {}}
-    features["observation.images.wrist"] = {}
-    about = {"codebase_version": "v2.1", "fps": RATE, "robot_type": "so101", "features": features}
-    (root / "meta" / "info.json").write_text(json.dumps(about))
-    tasks = [{"task_index": 0, "task": "lift"}, {"task_index": 1, "task": "drop"}]
-    (root / "meta" / "tasks.jsonl").write_text("\n".join(map(json.dumps, tasks)))
-    for episode, count in enumerate(LENGTHS):
+    motions = []
+    for count in LENGTHS:
         requests = 0.5 + motion(count, 0.3)
         angles = simulate(ELBOW, requests, cyclic=False)
-        action, state = (
+        moved = [
             np.column_stack([200.0 * (each - 0.5), 200.0 * (each - 0.5), 50.0 * each])
             for each in (requests, angles)
-        )
-        if episode == 1:
-            state[20] = np.nan
-        numbers = np.arange(count)
-        columns = {
-            "action": list(action.astype(np.float32)),
-            "observation.state": list(state.astype(np.float32)),
-            "timestamp": (0.5 + numbers / RATE).astype(np.float32),
-            "frame_index": numbers,
-            "episode_index": np.full(count, episode),
-            "index": numbers,
-            "task_index": np.full(count, episode % 2),
-        }
-        table = pa.table({name: pa.array(each) for name, each in columns.items()})
-        parquet.write_table(table, root / f"data/chunk-000/episode_{episode:06d}.parquet")
+        ]
+        motions.append([each.astype(np.float32) for each in moved])
+    motions[1][1][20] = np.nan
+    cameras = {"observation.images.top": {}, "observation.images.wrist": {}}
+    root = v21(tmp_path / "my_dataset", list(NAMES), motions=motions, **cameras)
+    (root / "meta" / "tasks.jsonl").write_text('{"task_index": 0, "task": "lift"}\n')
     return root
 
 
@@ -120,7 +102,7 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
             assert np.sqrt(np.mean((answer - new.angles) ** 2)) < 0.01
     info = json.loads((dataset.parent / "planned/meta/info.json").read_text())
     assert info["fps"] == RATE
-    assert info["robot_type"] == "so101"
+    assert info["robot_type"] == "so100"
     assert info["features"]["action"]["names"] == list(NAMES)
     assert info["total_episodes"] == 3
     told = json.loads((dataset.parent / "planned/replay.json").read_text())["recordings"]

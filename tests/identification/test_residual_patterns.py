@@ -13,8 +13,6 @@ from planner.identification.grid import timing_of
 from planner.identification.joint_fit import fit_joint
 from planner.identification.residual_patterns import (
     Held,
-    _contradiction,
-    _drift,
     contacts,
     joined,
     patterns,
@@ -132,29 +130,6 @@ def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places
     first, last = held.rows[[0, -1]]
     assert said.endswith(f": {50 * found} rows between {first} and {last}; {fate}")
     assert "in 1 place of rest the" in again.finding(free.log, fate).words
-
-
-@pytest.mark.parametrize(
-    ("change", "rough", "said"),
-    [(0.02, 0.001, 1), (-0.02, 0.001, 1), (0.004, 0.0005, 0), (0.02, 0.05, 0)],
-)
-def test_a_drift_is_more_than_the_noise_and_explains_a_part_of_the_residuals(change, rough, said):
-    rows = np.arange(200)
-    left = change * (rows / 199.0 - 0.5) + rough * (-1.0) ** rows
-    words = [each.words for each in _drift(seen(left, 0.0 * left), 0.001)]
-    assert len(words) == said
-    assert all(each.endswith("from row 0 to row 199") for each in words)
-
-
-def test_logs_contradict_each_other_from_twice_the_spread_of_their_errors_on():
-    rough = 0.01 * np.where(np.arange(60) % 2, 1.0, -1.0)
-    for apart, said in ((0.019, 0), (0.021, 1)):
-        fits = [
-            seen(rough, 1.0 + 0.0 * rough, name="low"),
-            seen(rough, 1.0 - apart + 0.0 * rough, name="high"),
-        ]
-        words = f"the joint is {apart:g} rad higher in high than in low"
-        assert sum(words in each.words for each in _contradiction(fits)) == said
 
 
 def test_a_joint_like_the_model_shows_nothing():

@@ -88,14 +88,6 @@ def test_errors_within_two_deviations_of_the_mean_or_a_five_hundredth_of_the_mot
     assert chosen(news(), trials=1) == (None, [])
 
 
-def test_a_motion_from_rest_is_identified_after_more_rest_than_any_lag():
-    log = refining._log(ERS210A, 0.1 + PHASE, PHASE, cyclic=False, load=2.0 * PHASE)
-    assert len(log.times) == 88 + 20
-    np.testing.assert_array_equal(log.requests[:21], 0.1)
-    np.testing.assert_array_equal(log.angles[20:], PHASE)
-    np.testing.assert_array_equal(log.load[20:], 2.0 * PHASE)
-
-
 @pytest.mark.parametrize(("size", "v_max"), [(0.02, ERS210A.v_max), (0.3, 3.0)])
 def test_a_top_speed_that_the_trials_do_not_show_stays_as_it_was(size, v_max):
     """And with it the ratio of top speed and threshold that they do show."""

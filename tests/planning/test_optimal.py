@@ -1,16 +1,25 @@
-"""The optimised plan: near its bound, within its limits, and never worse than the closed form."""
+"""The optimised plan: near its bound, within limits and steps, no worse than the closed form."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 
+import cvxpy as cp
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from planner import JointModel, invert_closed_form, invert_optimal, simulate
+from planner import (
+    JointModel,
+    invert_closed_form,
+    invert_foot,
+    invert_optimal,
+    reference_walk,
+    simulate,
+)
 from planner.model.evidence import ENCODER_STEP
+from planner.planning.closed_form import nearest_within_speeds, within_attainable_range
 from planner.planning.line_inverse import RULES
 from planner.trajectory import rms
 from tests.instances import (
@@ -147,3 +156,113 @@ def test_every_kind_of_joint_gets_a_plan_near_its_bound():
 def _barely_around(requests):
     """Limits that leave the desired angles a thousandth of a radian of room."""
     return float(np.min(requests)) - 1e-3, float(np.max(requests)) + 1e-3
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("loaded", [True, False])
+def test_the_ideal_is_the_nearest_trajectory_within_the_speeds_of_either_direction(loaded, cyclic):
+    """By a convex solver; each step has the speeds under the torque of the sample where it ends."""
+    model = replace(ERS210A, v_offset=0.8, speed_per_torque=0.9, compliance=0.01)
+    load = np.cos(0.3 * np.arange(40)) if loaded else np.zeros(40)
+    desired = 0.4 * np.sin(2.0 * np.pi * np.arange(40) / 40) + 0.1 * np.cos(
+        0.3 * np.pi * np.arange(40)
+    )
+    made = nearest_within_speeds(model, desired, load, cyclic=cyclic)
+    low, high = (np.broadcast_to(limit, 40) * model.period for limit in model.speed_limits(load))
+    x = cp.Variable(40)
+    steps, first = cp.diff(x), 0 if cyclic else 1
+    if cyclic:
+        steps = cp.hstack([x[0] - x[-1], steps])
+    problem = cp.Problem(
+        cp.Minimize(cp.sum_squares(x - desired)), [steps >= low[first:], steps <= high[first:]]
+    )
+    problem.solve(solver=cp.CLARABEL)
+    np.testing.assert_allclose(made, x.value, rtol=0.0, atol=1e-4)  # the solver's
+
+
+@pytest.mark.parametrize("load", [0.0, -0.5])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_from_rest_a_joint_is_within_reach_of_its_top_speed_from_the_second_request_on(way, load):
+    model = replace(ERS210A, lag=0.028, hold=2, v_offset=0.8, speed_per_torque=0.9)
+    torques = np.full(30, load)
+    far = within_attainable_range(model, np.full(30, 99.0 * way), 0.5, torques)
+    jump = np.full(30, 99.0 * way)
+    jump[0] = 0.5
+    angles = simulate(model, jump, cyclic=False, start=0.5, load=torques)
+    assert np.all(way * (far - angles) >= -1e-12)
+    np.testing.assert_array_equal(far == 0.5, angles == 0.5)
+    top = model.speed_limits(load)[1 if way > 0.0 else 0] * model.period
+    np.testing.assert_allclose(np.diff(far[far != 0.5]), top)
+    np.testing.assert_allclose(np.diff(angles)[-3:], top)
+
+
+EXACT = 1e-12  # by how much a step may exceed the limit: the rounding of one subtraction [relative]
+CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+
+
+def steps(requests, *, cyclic):
+    """Sizes of the changes from one request to the next [rad]."""
+    return np.abs(np.diff(requests, axis=0, append=requests[:1] if cyclic else requests[-1:]))
+
+
+def random_instance(seed):
+    """A joint and a path with all that a plan may have, by seed: options of invert_optimal."""
+    rng = np.random.default_rng([31, seed])
+    model = random_model(rng, whole=bool(rng.integers(2)), hold=int(rng.integers(1, 4)))
+    desired = saturating(rng, model, samples=int(rng.integers(20, 60)))
+    cyclic = bool(rng.integers(2))
+    options = {
+        "cyclic": cyclic,
+        "norm": ["rms", "max"][int(rng.integers(2))],
+        "max_step": float(model.v_max * model.period * rng.uniform(0.1, 3.0)),
+        "smoothness": [0.0, 0.005, 0.05][int(rng.integers(3))],
+    }
+    if rng.integers(2):
+        model = replace(model, dead_band=rng.uniform(0.0, 0.5) * model.theta_0, compliance=0.02)
+        options["load"] = rng.uniform(-1.0, 1.0, size=len(desired))
+    if rng.integers(2):
+        room = 0.02 + model.dead_band
+        options["limits"] = (desired.min() - room, desired.max() + room)
+    return model, desired, options
+
+
+@pytest.mark.parametrize("kind", ["plain", "inertia", "several"])
+@pytest.mark.parametrize("seed", range(6))
+def test_steps_and_requests_are_within_their_limits_whatever_else_is_asked_for(seed, kind):
+    model, desired, options = random_instance(seed)
+    if kind == "inertia":
+        model = replace(model, time_constant=0.016)
+    models = [model, replace(model, lag=model.lag + 0.01)] if kind == "several" else model
+    made = invert_optimal(models, desired, **options)
+    task, limit = made.plan.task, options["max_step"]
+    assert np.max(steps(made.requests, cyclic=made.cyclic)) <= limit * (1.0 + EXACT)
+    assert made.largest_step <= limit * (1.0 + EXACT)
+    if task.limits[0] is not None:
+        assert task.limits[0][0] <= np.min(made.requests)
+        assert np.max(made.requests) <= task.limits[0][1]
+    if not made.cyclic:
+        load = 0.0 if task.loads[0] is None else task.loads[0][0]
+        holding = task.starts[0] - model.sag(load)  # the middle of the requests that hold it
+        assert made.requests[0] == pytest.approx(holding, abs=model.dead_band + 1e-12)
+    assert made.error >= made.lower_bound - 1e-9
+
+
+def test_a_wide_limit_changes_nothing_much_and_a_narrow_one_leaves_a_constant():
+    joint = REFERENCE_JOINTS[0]
+    free = invert_optimal(ERS210A, joint.desired)
+    wide = invert_optimal(ERS210A, joint.desired, max_step=2.0)
+    assert wide.rms == pytest.approx(free.rms, rel=0.005)
+    narrow = invert_optimal(ERS210A, joint.desired, max_step=1e-6)
+    assert np.ptp(narrow.requests) <= 88e-6
+    assert narrow.rms == pytest.approx(np.std(joint.desired), rel=1e-3)
+
+
+@CYCLIC
+def test_the_foot_keeps_one_limit_or_one_for_each_joint(cyclic):
+    walk = reference_walk()
+    limits = np.radians([4.0, 5.0, 6.0])
+    made = invert_foot(ERS210A, walk.leg, walk.desired_foot, cyclic=cyclic, max_step=limits)
+    assert np.all(steps(made.requests, cyclic=cyclic) <= limits * (1.0 + EXACT))
+    if cyclic:
+        free = invert_foot(ERS210A, walk.leg, walk.desired_foot)
+        assert made.rms <= 1.02 * free.rms

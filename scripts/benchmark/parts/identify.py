@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,13 +17,10 @@ from planner.identification.joint_fit import fit_joint, with_observed_speed
 from planner.identification.terms import backlash_of, with_motor, with_terms
 from planner.trajectory import rms
 from tests.identification.made import (
-    FINE_NOISE,
-    FINE_QUANTUM,
     NOISE,
     QUANTUM,
     measured,
     random_motion,
-    rich_log,
     servo,
     step_logs,
 )
@@ -33,14 +29,10 @@ SEEDS = 10  # repetitions for each requested instance
 AMPLITUDES = (30.0, 90.0), (40.0, 110.0), (30.0,)
 """Step tests [deg]; the second pair is the paper's."""
 
-FINE = {"noise": FINE_NOISE, "quantum": FINE_QUANTUM}  # a good encoder
-STICKY_ROWS = 800  # rows of the logs with dry friction
-
 
 def measure(options: Options) -> list[Table]:
     """Simulated logs; the part ``models`` is about the recordings."""
-    seeds = SEEDS * options.instances
-    return [coverage(seeds), friction(seeds), servos(2 * options.instances)]
+    return [coverage(SEEDS * options.instances), servos(2 * options.instances)]
 
 
 def coverage(seeds: int) -> Table:
@@ -71,26 +63,6 @@ def coverage(seeds: int) -> Table:
         for name, unit in units.items():
             _, *row = recovered(results, [truth] * seeds, name, lambda _, unit=unit: unit)
             table.add(f"{' and '.join(f'{a:g}' for a in amplitudes)} deg: {name}", *row, seconds)
-    return table
-
-
-def friction(seeds: int) -> Table:
-    """One row for each dead band."""
-    table = Table(
-        "Identification of dry friction, made",
-        "dead band, deg | kept, % | in the interval, % | rms error, % | largest error, %"
-        " | half interval, %",
-        note=f"The ERS-210A with a dead band, {STICKY_ROWS} rows of random steps within 0.4 rad, "
-        f"{math.degrees(FINE_NOISE):g} deg noise, {math.degrees(FINE_QUANTUM):g} deg resolution, "
-        f"{seeds} seeds.",
-    )
-    for degrees in (1.0, 2.0, 4.0):
-        truth = replace(planner.JointModel.ers210a(), dead_band=math.radians(degrees))
-        asked = {"rows": STICKY_ROWS, "amplitude": 0.4, **FINE}
-        logs = [rich_log(truth, seed=seed, **asked) for seed in range(seeds)]
-        results = [planner.identify(log, hold_out=False) for log in logs]
-        row = recovered(results, [truth] * seeds, "dead_band", lambda true: true.dead_band / 100.0)
-        table.add(f"{degrees:g}", *row)
     return table
 
 

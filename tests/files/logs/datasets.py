@@ -32,10 +32,10 @@ def values(episode):
     return action.astype(np.float32), (0.5 * action + 1.0).astype(np.float32)
 
 
-def rows(episode, *, fixed=False):
-    """An episode's rows as an Arrow table."""
-    action, state = values(episode)
-    n = LENGTHS[episode]
+def rows(episode, moved=None, *, fixed=False):
+    """An episode's rows as an Arrow table, with its own motion or another."""
+    action, state = values(episode) if moved is None else moved
+    n = len(action)
     kind = pa.list_(pa.float32(), len(JOINTS)) if fixed else pa.list_(pa.float32())
     return pa.table(
         {
@@ -64,14 +64,18 @@ def info(version, names):
     }
 
 
-def v21(root, names=NAMES["flat"]):
-    """A dataset of one file an episode."""
+def v21(root, names=NAMES["flat"], *, motions=None, **features):
+    """A dataset of one file an episode, with other motions or further features if given."""
+    about = info("v2.1", names)
+    about["features"] |= features
+    motions = [values(episode) for episode in range(len(LENGTHS))] if motions is None else motions
     folder = root / "data" / "chunk-000"
     folder.mkdir(parents=True)
     (root / "meta").mkdir()
-    (root / "meta" / "info.json").write_text(json.dumps(info("v2.1", names)))
-    for episode in range(len(LENGTHS)):
-        parquet.write_table(rows(episode, fixed=True), folder / f"episode_{episode:06d}.parquet")
+    (root / "meta" / "info.json").write_text(json.dumps(about))
+    for episode, moved in enumerate(motions):
+        table = rows(episode, moved, fixed=True)
+        parquet.write_table(table, folder / f"episode_{episode:06d}.parquet")
     return root
 
 

@@ -21,10 +21,8 @@ from planner.planning.bounds.exact import (
     contributions_of,
     cut_off,
     exact_bound,
-    nearest_request,
     separate,
     solve_relaxation,
-    support,
     tighten,
     without_load,
 )
@@ -224,23 +222,6 @@ def random_points(rng, requests):
         share = np.clip(rng.uniform(-0.5, 1.5, size=len(requests.lower)), 0.0, 1.0)
         angles = requests.lower + share * (requests.upper - requests.lower)
         yield contributions_of(request - angles), angles
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_the_support_is_attained_at_a_point_of_the_set_and_exceeded_nowhere(seed):
-    rng = np.random.default_rng(seed)
-    requests = random_set(rng)
-    nu, xi = rng.normal(size=(2, len(requests.lower)))
-    xi *= rng.choice([0.0, 0.1, 1.0])
-    most, contributions, angles = support(nu, xi, requests)
-    np.testing.assert_allclose(nu @ contributions - xi @ angles, most, atol=SUMMED)
-    assert np.all((angles >= requests.lower) & (angles <= requests.upper))
-    fixed = requests._replace(lower=angles, upper=angles)
-    assert nearest_request(contributions, angles, fixed)[1] <= SUMMED
-    grid = np.linspace(requests.lower, requests.upper, 41)
-    for request in random_requests(rng, requests):
-        values = nu * contributions_of(request - grid) - xi * grid
-        assert values.max(axis=0).sum() <= most + SUMMED
 
 
 @given(st.integers(0, 2**32 - 1))
