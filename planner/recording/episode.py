@@ -46,9 +46,8 @@ def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
     }
     names = dataset.names[ACTION] or numbers[ACTION]
     if len(names) != len(numbers[ACTION]):
-        raise InvalidInput(
-            f"{recording.name}: {len(numbers[ACTION])} actions, expected {len(names)}"
-        )
+        words = f"{len(numbers[ACTION])} actions, expected {len(names)}"
+        raise InvalidInput(f"{recording.name}: {words}")
     for joint in replay.planned:
         values[ACTION][:, names.index(joint.name)] = as_written(joint, joint.requests)
     return layout, values, rows.task or LEROBOT_TASK

@@ -205,9 +205,8 @@ def _models_of(
     if not isinstance(by_joint, Mapping) or not all(
         isinstance(name, str) and isinstance(model, JointModel) for name, model in by_joint.items()
     ):
-        raise InvalidInput(
-            f"models: got {shown(models)}, expected a JointModel, or a dict of them by joint"
-        )
+        expected = "expected a JointModel, or a dict of them by joint"
+        raise InvalidInput(f"models: got {shown(models)}, {expected}")
     if not isinstance(joints, list | tuple) or not all(isinstance(name, str) for name in joints):
         raise InvalidInput(f"joints: got {shown(joints)}, expected a list of names")
     if double := next((name for name in names if names.count(name) > 1), ""):
@@ -239,9 +238,8 @@ def _models_of(
 def _check_named(kind: str, what: str, name: str, names: Iterable[str]) -> None:
     """Raise InvalidInput for a chosen joint that is not among these."""
     if name not in (known := list(names)):
-        raise InvalidInput(
-            f"joints: no {what} '{name}'{nearest(name, known)}; {kind}: {', '.join(known)}"
-        )
+        words = f"no {what} '{name}'{nearest(name, known)}; {kind}: {', '.join(known)}"
+        raise InvalidInput(f"joints: {words}")
 
 
 def is_gripper(name: str) -> bool:
@@ -269,16 +267,14 @@ def _part(logs: Sequence[Log], begin: float | None, end: float | None) -> tuple[
     for name, value, default in (("begin", begin, first), ("end", end, last)):
         moment = default if value is None else as_number(value)
         if not first - 1e-9 <= moment <= last + 1e-9:
-            raise InvalidInput(
-                f"{name}: got {shown(value)} s, expected a moment of the recording, {first:g} to "
-                f"{last:g} s"
-            )
+            expected = f"expected a moment of the recording, {first:g} to {last:g} s"
+            raise InvalidInput(f"{name}: got {shown(value)} s, {expected}")
         ends.append(moment)
-    if not ends[0] < ends[1]:
-        raise InvalidInput(
-            f"begin, end: got {ends[0]:g} and {ends[1]:g} s, expected an end after the begin"
-        )
-    return ends[0], ends[1]
+    begin, end = ends
+    if not begin < end:
+        words = f"got {begin:g} and {end:g} s, expected an end after the begin"
+        raise InvalidInput(f"begin, end: {words}")
+    return begin, end
 
 
 def _period(logs: Sequence[Log], rate: float | None) -> float:
@@ -299,9 +295,8 @@ def _requested_every(model: JointModel, period: float, joint: str) -> JointModel
     try:
         return model.requested_every(period)
     except InvalidModel as error:
-        raise InvalidInput(
-            f"rate: {1.0 / period:.6g} requests a second are none for the model of {joint}: {error}"
-        ) from error
+        words = f"{1.0 / period:.6g} requests a second are none for the model of {joint}"
+        raise InvalidInput(f"rate: {words}: {error}") from error
 
 
 def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> list[str]:
@@ -311,16 +306,11 @@ def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> l
         for before, after in pairwise(pieces_of(log)):
             start, stop = log.times[before.stop - 1] - origin, log.times[after.start] - origin
             if start < last and stop > first:
-                remarks.append(
-                    f"a gap of {stop - start:.3g} s after {start:.3g} s is bridged by a straight "
-                    "line"
-                )
-    off = sum(int(np.count_nonzero(~log.torque_on)) for log in logs)
-    if off:
-        rows = sum(len(log.times) for log in logs)
-        remarks.append(
-            f"the torque is off in {off} of {rows} rows: the state is what a hand or gravity did"
-        )
+                gap = f"a gap of {stop - start:.3g} s after {start:.3g} s"
+                remarks.append(f"{gap} is bridged by a straight line")
+    if off := sum(int(np.count_nonzero(~log.torque_on)) for log in logs):
+        rows, did = sum(len(log.times) for log in logs), "the state is what a hand or gravity did"
+        remarks.append(f"the torque is off in {off} of {rows} rows: {did}")
     return remarks
 
 
@@ -397,9 +387,8 @@ def models_from(
         raise failure
     if refused:
         of = "its model describes" if len(refused) == 1 else "their models describe"
-        remarks.append(
-            f"{with_reasons(refused)}: left at the recorded requests, {of} the recording too badly"
-        )
+        words = f"left at the recorded requests, {of} the recording too badly"
+        remarks.append(f"{with_reasons(refused)}: {words}")
     words = "the recording"
     if len(recordings) > 1:
         first = f"first {len(used)} of " if len(used) < len(recordings) else ""

@@ -219,45 +219,36 @@ class JointReplay:
         return None if self.inversion is None else self.inversion.predicted
 
     @cached_property
-    def resent(self) -> Array:
-        """Angles of a planned joint under the recorded requests at this speed, shape (n,)."""
-        return self._under(self.recorded_requests)
-
-    @cached_property
-    def direct(self) -> Array:
-        """Angles of a planned joint with the desired angles as requests, shape (n,)."""
-        return self._under(self.desired)
-
-    @property
-    def lead(self) -> float:
-        """Time shift of the desired angles that follows them best [s]."""
-        return self._shift.leads[0]
-
-    @property
-    def shifted(self) -> Array:
-        """Angles of a planned joint with the best time shift, shape (n,)."""
-        return self._shift.predicted[:, 0]
-
-    @cached_property
     def plan(self) -> Plan:
         """The plan of a planned joint alone."""
         assert self.inversion is not None, "a joint without a model has no plan"
         return self.inversion.plan.joint(self.inversion.column)
 
     @cached_property
-    def _by_rms(self) -> Plan:
+    def by_rms(self) -> Plan:
         """The same plan, judged by the root mean square of the errors."""
         return replace(self.plan, task=replace(self.plan.task, norm="rms"))
 
     @cached_property
-    def _shift(self) -> Plan:
-        return shifted(self._by_rms.task)
+    def shift(self) -> Plan:
+        """The best time shift of the desired angles of a planned joint."""
+        return shifted(self.by_rms.task)
+
+    @cached_property
+    def _sent(self) -> dict[str, Plan]:
+        """Other requests of a planned joint; the first holds it, as planned."""
+        kinds, first = {"direct": self.desired, "resent": self.recorded_requests}, self.requests[:1]
+        sent = {kind: np.append(first, each[1:])[:, np.newaxis] for kind, each in kinds.items()}
+        return {kind: replace(self.plan, requests=requests) for kind, requests in sent.items()}
+
+    def angles(self, kind: Kind) -> Array:
+        """Angles of a planned joint under one kind of requests, shape (n,)."""
+        plan = self.shift if kind == "shifted" else self._sent.get(kind, self.plan)
+        return plan.predicted[:, 0]
 
     def error_of(self, kind: Kind) -> Array:
-        """Angles minus desired angles of a planned joint under one kind of requests, shape (n,)."""
-        assert self.predicted is not None, "only a planned joint has errors"
-        angles: Array = self.predicted if kind == "planned" else getattr(self, kind)
-        return angles - self.desired
+        """The same minus the desired angles."""
+        return self.angles(kind) - self.desired
 
     @property
     def errors(self) -> dict[str, Array]:
@@ -267,7 +258,7 @@ class JointReplay:
     @cached_property
     def lower_bound(self) -> float:
         """Lower bound on the rms error of any requests; NaN under a load of the pose."""
-        return math.nan if self.plan.task.load_of_pose else float(self._by_rms.lower_bounds[0])
+        return math.nan if self.plan.task.load_of_pose else float(self.by_rms.lower_bounds[0])
 
     @cached_property
     def resent_may_serve(self) -> bool:
@@ -284,11 +275,6 @@ class JointReplay:
         """Parts in which the desired angles are faster than the joint can be, from and to [s]."""
         parts, period = stretches(self.plan.speeds[0].too_fast), self.plan.period
         return tuple((part.start * period, part.stop * period) for part in parts)
-
-    def _under(self, requests: Array) -> Array:
-        """Angles of the model under other requests, shape (n,); the first holds it, as planned."""
-        sent = np.append(self.plan.requests[0], requests[1:])
-        return self.plan.task.response(sent[:, np.newaxis])[:, 0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -198,18 +198,16 @@ class Measure:
         value = tolerance if foot_tolerance is None else foot_tolerance
         allowed = as_number(value)
         if not allowed >= 1e-9:  # below, nothing but rounding is left
-            raise InvalidInput(
-                f"tolerance: got {shown(value)}, expected more than 0: 1e-09 or more"
-            )
+            words = "expected more than 0: 1e-09 or more"
+            raise InvalidInput(f"tolerance: got {shown(value)}, {words}")
         if foot_tolerance is None:
             return cls(allowed)
         if leg is None:
             raise InvalidInput("foot_tolerance: needs the leg whose foot is meant; give leg=")
         names = [each.name for each in path.planned]
         if missing := [name for name in leg.joint_names if name not in names]:
-            raise InvalidInput(
-                f"leg: its joint '{missing[0]}' is not planned; planned joints: {', '.join(names)}"
-            )
+            words = f"is not planned; planned joints: {', '.join(names)}"
+            raise InvalidInput(f"leg: its joint '{missing[0]}' {words}")
         return cls(allowed, leg, tuple(names.index(name) for name in leg.joint_names))
 
     def of_path(self, path: Path) -> float:
@@ -257,8 +255,7 @@ def fastest_at(
     """The fastest replay of a path; see :func:`fastest`."""
     search = _Search(path, measure, progress, options)
     contradicted = search.contradicted()
-    low, high = search.bracket()
-    impossible = None
+    (low, high), impossible = search.bracket(), None
     if search.bounded and not contradicted:
         below, refuted = search.doubled(low, search.refuted)
         if below < refuted:
@@ -300,11 +297,9 @@ class _Search:
         while self.misses(low := low / 2.0):
             if low / 2.0 < SLOWEST:
                 least = self.measure.largest(self.replays[min(self.replays)])
-                raise Infeasible(
-                    f"tolerance: at {low:g} times the speed the plan still is {least:.3g} "
-                    "times as far off as allowed; allow more, or choose a part that begins at "
-                    "rest"
-                )
+                words = f"the plan still is {least:.3g} times as far off as allowed"
+                advice = "allow more, or choose a part that begins at rest"
+                raise Infeasible(f"tolerance: at {low:g} times the speed {words}; {advice}")
         return low, 2.0 * low
 
     def doubled(self, low: float, too_fast: Callable[[float], Any]) -> tuple[float, float]:

@@ -32,7 +32,7 @@ from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.recording.replaying import JointReplay, Replay
+    from planner.recording.replaying import JointReplay, Kind, Replay
     from planner.recording.retiming import Fastest
 
 SIGNS = {unit.name: unit.sign for unit in UNITS.values()}
@@ -54,7 +54,7 @@ AS_IT_IS = style.DIRECT._replace(label="as it is")
 
 def joint_numbers(joint: JointReplay) -> Numbers:
     """The numbers of a joint, degrees or percent of its range; without a plan fewer."""
-    unit, plan, predicted = UNITS[joint.path.unit], joint.inversion, joint.predicted
+    unit, plan = UNITS[joint.path.unit], joint.inversion
     numbers: Numbers = {
         "planned": False,
         "reason": joint.path.reason or None,
@@ -62,11 +62,11 @@ def joint_numbers(joint: JointReplay) -> Numbers:
         "recorded": sizes_of(joint.recorded_errors, unit.factor),
         "requests": (unit.factor * joint.requests).tolist(),
     }
-    if plan is None or predicted is None:
+    if plan is None:
         return numbers
     return numbers | {
         **{kind: sizes_of(errors, unit.factor) for kind, errors in joint.errors.items()},
-        "best_shift_s": joint.lead,
+        "best_shift_s": joint.shift.leads[0],
         "expected_on_robot_rms": unit.factor * joint.plan.expected[0].error,
         "norm": plan.norm,
         "lower_bound": unit.factor * joint.lower_bound,
@@ -74,7 +74,7 @@ def joint_numbers(joint: JointReplay) -> Numbers:
         "untested": list(joint.plan.expected[0].untested),
         "faster_than_the_joint_s": [list(span) for span in joint.too_fast],
         "desired": (unit.factor * joint.desired).tolist(),
-        "predicted": (unit.factor * predicted).tolist(),
+        "predicted": (unit.factor * plan.predicted).tolist(),
     }
 
 
@@ -241,13 +241,13 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
     joints = [by_name[name] for name in arm.joint_names]
     timeline = Timeline(replay.period, len(replay.moments), cyclic=False)
 
-    def points(kind: str, unplanned: str = "recorded_angles") -> Array:
-        kinds = [unplanned if each.inversion is None else kind for each in joints]
-        angles = [getattr(*each) for each in zip(joints, kinds, strict=True)]
+    def points(kind: Kind) -> Array:
+        angles = [each.angles(kind) if each.inversion else each.recorded_angles for each in joints]
         return arm.joint_positions(np.column_stack(angles))
 
-    others = ((AS_IT_IS, points("direct")), (style.OPTIMAL, points("predicted")))
-    return timeline.leg("arm", words_of("arm"), points("desired", "desired"), others)
+    desired = arm.joint_positions(np.column_stack([each.desired for each in joints]))
+    others = ((AS_IT_IS, points("direct")), (style.OPTIMAL, points("planned")))
+    return timeline.leg("arm", words_of("arm"), desired, others)
 
 
 def joint_figure(replay: Replay, j: int) -> Figure:
@@ -258,9 +258,8 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     recorded = (joint.recorded_requests, style.APPROXIMATION._replace(label="recorded requests"))
     planned, fast = list[tuple[Array, style.Role]](), list[Span]()
     if joint.inversion is not None:
-        assert joint.predicted is not None, "a planned joint is simulated"
-        planned = [(joint.direct, AS_IT_IS), (joint.shifted, style.SHIFT)]
-        planned.append((joint.predicted, style.OPTIMAL))
+        planned = [(joint.angles("direct"), AS_IT_IS), (joint.angles("shifted"), style.SHIFT)]
+        planned.append((joint.angles("planned"), style.OPTIMAL))
         fast = [
             Span(timeline.per_second * a, timeline.per_second * b, style.DIRECT, 0.16)
             for a, b in joint.too_fast

@@ -145,12 +145,12 @@ def test_requests_as_recorded_the_path_itself_and_its_best_shift_are_run_by_the_
     def early(lead):
         return np.interp(np.arange(len(path)) + lead / OWN, np.arange(len(path)), path)
 
-    assert joint.resent == pytest.approx(run(own), abs=1e-12)
-    assert joint.direct == pytest.approx(run(path), abs=1e-12)
+    assert joint.angles("resent") == pytest.approx(run(own), abs=1e-12)
+    assert joint.angles("direct") == pytest.approx(run(path), abs=1e-12)
     delay = SERVO.lag + SERVO.acceleration_time / 2.0 + SERVO.theta_0 / SERVO.v_max
-    assert joint.lead == pytest.approx(delay, abs=OWN)
-    assert joint.shifted == pytest.approx(run(early(joint.lead)), abs=1e-12)
-    for lead in (joint.lead - OWN / 4.0, joint.lead + OWN / 4.0):
+    assert joint.shift.leads[0] == pytest.approx(delay, abs=OWN)
+    assert joint.angles("shifted") == pytest.approx(run(early(joint.shift.leads[0])), abs=1e-12)
+    for lead in (joint.shift.leads[0] - OWN / 4.0, joint.shift.leads[0] + OWN / 4.0):
         assert rms(joint.errors["shifted"]) < rms(run(early(lead)) - path)
 
 
@@ -224,8 +224,8 @@ def test_the_torque_of_a_log_acts_at_the_moments_of_the_replay_on_all_kinds_of_r
     start = float(own.desired[0])
     for requests, angles in (
         (own.requests, own.predicted),
-        (np.append(own.requests[0], own.desired[1:]), own.direct),
-        (np.append(own.requests[0], log.requests[1:]), own.resent),
+        (np.append(own.requests[0], own.desired[1:]), own.angles("direct")),
+        (np.append(own.requests[0], log.requests[1:]), own.angles("resent")),
     ):
         expected = simulate(SAGGING, requests, cyclic=False, start=start, load=log.load)
         np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-12)
@@ -277,8 +277,10 @@ def test_a_first_request_off_the_middle_of_the_dead_band_leaves_the_joint_where_
     sticky = replace(SERVO, dead_band=0.05)
     (joint,) = replay(recorded(), sticky, speed=2.0, begin=0.6).joints
     assert abs(joint.requests[0] - joint.desired[0]) > 0.02
-    for angles in (joint.predicted, joint.direct, joint.resent, joint.shifted):
+    for angles in map(joint.angles, ("planned", "direct", "resent", "shifted")):
         assert angles[0] == joint.desired[0]
     sent = np.append(joint.requests[:1], joint.desired[1:])
     start = float(joint.desired[0])
-    np.testing.assert_array_equal(joint.direct, simulate(sticky, sent, cyclic=False, start=start))
+    np.testing.assert_array_equal(
+        joint.angles("direct"), simulate(sticky, sent, cyclic=False, start=start)
+    )

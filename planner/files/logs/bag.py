@@ -94,9 +94,9 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
         stamps, angles, requests, repeated, early = states[joint]
         source = Source(path=path, part=f"joint {joint}" if joint else "", row="state")
         if not len(stamps):
-            none_yet = f"no request before the last state: {len(requested[joint][0])} requests on"
+            problem = f"no request before the last state: {len(requested[joint][0])} requests on"
             expected = "expected the same clock and time in both topics"
-            raise InvalidFile(source.name, f"{none_yet} topic {topics[1]}; {expected}")
+            raise InvalidFile(source.name, f"{problem} topic {topics[1]}; {expected}")
         unit = options.unit_of(joint)
         own = scale(unit or "rad", options.ticks_per_turn, partial(InvalidFile, path))
         said = "--unit said" if unit else "is the custom of ROS (REP 103)"
