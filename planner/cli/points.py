@@ -26,7 +26,7 @@ from planner.cli.declared import understand
 from planner.cli.desired import Desired, leg_of, models_of, own_robot, refused_models
 from planner.cli.planning import plan_of, prepare
 from planner.cli.settings import SWEPT, Run, Sweep
-from planner.evaluation.sweep import Outcome, Point, Requirement, Swept, search
+from planner.evaluation.pareto_front import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.paths import is_foot_path, path_table
 from planner.files.results import Results, Task, digest_of

@@ -19,7 +19,7 @@ from planner.files.text import STANDARD_STREAM, to_json, write_text
 
 if TYPE_CHECKING:
     from planner.cli.points import Space
-    from planner.evaluation.sweep import Swept
+    from planner.evaluation.pareto_front import Swept
 
 HEADING = (
     "A sweep of request-planner: `request-planner sweep FILE` carries it out.",

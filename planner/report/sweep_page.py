@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.evaluation.sweep import Outcome, Swept
+from planner.evaluation.pareto_front import Outcome, Swept
 from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role

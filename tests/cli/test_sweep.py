@@ -15,7 +15,7 @@ import pytest
 import planner
 from kinematics import urdf_path
 from planner.cli.points import planned_points, read_sweep
-from planner.evaluation.sweep import Outcome, Requirement, Swept
+from planner.evaluation.pareto_front import Outcome, Requirement, Swept
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
 from planner.files.results import Results
