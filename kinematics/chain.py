@@ -18,8 +18,7 @@ class Link(NamedTuple):
     """The map of a joint for a point beyond it: ``p -> origin + (A + cos C + sin S) p``.
 
     This is Rodrigues' formula with the joint's constant placement R multiplied in:
-    A = R a aᵀ, C = R (1 - a aᵀ), S = R [a]× for the unit axis a. The joint's angle enters by
-    its cosine and sine alone.
+    A = R a aᵀ, C = R (1 - a aᵀ), S = R [a]× for the unit axis a.
     """
 
     origin: Array  # the joint's origin in the frame before it [m], shape (3, 1)
@@ -33,9 +32,8 @@ class Chain:
     """Revolute joints in series, from the base to the foot.
 
     Every joint's frame is the one before it, moved by the joint's constant placement and then
-    turned about the joint's axis; the foot is a point in the last frame. Nothing here is specific
-    to NumPy but the constants: the methods that take the cosine and the sine of each joint's angle,
-    from the base, k numbers, arrays (n,) or symbols, use plain operators on columns of three.
+    turned about the joint's axis; the foot is a point in the last frame. Methods that take the
+    cosines and the sines of the k joints' angles take numbers, arrays (n,) or symbols.
     """
 
     rotations: Array  # constant rotations of the joints' frames, shape (k, 3, 3)
@@ -76,39 +74,25 @@ class Chain:
         """The foot in the base frame [m], (n, 3), along a path of the joints [rad], (n, k)."""
         return np.asarray(self.foot(np.cos(angles.T), np.sin(angles.T)).T)
 
-    def points_and_axes(
-        self, cosines: Iterable[Any], sines: Iterable[Any]
-    ) -> tuple[list[Any], list[Any]]:
-        """Origins of the joints and, last, the foot [m], and the joints' unit axes.
-
-        All are in the base frame, each of shape (3, 1) or (3, n).
-        """
-        points: list[Any] = [self.tip[:, None]]
-        axes: list[Any] = []
-        for link, axis, cosine, sine in reversed(
-            list(zip(self.links, self.axes, cosines, sines, strict=True))
-        ):
+    def points_and_axes(self, angles: Array) -> tuple[list[Array], list[Array]]:
+        """Origins of the joints and, last, the foot [m], and the joints' unit axes: (3, 1 or n)."""
+        points, axes = [self.tip[:, None]], list[Array]()
+        turns = zip(self.links, self.axes, np.cos(angles.T), np.sin(angles.T), strict=True)
+        for link, axis, cosine, sine in reversed(list(turns)):
             moved = [link.origin + _turned(link, point, cosine, sine) for point in points]
             points = [link.origin, *moved]
-            turned = [_turned(link, beyond, cosine, sine) for beyond in axes]
-            axes = [link.axial @ axis[:, None], *turned]
+            axes = [link.axial @ axis[:, None], *(_turned(link, x, cosine, sine) for x in axes)]
         return points, axes
 
-    def foot_and_jacobian(
-        self, cosines: Iterable[Any], sines: Iterable[Any]
-    ) -> tuple[Any, list[Any]]:
-        """The foot as from :meth:`foot`, and its k derivatives by the angles [m/rad], alike.
-
-        Each is the axis crossed with the arm from the joint to the foot.
-        """
-        (*joints, foot), axes = self.points_and_axes(cosines, sines)
-        pairs = zip(joints, axes, strict=True)
-        return foot, [np.cross(axis, foot - joint, axis=0) for joint, axis in pairs]
+    def derivatives(self, angles: Array) -> tuple[Array, Array, list[Array]]:
+        """The foot [m], (3, n), its derivatives by the angles [m/rad], (k, 3, n), and the axes."""
+        (*joints, foot), axes = self.points_and_axes(angles)
+        pairs = zip(axes, joints, strict=True)
+        return foot, np.stack([np.cross(axis, foot - joint, axis=0) for axis, joint in pairs]), axes
 
     def jacobians(self, angles: Array) -> Array:
         """Derivatives of the foot [m/rad], (n, 3, k), along a path of the joints [rad], (n, k)."""
-        _, columns = self.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
-        return np.ascontiguousarray(np.stack(columns).transpose(2, 1, 0))
+        return np.ascontiguousarray(self.derivatives(angles)[1].transpose(2, 1, 0))
 
 
 def _turned(link: Link, vector: Any, cosine: Any, sine: Any) -> Any:
@@ -141,10 +125,7 @@ class Limits(NamedTuple):
 
     @property
     def middle(self) -> Array:
-        """The middle of each range [rad], shape (k,).
-
-        Of a full turn or more: the angle nearest to 0 with half a turn to either side of it.
-        """
+        """The middle of each range [rad], of a full turn or more near 0, shape (k,)."""
         near_zero = np.clip(0.0, self.lower + 0.5 * TURN, self.upper - 0.5 * TURN)
         lower, upper = self.finite
         return np.asarray(np.where(self.turning, near_zero, 0.5 * (lower + upper)))

@@ -2,16 +2,16 @@
 
 The closed form of a three-joint leg enumerates its poses. Of its axes two neighbours, the pair,
 must intersect or be parallel; the third axis is the odd one. Turning about either axis of the pair
-keeps the distance from their common point, or the height along their common direction. So this
-quantity alone gives two angles of the odd joint; the other one, which turning about the pair's
-first axis keeps too, gives two angles of its second joint, and an arctangent gives the first. These
-are Paden and Kahan's subproblems, each of which here is ``a cos q + b sin q = c``.
+keeps the distance from their common point, or the height along their common direction. This alone
+gives two angles of the odd joint; the other one, which turning about the pair's first axis keeps
+too, gives two angles of its second joint, and an arctangent gives the first. These are Paden and
+Kahan's subproblems, each of which here is ``a cos q + b sin q = c``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, product
 from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -78,11 +78,10 @@ def solve_inverse(leg: Leg, foot: Array, unreachable: Unreachable) -> InverseSol
     distances = _distances(chain, poses, foot)
     missed = distances.min(axis=1) > REACHED
     if closed_form is not None and missed.any() and unreachable != "clamp":
-        nearest = nearest_poses(chain, limits, foot[missed])
-        more = nearest.shape[1] - poses.shape[1]  # poses at each point, infinitely far by default
-        poses = np.concatenate([poses, np.repeat(poses[:, :1], more, axis=1)], axis=1)
-        distances = np.pad(distances, ((0, 0), (0, more)), constant_values=np.inf)
-        poses[missed], distances[missed] = nearest, _distances(chain, nearest, foot[missed])
+        nearest = np.repeat(poses[:, :1], REGIONS ** len(chain.axes), axis=1)
+        nearest[missed] = nearest_poses(chain, limits, foot[missed])
+        poses = np.concatenate([poses, nearest], axis=1)
+        distances = _distances(chain, poses, foot)
     if unreachable == "raise" and missed.any():
         indices, least = np.flatnonzero(missed), distances[missed].min(axis=1)
         raise UnreachableFoot(read_only(indices), read_only(least), of=len(foot))
@@ -116,19 +115,15 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
     """Local minima of the distance between foot and point, within the limits [rad]: (n, 3 ** k, k).
 
     The range of the joints is cut into regions; from the best of a few poses in each a projected
-    Newton method with exact second derivatives goes down, for points in the base frame [m], (n, 3).
-    On 18,000 points in and out of reach of 450 random legs the best of these minima was the global
-    one but once. A point takes about 1 ms. A joint that can turn by a full turn has no limits on
-    the way: only its direction counts.
+    Newton method goes down. On 18,000 points in and out of reach of 450 random legs the best of
+    these minima was the global one but once. A joint that can turn by a full turn has no limits on
+    the way.
     """
     beyond = np.where(limits.turning, np.inf, 0.0)
     endless = Limits(limits.lower - beyond, limits.upper + beyond)
-    steps = [np.linspace(*ends, REGIONS * SAMPLES) for ends in zip(*limits.central, strict=True)]
-    joints, count = len(steps), REGIONS ** len(steps)
-    grid = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1)
-    cut = grid.reshape(*(REGIONS, SAMPLES) * joints, joints)
-    by_region = cut.transpose(*range(0, 2 * joints, 2), *range(1, 2 * joints, 2), 2 * joints)
-    regions = by_region.reshape(count, -1, joints)
+    parts = np.linspace(*limits.central, REGIONS * SAMPLES).T.reshape(-1, REGIONS, SAMPLES)
+    regions = np.array([list(product(*ranges)) for ranges in product(*parts.tolist())])
+    count, _, joints = regions.shape
     feet = chain.feet(regions.reshape(-1, joints)).reshape(count, -1, 3)
     poses = np.empty((len(foot), count, joints))
     for begin in range(0, len(foot), 128):  # at once, which bounds the memory
@@ -168,11 +163,9 @@ def _newton_step(
     chain: Chain, limits: Limits, points: Array, poses: Array, damping: Array
 ) -> Array:
     """Newton's step for half the squared distance among the joints that are free to move."""
-    (*origins, foot), axes = chain.points_and_axes(np.cos(poses.T), np.sin(poses.T))
+    foot, columns, axes = chain.derivatives(poses)
     miss = foot - points.T  # (3, p)
-    pairs = zip(axes, origins, strict=True)
-    columns = [np.cross(axis, foot - origin, axis=0) for axis, origin in pairs]
-    gradient = np.stack([(miss * column).sum(axis=0) for column in columns], axis=-1)  # (p, k)
+    gradient = (miss * columns).sum(axis=1).T.copy()  # (p, k)
     hessian = np.empty((len(poses), len(columns), len(columns)))
     for i, j in combinations_with_replacement(range(len(columns)), 2):
         # The second derivative of the foot is the first axis crossed with the second's column.
@@ -204,17 +197,13 @@ def choose(
 ) -> Array:
     """One pose at each point: the first deep inside the limits, each later one close to the last.
 
-    Of the poses within the limits [rad], (n, m, k), that are ``allowed``, (n, m), at least one at
-    each point, the first is the one whose least distance to any limit is largest, or with the least
-    move from the pose ``near``, (k,); each later one is that with the least move from the one
-    before (root of the sum of squares). Among equal poses the one with the larger angle of the last
-    joint counts, then of the joint before it. If that path jumps, the search starts again from the
+    Of the ``allowed`` poses, (n, m), of those within the limits [rad], (n, m, k), the first is the
+    one that is deepest inside them, or nearest to ``near``, (k,), and each later one the nearest to
+    the one before (root of the sum of squares; among equal ones that with the larger angle of the
+    last joint, then of the joint before it). If that path jumps, the search starts again from the
     next pose at the first point, and so on: the first path with the fewest jumps is chosen.
 
-    A joint that can turn by a full turn or more starts within half a turn of the middle of its
-    limits, or of ``near``, and goes on from sample to sample by half a turn at most. Where that
-    leads out of its limits, it starts as few turns away as keep the path inside them; where none
-    do, it turns back by a full turn at the limit.
+    A joint that can turn by a full turn or more goes on by half a turn at most: :func:`_unwrapped`.
     """
     margin = limits.margin(poses) if near is None else -_moved(poses - near, limits)
     margin = np.where(allowed, margin, -np.inf)
@@ -272,10 +261,10 @@ def _moved(moves: Array, limits: Limits) -> Array:
 
 
 def _unwrapped(angles: Array, start: float, lower: float, upper: float) -> Array:
-    """The same directions [rad], shape (n,), each within half a turn of the one before.
+    """The same directions [rad], (n,), each within half a turn of the one before.
 
-    The first is as near to ``start`` as it can be with all of them within the limits, a full turn
-    or more apart. Where no start leaves all of them inside, some are a full turn further back.
+    The first is as near to ``start`` as all of them can be within the limits, a full turn or more
+    apart. Where no start leaves all of them inside, some are a full turn further back.
     """
     turns = np.round((angles[:-1] - angles[1:]) / TURN)
     path = angles + TURN * np.concatenate([[0.0], np.cumsum(turns)])
@@ -313,10 +302,7 @@ def _points(circle: Circle, angles: Array) -> Array:
 
 
 def _turns(circle: Circle, arm: Array, c: Array) -> Array:
-    """The two angles on circles that lie c along an arm from the middle [rad], (2, ...).
-
-    These solve ``a cos q + b sin q = c``, with c clamped to ±hypot(a, b).
-    """
+    """The two solutions of ``a cos q + b sin q = c``, c clamped, for an arm's a and b: (2, ...)."""
     a, b = ((arm * way).sum(-1) for way in circle[1:])
     size = np.maximum(np.hypot(a, b), np.finfo(np.float64).tiny)
     centre, half = np.arctan2(b, a), np.arccos(np.clip(c / size, -1.0, 1.0))
@@ -333,10 +319,9 @@ class ClosedForm(NamedTuple):
     point: Array  # where they intersect, or a point of the first one, (3,)
 
     def poses(self, foot: Array) -> Array:
-        """Four poses for each point, out of reach with each inverse function's argument clamped.
+        """Four poses [rad], (n, 4, 3), for each point, which may coincide, regardless of limits.
 
-        Points are in the base frame [m], shape (n, 3); angles [rad] are in (-2π, 2π), regardless of
-        limits, shape (n, 4, 3). Poses may coincide.
+        Out of reach the argument of each inverse function is clamped.
         """
         goal, start = foot, self.foot
         first, second = (self.axes[index] for index in (0, 1, 2) if index != self.odd)
@@ -372,7 +357,7 @@ def find_closed_form(chain: Chain) -> ClosedForm | None:
     """The closed form of a chain, or None where its geometry has none."""
     if len(chain.axes) != 3:
         return None
-    (*points, foot), directions = chain.points_and_axes(np.ones(3), np.zeros(3))
+    (*points, foot), directions = chain.points_and_axes(np.zeros((1, 3)))
     axes = [(way[:, 0], point[:, 0]) for way, point in zip(directions, points, strict=True)]
     size = chain.size
 

@@ -155,11 +155,8 @@ class Leg(Summarised):
             Origins of the joints, from the base, and last the foot, in the base frame [m], shape
             (n, k + 1, 3), read-only.
         """
-        turned = self._angles(angles).T
-        points, _ = self.chain.points_and_axes(np.cos(turned), np.sin(turned))
-        shape = (3, turned.shape[1])
-        columns = [np.broadcast_to(point, shape).T for point in points]
-        return read_only(np.stack(columns, axis=1))
+        points, _ = self.chain.points_and_axes(self._angles(angles))
+        return read_only(np.stack(np.broadcast_arrays(*points)).transpose(2, 0, 1).copy())
 
     def jacobians(self, angles: npt.ArrayLike) -> Array:
         """Derivatives of :meth:`foot_positions` by the joint angles.

@@ -131,9 +131,9 @@ class Distance(NamedTuple):
 
     def errors(self, angles: Array, samples: Indices | slice) -> tuple[Array, Array]:
         """Scaled errors at angles (m, k) of samples, (3, m); derivatives [1/rad], (k, 3, m)."""
-        foot, columns = self.chain.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
+        foot, columns, _ = self.chain.derivatives(angles)
         scale = self.scale[:, np.newaxis]
-        return scale * (foot - self.desired[samples].T), scale * np.stack(columns)
+        return scale * (foot - self.desired[samples].T), scale * columns
 
     def squared(self, angles: Array) -> Array:
         """Scaled squared distances at one row of angles per sample, shape (n,)."""
