@@ -21,6 +21,7 @@ from scipy.ndimage import convolve1d
 from planner.exceptions import InvalidTrajectory, angle_text
 from planner.learning.trials import SensorDelay, Trial
 from planner.model.joint import JointModel
+from planner.planning.line_inverse import advanced
 from planner.planning.plan import Plan
 from planner.trajectory import LARGEST, Array, rms
 from planner.validation import as_reals
@@ -75,10 +76,7 @@ def checked_cycles(measured: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def settled(cycles: Array) -> Array:
-    """The cycles, without the first one where it differs from the others.
-
-    It then is four of their standard deviations off their mean: on the way into the cycle.
-    """
+    """The cycles, without a first one that is on the way in: off by four standard deviations."""
     if len(cycles) < 3:
         return cycles
     later = cycles[1:]
@@ -92,9 +90,9 @@ def check_angles(
 ) -> None:
     """Refuse angles in another unit, joints that do not move, and other angles than measured ones.
 
-    Desired angles are refused where they are not to be expected, as in a rounded file, else only if
-    they are equal to the last digits. Cycles are (cycles, n, k), the others (n, k), all in rad;
-    those expected are the modelled ones plus the disturbance of the trial before.
+    Cycles are (cycles, n, k), the others (n, k), all in rad; those ``expected`` are the modelled
+    ones plus the disturbance of the trial before. Where they are the desired ones, as in a rounded
+    file, measured angles are refused only if they equal these to the last digits.
     """
     moved = modelled - modelled.mean(axis=0)
     power = float(np.vdot(moved, moved))
@@ -139,9 +137,8 @@ def check_trial(
 ) -> None:
     """Refuse another motion, and a cycle that was already measured under other requests.
 
-    A motion farther from the modelled angles than a joint at rest is another one: learning from it
-    could not converge. ``modelled`` and ``before`` are the angles of the models in this and in
-    earlier trials [rad], (n, k).
+    ``modelled`` and ``before`` are the angles of the models in this and in earlier trials [rad],
+    (n, k). From a motion farther from them than a joint at rest learning could not converge.
     """
     away = np.std(cycles.mean(axis=0) - modelled, axis=0)
     resting = np.std(modelled, axis=0)
@@ -180,16 +177,16 @@ is taken for a sensor's, and not learnt."""
 def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float]:
     """The delay to take off the measured angles (cycles, n, k) of each joint [s]: a sensor's."""
     removed = []
-    delays = delays_of(joints, cycles, modelled, [0.0] * len(joints.models))
-    for j, (delay, model) in enumerate(zip(delays, joints.models, strict=True)):
+    for j, delay in enumerate(delays_of(joints, cycles, modelled, [0.0] * len(joints.models))):
         seconds = delay.seconds if delay.share >= OF_SENSOR else 0.0
-        if -seconds > model.latency:
+        latency = joints.models[j].latency
+        if -seconds > latency:
             raise InvalidTrajectory(
                 f"measured: the angles of {_joint(j, modelled)} come {-1e3 * seconds:.3g} ms "
-                f"earlier than the model's, and its latency is {1e3 * model.latency:.3g} ms: no "
-                "joint answers before its request; are requests and measured angles exchanged?"
+                f"earlier than the model's, and its latency is {1e3 * latency:.3g} ms: no joint "
+                "answers before its request; are requests and measured angles exchanged?"
             )
-        removed.append(seconds if seconds > OF_JOINT * model.latency else 0.0)
+        removed.append(seconds if seconds > OF_JOINT * latency else 0.0)
     return removed
 
 
@@ -197,10 +194,10 @@ def delays_of(
     joints: Plan, cycles: Array, modelled: Array, removed: Sequence[float]
 ) -> tuple[SensorDelay, ...]:
     """The delay beside the removed one that explains most, for each joint."""
-    columns = zip(cycles.mean(axis=0).T, modelled.T, removed, strict=True)
     delays = []
-    for angles, by_model, seconds in columns:
-        delay, share = pure_delay(angles, by_model, joints.period, cyclic=joints.cyclic)
+    for angles, by_model, seconds in zip(cycles.mean(axis=0).T, modelled.T, removed, strict=True):
+        delay, share = pure_delay(angles, by_model, cyclic=joints.cyclic)
+        delay *= joints.period
         delays.append(SensorDelay(seconds=delay, share=share, removed=seconds))
     return tuple(delays)
 
@@ -210,7 +207,7 @@ def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
     if not any(removed):
         return cycles
     columns = [
-        [later(angles, -late, joints.period, cyclic=joints.cyclic) for angles in cycles[:, :, j]]
+        [advanced(angles, late / joints.period, cyclic=joints.cyclic) for angles in cycles[:, :, j]]
         for j, late in enumerate(removed)
     ]
     return np.moveaxis(np.array(columns), 0, -1)
@@ -243,40 +240,29 @@ def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array)
     return remarks
 
 
-def later(angles: Array, seconds: float, period: float, *, cyclic: bool) -> Array:
-    """Angles as they were ``seconds`` before, linear between samples [rad], (n,)."""
-    rows = np.arange(len(angles))
-    shifted: Array = np.interp(
-        rows - seconds / period, rows, angles, period=len(rows) if cyclic else None
-    )
-    return shifted
-
-
-def pure_delay(
-    measured: Array, modelled: Array, period: float, *, cyclic: bool
-) -> tuple[float, float]:
-    """The delay of the measured angles (n,) behind the modelled ones that explains most [s].
+def pure_delay(measured: Array, modelled: Array, *, cyclic: bool) -> tuple[float, float]:
+    """The delay behind the modelled angles (n,) that explains most of the disturbance [samples].
 
     And the share of the squared disturbance about its mean that it explains.
     """
 
-    def unexplained(seconds: float) -> float:
-        return float(np.var(measured - later(modelled, seconds, period, cyclic=cyclic)))
+    def unexplained(delay: float) -> float:
+        return float(np.var(measured - advanced(modelled, -delay, cyclic=cyclic)))
 
     whole = unexplained(0.0)
     if whole <= np.finfo(np.float64).tiny or not np.ptp(modelled):
         return 0.0, 0.0
     reach = max(min(len(modelled) // 8, 50), 1)
-    grid = period * np.arange(-reach, reach + 1)
-    errors = [unexplained(seconds) for seconds in grid]
+    grid = [float(k) for k in range(-reach, reach + 1)]
+    errors = [*map(unexplained, grid)]
     middle = int(np.argmin(errors))
-    best, least = float(grid[middle]), errors[middle]
+    best, least = grid[middle], errors[middle]
     # A parabola through the least value and its neighbours: a fraction of a sample.
     if 0 < middle < len(grid) - 1:
         before, after = errors[middle - 1], errors[middle + 1]
         bend = before - 2.0 * least + after
         if bend > 0.0:
-            trial = best + 0.5 * period * (before - after) / bend
+            trial = best + 0.5 * (before - after) / bend
             least, best = min((least, best), (unexplained(trial), trial))
     return best, max(1.0 - least / whole, 0.0)
 
@@ -292,10 +278,7 @@ correction by the model could make the error larger."""
 
 
 def _transforms(*, cyclic: bool) -> tuple[Any, Any]:
-    """To the orthonormal spectrum of axis -2 and back: of Fourier in a cycle, else of cosines.
-
-    The squares of that of white noise of variance s^2 have the mean s^2 at every frequency.
-    """
+    """To the orthonormal spectrum of axis -2 and back: of Fourier in a cycle, else of cosines."""
     pair: tuple[Any, Any] = (fft.rfft, fft.irfft) if cyclic else (fft.dct, fft.idct)
     forward, backward = (partial(each, norm="ortho", axis=-2) for each in pair)
     return forward, backward
@@ -305,9 +288,8 @@ def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
     """Power of the noise of one measured cycle at every frequency [rad^2], (f, k).
 
     It is the larger of two powers: of the variance between the cycles of each trial, (cycles, n,
-    k), and of the frequencies of the ``error``, the disturbance, (n, k), above half of those that
-    are sampled. There a joint hardly moves: the disturbance is noise, or the steps of a sensor,
-    which repeat. Only the second is available where no requests were measured twice.
+    k), and of the upper half of the frequencies of the ``error``, the disturbance, (n, k). There a
+    joint hardly moves: it is noise, or the steps of a sensor, which repeat.
     """
     forward, _ = _transforms(cyclic=cyclic)
     powers = np.abs(forward(error)) ** 2

@@ -245,10 +245,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
 def _measured(
     joints: Plan, before: Learning | None, cycles: Array, sensor_delay: float | None
 ) -> tuple[Array, list[float], list[str]]:
-    """Check measured cycles; leave out a transient and the sensor's delay.
-
-    Returns the cycles [rad], (cycles, n, k), the delay removed from each joint [s], and remarks.
-    """
+    """Checked cycles without a transient and the sensor's delays; these delays [s], and remarks."""
     remarks = list[str]()
     modelled = joints.task.response(joints.requests)
     trials = before.trials if before else ()
@@ -272,8 +269,7 @@ def _measured(
 def _reason_to_stop(joints: Plan, base: Trial, gain: float, saving: float, spread: Array) -> str:
     """Why learning has ended with a trial, in words; "" where it goes on.
 
-    ``saving`` is by how much the next requests lower its error by the model, ``spread`` the noise
-    of a cycle [rad], (k,).
+    By the model the next requests lower its error by ``saving``; ``spread`` is a cycle's noise.
     """
     if gain < LEAST_GAIN:
         return "smaller and smaller steps from the best cycle have made it worse"
@@ -300,10 +296,9 @@ def _disturbances(joints: Plan, trials: Sequence[Trial]) -> list[Array]:
 def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
     """The plan with a shorter change from a trial's requests, where that lowers the expected error.
 
-    Limits are convex: requests between two that keep them do so too; from requests that break them
-    the change is whole. By the models the whole change lowers the error by ``saving``, in the
-    plan's norm, and a shorter one in proportion, of which the joint is not expected to follow
-    ``missed``.
+    By the models the whole change lowers the error by ``saving``, in the plan's norm, and a shorter
+    one in proportion, of which the joint is not expected to follow ``missed``. From requests that
+    break limits, which are convex, the change is whole.
     """
     breaks = not plan.task.keeps(base.requests, rounding=SAME_REQUESTS)
     if breaks or saving <= 0.0 or missed == 0.0:
@@ -316,10 +311,7 @@ def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
 
 
 def _unforeseen(joints: Plan, trials: Sequence[Trial], noise: Array) -> float:
-    """Share of the modelled change that the joint is expected not to follow [-].
-
-    It is the share of the last trial, where that exceeds the noise.
-    """
+    """Share of the modelled change not to be followed [-]: that of the last trial, beyond noise."""
     if len(trials) < 2:
         return UNFORESEEN
     before, last = trials[-2:]
@@ -348,11 +340,9 @@ def _estimated(
 ) -> tuple[Array, int, float]:
     """Go through all trials: d <- d + gain * learnt(measured - M(R) - d), (21) of docs/math.md.
 
-    A trial that is worse than the best one is not built upon, and lowers the gain. Trials before
-    ``since`` were planned on another model: their failures are no evidence about this one.
-
-    Returns the disturbance for the next requests [rad], (n, k), the trial they start from, the
-    gain.
+    A trial that is worse than the best one is not built upon, and lowers the gain, unless it was
+    planned on another model, before ``since``. Returns the disturbance for the next requests [rad],
+    (n, k), the trial they start from, and the gain.
     """
     disturbance, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
     before, off = disturbance, _disturbances(joints, trials)
@@ -425,10 +415,9 @@ def reidentified(
 ) -> tuple[Plan, tuple[int, ...], list[str]]:
     """The plan with the models that the trials identify anew, where these predict better.
 
-    With the trial after which the model of each joint was changed last, (k,), and remarks. Where
-    the requests for such a model make the error larger, they are given up as all requests that do.
-    (The model before was taken up again once: on none of 18 joints and servos of the benchmark did
-    that happen in ten trials.) ``noise`` is the standard deviation of one cycle's [rad], (k,).
+    With the trial after which the model of each joint was changed last, (k,), and remarks. The
+    model before is not taken up again: on none of 18 joints and servos of the benchmark was it
+    better in ten trials. ``noise`` is the standard deviation of one cycle's [rad], (k,).
     """
     models, last, remarks = list(joints.models), list(since), list[str]()
     for j, model in enumerate(joints.models):
@@ -450,11 +439,9 @@ def better_model(
 ) -> JointModel | None:
     """A model of joint j identified from the trials, if it predicts the last one better; else None.
 
-    The last trial is held out. Its angles are predicted with the disturbance of the trial before,
-    by the model as it is and by one that is identified from the trials before. With that
-    disturbance every model explains a repeated motion: the models are compared by how the angles
-    change with the requests. So there is no other model after a single trial, nor where the
-    requests have hardly changed. ``noise`` is the standard deviation of one cycle's [rad].
+    The last trial is held out, and predicted with the disturbance of the one before, by the model
+    as it is and by one of the trials before: they are compared by how the angles change with the
+    requests. ``noise`` is the standard deviation of one cycle's [rad].
     """
     if len(trials) < 2:
         return None
@@ -513,10 +500,7 @@ def _identified(model: JointModel, logs: Sequence[Log]) -> JointModel | None:
 def in_a_cycle(
     models: Sequence[JointModel], requests: Array, measured: Array, starts: Sequence[float]
 ) -> bool:
-    """Whether joints were in their steady cycle, and not at rest before the first request.
-
-    Requests (n, k), measured (cycles, n, k), and the angles at rest, ``starts``, are in rad.
-    """
+    """Whether joints were in their steady cycle, not at rest at ``starts``: angles in rad."""
     try:
         cycle = simulate_joints(models, requests, cyclic=True)
     except NoSteadyCycle:
