@@ -131,10 +131,9 @@ class Arm:
         return np.array(angles)
 
     def angles(self, *, silent: bool = False) -> Array:
-        """Angle of every joint [rad], read again where an answer was lost; NaN of ``silent`` ones.
+        """Angle of every joint [rad], read again where an answer was lost.
 
-        Raises:
-            BusError: A servo stays silent and may not, or the bus is gone.
+        A servo that stays silent raises BusError, or has NaN where one may be ``silent``.
         """
         angles = self.measure().angles
         for k in np.flatnonzero(np.isnan(angles)):
@@ -164,11 +163,7 @@ class Arm:
 
     @contextmanager
     def powered(self) -> Iterator[None]:
-        """Torque on in the block; afterwards as it was before.
-
-        However the block ends, every joint that answers is first stopped where it is. A servo that
-        is silent, or all on a bus that is gone, hold their last request.
-        """
+        """Torque on in the block; afterwards as before, once joints that answer are stopped."""
         before = {servo.id: self.bus.read(servo.id, "torque") for servo in self.servos.values()}
         try:
             if not all(before.values()):
@@ -194,13 +189,12 @@ class Arm:
     ) -> Playback:
         """Lead the joints to the first request, play all (n, k) [rad], and measure after each.
 
-        ``keep`` is called at every tick after the lead with the time since the first request [s],
-        the requests and the measured angles [rad], (k,), NaN where none was read. Ctrl-C ends it.
-        The counts are those of the requests after the lead.
+        ``keep`` is called at every tick after the lead, until Ctrl-C, with the time since the first
+        request [s], the requests and the measured angles [rad], (k,), NaN where none was read.
 
         Raises InvalidInput, before anything moves, for a request beyond the limits of its joint;
         BusError where the bus is gone, or a servo is silent, does not follow, leaves its range or
-        reports a fault. Ticks until then are kept.
+        reports a fault.
         """
         check_ranges(self.servos, requests)
         port, start = self.bus.port, self.angles()

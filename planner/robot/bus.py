@@ -43,10 +43,7 @@ PROTOCOLS = {"FeetechMotorsBus": FEETECH, "DynamixelMotorsBus": DYNAMIXEL}
 
 
 class Port(Protocol):
-    """A connection to the servos, whose clock times the motion.
-
-    The clock is the system's, unless a port has one of its own.
-    """
+    """A connection to the servos, whose clock times the motion: the system's by default."""
 
     baud_rate: int
 
@@ -118,11 +115,7 @@ class SerialPort(Port):
 
 
 class Bus:
-    """The servos on a port.
-
-    A method raises BusError where the bus is gone, or the servo that it asks stays silent or
-    refuses.
-    """
+    """The servos on a port; BusError where it is gone, or a servo stays silent or refuses."""
 
     def __init__(self, port: Port, protocol: ServoProtocol) -> None:
         """Take a port, which carries the bytes, and the protocol that frames them."""
@@ -199,10 +192,7 @@ class Bus:
         )
 
     def _answers(self, instruction: bytes, count: int, size: int) -> list[Packet]:
-        """The packets that come back, at most so many, each with so many bytes of content.
-
-        An adapter may echo the instruction before the answers.
-        """
+        """At most so many packets, each with so many bytes; an adapter may echo the instruction."""
         port, protocol = self.port, self.protocol
         whole = count * len(protocol.answer(1, 0, bytes(size)))
         end = port.now() + self.patience + 10.0 * (whole + len(instruction)) / port.baud_rate
@@ -228,11 +218,7 @@ class Bus:
 
 
 def robot_of(name: str, port: str) -> Any:
-    """A LeRobot robot that is not connected yet, by its name with or without ``_follower``.
-
-    Raises:
-        InvalidInput: LeRobot is not installed, has no such robot, or none with such a bus.
-    """
+    """A LeRobot robot that is not connected yet, by its name with or without ``_follower``."""
     try:
         from lerobot.robots.config import RobotConfig  # type: ignore[import-not-found]
         from lerobot.robots.utils import make_robot_from_config  # type: ignore[import-not-found]
@@ -263,11 +249,7 @@ def lerobot_bus(name: str, port: str) -> Iterator[Bus]:
     """The bus of a LeRobot robot, connected in the block as LeRobot does it.
 
     LeRobot writes gains and accelerations whenever it connects: the servos are measured as they are
-    under LeRobot. At the end it switches torque off, unless the robot's configuration says
-    otherwise.
-
-    Raises:
-        BusError: LeRobot cannot connect.
+    under LeRobot. It switches torque off at the end, unless the robot's configuration differs.
     """
     robot = robot_of(name, port)
     try:

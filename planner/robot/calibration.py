@@ -53,11 +53,7 @@ class Check(NamedTuple):
 
 
 def check(arm: Arm) -> Check:
-    """Ask every servo for itself; nothing moves, and no torque is switched.
-
-    Raises:
-        BusError: A servo does not answer, or reports a fault.
-    """
+    """Ask every servo for itself, or raise BusError; nothing moves, and no torque is switched."""
     bus, port = arm.bus, arm.bus.port
     for servo in arm.servos.values():
         bus.ping(servo.id)
@@ -89,10 +85,7 @@ def check(arm: Arm) -> Check:
 
 
 def servo_ranges(arm: Arm, angles: Mapping[str, float], reach: float) -> dict[str, Array]:
-    """The range of every joint by its servo's own limits, at most ``reach`` from where it is [rad].
-
-    The ``angles`` say where they are [rad].
-    """
+    """The range of every joint by its servo's limits, at most ``reach`` from its angle [rad]."""
     ranges = {}
     for name, servo in arm.servos.items():
         ends = [arm.bus.read(servo.id, f"{end}_position") for end in ("least", "largest")]
@@ -115,11 +108,7 @@ def ranges_by_hand(arm: Arm, ended: Callable[[], bool], period: float) -> dict[s
 
 
 def with_ranges(arm: Arm, ranges: Mapping[str, Array]) -> Arm:
-    """The arm with these ranges, less a margin, as its limits.
-
-    Raises:
-        InvalidInput: A range is too small to show how the joint moves.
-    """
+    """The arm with these ranges, less a margin, as its limits; InvalidInput for a small one."""
     servos, least = dict(arm.servos), math.radians(10.0)
     for name, ends in ranges.items():
         low, high = (float(each) for each in ends)
@@ -146,12 +135,8 @@ def move(
 ) -> Log:
     """Play requests [rad], (n,), on one joint while the others stay, with a log as it is measured.
 
-    With ``resume`` a finished log of an earlier run is taken as it is, and nothing moves.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C; the rows until then are kept.
-        BusError: Something went wrong; the rows until then are kept.
-        InvalidFile: The finished log is of other requests.
+    With ``resume`` a finished log of these requests is taken as it is, and nothing moves. Rows
+    until Ctrl-C, which raises KeyboardInterrupt, or a BusError are kept.
     """
     if not (resume and log.exists()):
         place = arm.names.index(joint)
@@ -230,8 +215,8 @@ def recheck(model: JointModel, log: Log) -> Recheck:
 def errors(model: JointModel, log: Log) -> tuple[float, float, float]:
     """Error of the model in a log, error to expect of it, both rms [rad], and share left out [-].
 
-    Parts whose motion is outside the tested range are left out, unless all are: the share is then
-    1. A servo holds its last request over rows that were lost.
+    Parts outside the tested range are left out, unless all are, share 1. A servo holds its last
+    request over rows that were lost.
     """
     evidence, period = model.evidence or Evidence(), model.period
     due = np.rint((log.times - log.times[0]) / period).astype(int)
@@ -330,7 +315,7 @@ def calibrate(
 ) -> Compared:
     """Excite a joint for so long [s], identify it, and compare the ways to plan for it.
 
-    There are requests every period [s], and a log of each motion in the folder, as of :func:`move`.
+    Of each motion, requests every period [s], there is a log in the folder: :func:`move`.
     """
 
     def moved(requests: Array, name: str) -> Log:
@@ -356,8 +341,7 @@ def compare(
 ) -> Compared:
     """Play the test motion in every way, and recommend the one with the least measured error.
 
-    ``limits`` are the least and largest request [rad]; ``measure`` plays requests [rad] under a
-    name and returns the measured angles, NaN where none was read, (n,).
+    ``limits`` are those of requests [rad]; ``measure`` plays them, and returns the measured angles.
     """
     model = identification.model
     desired = test_motion(model, limits)
@@ -384,16 +368,13 @@ def compare(
     recommended = next(each for each in candidates if each.error <= AS_GOOD * least)
     used, evidence = model, model.evidence or Evidence()
     if recommended.way == "optimal":  # without friction and load: its error on the test motion
-        known = {k: ends for k, ends in evidence.intervals.items() if k not in FRICTION_AND_LOAD}
-        used, evidence = (
-            plain,
-            evidence._replace(
-                error=recommended.error,
-                by_acceleration=(),
-                spread=Evidence().spread,
-                intervals=known,
-                correlations=(),
-            ),
+        used = plain
+        evidence = evidence._replace(
+            error=recommended.error,
+            by_acceleration=(),
+            spread=Evidence().spread,
+            intervals={k: v for k, v in evidence.intervals.items() if k not in FRICTION_AND_LOAD},
+            correlations=(),
         )
     if recommended.way in ("direct", "shift"):
         words = f"on the test motion of its calibration '{WORDS[recommended.way]}' was closer"
@@ -410,8 +391,7 @@ def compare(
 def test_motion(model: JointModel, limits: tuple[float, float]) -> Array:
     """Sines, then moves to and fro with rests between them, for 5 s in all [rad], shape (n,).
 
-    They are at the model's rate of requests, as fast as the joint can follow, and begin and end at
-    rest in the middle of the limits.
+    As fast as the joint can follow, beginning and ending at rest in the middle of the limits.
     """
     period = model.period
     half = 2.5

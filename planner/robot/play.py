@@ -149,10 +149,9 @@ def _play(
 ) -> Playback:
     """Lead along a way, then answer at each tick, to the end, Ctrl-C or an error: :func:`play`.
 
-    ``answer`` is called when a tick is due, with its number and how many were missed since the
-    last one. It returns the requests [rad], shape (k,), not sent where one is not finite, and
-    whether the last request of a joint is repeated; or None at the end. The tick ``last`` is
-    not missed, however late.
+    ``answer`` takes the number of a tick that is due, and how many were missed before it, and
+    returns the requests [rad], (k,), sent if finite, and whether one of them is repeated; or None
+    at the end. The tick ``last`` is not missed, however late.
     """
     sent = skipped = repeats = overruns = 0
     late = latest = 0.0
@@ -218,15 +217,10 @@ def _play(
 
 
 def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: float) -> Array:
-    """Evenly spaced requests from the present angles to the first request, both left out.
+    """Requests every period [s] from the present angles to the first request, without both.
 
-    The joints set out and arrive together: the one with the longest way turns at most at ``speed``
-    [rad/s]. From angles and to a request [rad], (k,), there are requests every period [s], (m, k);
-    none where one period suffices.
-
-    Raises:
-        InvalidInput: A speed or period that is not positive, a ramp without end, or angles that do
-            not fit the requests.
+    The joints set out and arrive together, at ``speed`` [rad/s] at most: [rad], (m, k), none where
+    one period suffices.
     """
     check_period(period)
     as_positive("speed", speed, "a positive number of rad/s")

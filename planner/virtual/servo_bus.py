@@ -289,11 +289,7 @@ def terminal() -> Iterator[tuple[int, str]]:
 
 
 def serve(servos: VirtualServos, end: int, *, stopped: Callable[[], bool] = lambda: False) -> None:
-    """Answer on the servos' end of a :func:`terminal` until ``stopped``, or the cable is pulled.
-
-    In real time, unless the servos have a step of their own. ``stopped`` is asked 20 times a
-    second.
-    """
+    """Answer on the servos' end of a :func:`terminal` until ``stopped``, or the cable is pulled."""
     begin = time.monotonic()
     while not stopped() and servos.time < servos.faults.disconnect:
         ready = select.select([end], [], [], 0.05)[0]
