@@ -77,11 +77,10 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def inner(function: Callable[P, T]) -> Callable[P, T]:
-    """The function, compiled in the compiled functions that call it; Python cannot call it.
+    """The function, compiled only in the compiled functions that call it, not once more by itself.
 
-    Numba optimises and translates a function by itself, and then once more in each function that
-    calls it, directly or not. This one leaves out a third of the compilation. A test that
-    calls the function compiles its ``py_func``.
+    That leaves out a third of the compilation. A test that calls the function compiles its
+    ``py_func``.
     """
     options = OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return numba.njit(function, pipeline_class=_InnerCompiler, **options)  # type: ignore[no-any-return]

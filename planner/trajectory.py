@@ -107,10 +107,7 @@ def _finite(array: npt.NDArray[Any], name: str, largest: float) -> Array:
 
 
 def not_radians(angles: Array) -> bool:
-    """Whether angles over time [rad], shape (n,), are beyond those of a joint: degrees, perhaps.
-
-    A joint that winds passes many turns, in small steps and mostly in one direction.
-    """
+    """Whether angles over time [rad], (n,), are beyond those of a joint that does not wind."""
     largest = float(np.max(np.abs(angles), initial=0.0))
     if largest <= MOST_TURNS * TURN:
         return False
@@ -129,11 +126,7 @@ def turns_words(angle: float) -> str:
 
 
 def check_radians(angles: Array, *, name: str) -> None:
-    """Refuse angles [rad], (n,), that are those of degrees.
-
-    Raises:
-        InvalidTrajectory: They are beyond two turns, and the joint does not wind.
-    """
+    """Raise InvalidTrajectory for angles [rad], (n,), that are those of degrees."""
     if not_radians(angles):
         k = int(np.argmax(np.abs(angles)))
         raise InvalidTrajectory(
@@ -143,11 +136,7 @@ def check_radians(angles: Array, *, name: str) -> None:
 
 
 def as_rows(values: npt.ArrayLike, *, name: str) -> Array:
-    """Copy requests of one joint, (n,), or several, (n, k), into read-only rows, float64, (n, k).
-
-    Raises:
-        InvalidTrajectory: Another shape, empty, not real numbers, not finite, or degrees.
-    """
+    """Copy requests of one joint, (n,), or several, (n, k), into read-only rows [rad], (n, k)."""
     array = _reals(values, name, "one request per joint, shape (n, k)", "rad")
     if array.ndim == 1:
         array = array[:, None]
@@ -178,11 +167,7 @@ def index_of_largest(values: Array) -> int:
 
 
 def steps(values: Array, *, cyclic: bool) -> Array:
-    """Changes from each sample to the next along the first axis, (n, ...).
-
-    The last one is that from the last sample to the first if they are ``cyclic``; else there are
-    n - 1.
-    """
+    """Changes from each sample to the next along the first axis, n if ``cyclic``, else n - 1."""
     after = np.concatenate([values[1:], values[:1]]) if cyclic else values[1:]
     return np.asarray(after - values[: len(after)])
 
@@ -218,10 +203,9 @@ LOST = 0.1
 
 
 def most_lost(times: Array, rows: Array, at: Array, samples: Array) -> tuple[int, float] | None:
-    """The loss of a path by straight lines between samples, where it exceeds ``LOST``.
+    """The column of rows (n, k) that straight lines between samples (m, k) lose most of.
 
-    For rows (n, k) at times [s], (n,), and samples (m, k) at others, (m,), it is the column that
-    loses most, and the share of its motion that is lost (rms).
+    And the share of its motion that is lost (rms); None where that is within ``LOST``.
     """
     again = np.column_stack([np.interp(times, at, column) for column in samples.T])
     moved = np.std(rows, axis=0)

@@ -100,11 +100,7 @@ class Evidence(NamedTuple):
         return bool(self.by_acceleration) or self.delay_error > 0.0
 
     def error_of(self, angles: Array, *, period: float, cyclic: bool) -> float:
-        """Error of the model to expect of a motion [rad], rms, by its acceleration.
-
-        The model leaves out forces of a servo, which accelerate it: (19) of ``docs/math.md``.
-        Without ``by_acceleration`` it is ``error`` for any motion. After a log of steps the
-        delay of requests that move is not tested, and its interval counts as well: (19a).
+        """Error of the model to expect of a motion [rad], rms: (19) and (19a) of ``docs/math.md``.
 
         The ``angles`` are those by the model [rad], (n,), with a ``period`` between them [s].
         """
@@ -123,14 +119,11 @@ class Evidence(NamedTuple):
     def exceeded(
         self, angles: Array, *, period: float, cyclic: bool, load: Array | float = 0.0
     ) -> tuple[str, ...]:
-        """Quantities by which a motion is outside the tested range.
+        """Quantities by which a motion is outside the tested range, of the model's angles (n,).
 
         They are "speed", "acceleration", "angle", "load" and, where after a log of steps the
         interval of the delay adds more than the tested error and an encoder's step, "moving
         requests".
-
-        The ``angles`` [rad], (n,), have a ``period`` between them [s]; the ``load`` is in N m, one
-        number or (n,).
         """
         speeds, accelerations = motion = _motion(angles, period, cyclic=cyclic)
         tested, by_delay = self._errors_of(motion)
@@ -292,7 +285,7 @@ def expectation(
     """The error to expect: the errors of plan and model, taken as independent.
 
     For the range, of the model's error in 90 % of motions like this one, the two may also add up,
-    or cancel, by a correlation of ``ALIKE``. The interval of the delay counts in its upper end.
+    or cancel, by a correlation of ``ALIKE``.
     """
     if evidence is None or math.isnan(evidence.error):
         return Expectation(math.nan, ())
@@ -334,18 +327,14 @@ class Run(NamedTuple):
 def errors_of_motion(
     runs: Sequence[Run], *, noise: float = 0.0
 ) -> tuple[tuple[tuple[float, float], ...], tuple[float, float]]:
-    """How the error of a model depends on the motion: two fields of :class:`Evidence`.
+    """How the error depends on the motion: ``by_acceleration`` and ``spread`` of an Evidence.
 
-    Each run, of rows without gaps, is cut into parts; parts in which the joint moves count. Sorted
-    by their accelerations they make six groups, whose errors are those that never fall and are
-    nearest to the means of the logarithms: isotonic regression, (19) of ``docs/math.md``. (69 % of
-    96 plans met 0.7 to 1.4 times what is told; with three groups 63 %, with twelve 67 %.) The error
-    of a part is the geometric mean over the models. The square of the sensor's ``noise`` [rad] is
-    subtracted from its own, of which at least a tenth stays; where no more does it may be 0.
-
-    Returns ``by_acceleration``, a pair for each group, the last for the largest acceleration, and
-    ``spread``, the 5 % and 95 % quantiles of the error of a part over that between the pairs,
-    further apart by what other motions scatter. Nothing is known from less than two parts.
+    Each run is cut into parts; those in which the joint moves, sorted by their accelerations, make
+    six groups, whose errors are those that never fall and are nearest to the means of the
+    logarithms: isotonic regression, (19) of ``docs/math.md``. (69 % of 96 plans met 0.7 to 1.4
+    times what is told; with three groups 63 %, with twelve 67 %.) The error of a part is the
+    geometric mean over the models, less the sensor's ``noise`` [rad], but for a tenth of its
+    square. The spread is that of these errors, further apart by what other motions scatter.
     """
     every = np.reshape([part for run in runs for part in _parts(run)], (-1, 3))
     moving = every[:, 0] >= 0.01 * np.max(every[:, 0], initial=0.0)
@@ -386,8 +375,7 @@ def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool
     """Around which rows of a log the requests move, rather than jump and rest, (n,).
 
     They change in three of four slots of 0.1 s of the second around a row, by more than a hundredth
-    of the largest change there, as requests may have noise. Random steps of 0.12 to 0.9 s change in
-    a quarter of the slots; a hold between two ramps leaves a few out.
+    of the largest change there; random steps of 0.12 to 0.9 s change in a quarter.
     """
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
@@ -408,10 +396,7 @@ def _motion(angles: Array, period: float, *, cyclic: bool) -> tuple[Array, Array
 
 
 def _parts(run: Run) -> list[tuple[float, float, float]]:
-    """Travel of each part of a run, acceleration and error, both rms; parts overlap by half.
-
-    Of a short run there are eight, shorter than :data:`WINDOW`.
-    """
+    """Travel, acceleration and error, both rms, of parts of a run, eight or more, half apart."""
     count = len(run.angles) - 2
     length = min(round(WINDOW / run.period), count // 8)
     if length < 2:

@@ -54,10 +54,7 @@ LEAST, MOST = 1e-15, 1e9
 
 
 class Window(NamedTuple):
-    """The requests that drive the joint at one tick, and their weights.
-
-    ``M(t) = M(t-1) + sum_j weights[j] * f(R(t - first - j) + sag - M(t-1))``
-    """
+    """Requests and weights: ``M(t) - M(t-1) = sum_j weights[j] f(R(t-first-j) + sag - M(t-1))``."""
 
     first: int  # age of the youngest request that counts [ticks], at least 1
     weights: Array  # W_i = w_i / a for the ages first, first + 1, ..., (m,); they sum to 1
@@ -387,10 +384,7 @@ class JointModel:
 
     @property
     def latency(self) -> float:
-        """How late the joint follows slow motion of its requests [s]: l + a/2 + theta_0 / v_max.
-
-        That requests are held is not in it: see :attr:`switching_time`.
-        """
+        """How late it follows slow motion of its requests, unheld [s]: l + a/2 + theta_0/v_max."""
         return self.lag + self.acceleration_time / 2.0 + self.theta_0 / self.v_max
 
     @property
@@ -541,10 +535,7 @@ class JointModel:
         return self.integral_rate > 0.0 or self.position_integral_rate > 0.0
 
     def faster_per_tick(self, load: npt.ArrayLike = 0.0) -> Array:
-        """Excess of the top speed in the positive direction under a load [rad/tick].
-
-        Without that by the pose, which the law adds: see :meth:`speed_limits`.
-        """
+        """Excess of the top speed upwards under a load, without gravity [rad/tick]."""
         torque = np.asarray(load, dtype=np.float64)
         return np.asarray((self.v_offset + self.speed_per_torque * torque) * self.tick)
 
@@ -607,8 +598,8 @@ def with_ticks(
 ) -> tuple[float, float]:
     """v_max / theta_0 [1/s] and lag [s] for the same response with other ticks.
 
-    Without ``inertia`` a tick's share of an error is 1 - exp(-gain * tick), with it the gain stays.
-    A request during a tick acts at its end: the delay of slow motion stays with another lag.
+    Without ``inertia`` a tick's share of an error is 1 - exp(-gain * tick). The lag keeps the delay
+    of slow motion, as a request during a tick acts at its end.
     """
     if inertia:
         return gain, max(lag - (tick - other), 0.0)
@@ -617,21 +608,13 @@ def with_ticks(
 
 
 def slowed_by_friction(gain: float, dead_band: float, time_constant: float, tick: float) -> float:
-    """Deceleration of a moving joint by dry friction [rad/s^2]: k gain dead_band / tick.
-
-    Without a time constant it is 0: there friction is a dead zone of the drive.
-    """
+    """Deceleration by dry friction [rad/s^2]: k gain dead_band / tick, without inertia 0."""
     share = motor_share(time_constant, tick)
     return share * gain * dead_band / tick if share < 1.0 else 0.0
 
 
 def joint_of_top_speed(v_max: float) -> JointModel:
-    """The paper's joint with another top speed: a first model where only that is known.
-
-    Lag, acceleration time and tick are from Table 1, and so is the ratio theta_0 / v_max. A URDF
-    has none of them, and its effort limit is no property of a servo's controller. InvalidModel is
-    raised unless the speed [rad/s] is a number above 0.
-    """
+    """The paper's joint with another top speed [rad/s], and its theta_0 in the same ratio."""
     paper = JointModel.ers210a()
     return replace(paper, v_max=v_max, theta_0=v_max * (paper.theta_0 / paper.v_max))
 

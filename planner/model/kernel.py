@@ -28,11 +28,10 @@ def law_of(row: Array) -> Law:
 
 @inner
 def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
-    """Equation 2 under a load: the speed that an error demands, without friction.
+    """Equation 2: the speed that an error demands [rad/tick], and where it saturates, 1, -1 or 0.
 
-    A sag by the pose is added to it, ``gain * pose_sag``: it shifts the limits by as much. The
-    error is request plus sag minus angle, without that sag [rad]; ``faster`` is b [rad/tick]. The
-    answer is the speed [rad/tick], and on which side it saturates: 1, -1, or 0 where it does not.
+    The error is request plus sag minus angle, but for the sag by the pose, which is added after the
+    limits, times the gain [rad]; ``faster`` is b [rad/tick].
     """
     demand = law.gain * error
     if demand >= law.top + faster:
@@ -46,12 +45,11 @@ def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
 def moved(
     law: Law, demand: float, by_sags: float, speed: float, integral: float
 ) -> tuple[float, float]:
-    """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
+    """The speed and the integral after a tick: a motor's inertia, then Coulomb friction, implicit.
 
-    Without a time constant friction is a dead zone of the drive, before the acceleration limit. The
-    integral of a servo's loops is held while that limit is active, against windup. ``demand`` is
-    the drive g(t), ``by_sags`` what of it is by gravity and a torque, the gain times their sags;
-    from w(t-1) and z(t-1) follow w(t) and z(t), all in rad/tick.
+    Without a time constant friction is a dead zone of the drive, before the acceleration limit;
+    while that is active the integral is held, against windup. ``demand`` is the drive g(t),
+    ``by_sags`` what of it is by gravity and a torque; all are in rad/tick.
     """
     friction, limited = law.share * law.friction, False
     aim = aimed(law, demand, integral)
@@ -187,9 +185,8 @@ def moved_along_lines(
 ) -> Array:
     """How far a joint without inertia moves in a period behind each line, S of (6) [rad]: (s,).
 
-    The request of each age has a weight, (m,), and ``steps`` are where the held line stands at each
-    tick and age, in ticks, (hold, m). For each line, (s,), there are its slope [rad/tick], how far
-    requests are ahead of it [rad], and how much faster the joint is upwards [rad/tick].
+    The request of each age has a weight, (m,), and the held line is ``steps`` ticks along at each
+    tick and age, (hold, m). Slopes and ``faster`` are in rad/tick, requests ahead by the offsets.
     """
     distances = np.empty(len(slopes))
     for i in range(len(slopes)):
@@ -208,10 +205,7 @@ def moved_along_lines(
 def rounded_clip(
     value: float, low: float, high: float, rounded: float
 ) -> tuple[float, float, float]:
-    """A clip whose corners have a radius, and its first and second derivative.
-
-    Each ``|x|`` of it becomes ``sqrt(x^2 + radius^2)``; ``rounded`` is the square of the radius.
-    """
+    """A clip of which each ``|x|`` is ``sqrt(x^2 + rounded)``, and its first two derivatives."""
     above, below = value - low, value - high
     longer, shorter = np.sqrt(above * above + rounded), np.sqrt(below * below + rounded)
     by_longer, by_shorter = 1.0 / longer, 1.0 / shorter  # divisions take most of the time
@@ -224,10 +218,7 @@ def rounded_clip(
 def rounded_moved(
     law: Law, demand: float, speed: float, rounded: float
 ) -> tuple[float, float, float, float]:
-    """:func:`moved` with rounded corners: the speed, and its derivatives.
-
-    The first ones are by ``demand`` and by ``speed``, the second one by ``demand`` [tick/rad].
-    """
+    """:func:`moved` with rounded corners; derivatives by demand and speed, the second by demand."""
     now, by_demand, by_speed, bend = demand, 1.0, 0.0, 0.0
     rounded = rounded * law.share * law.share
     friction = law.share * law.friction
@@ -254,10 +245,10 @@ def rounded_moved(
 def rounded_integral(
     law: Law, demand: float, by_sags: float, before: State, speed: float, rounded: float
 ) -> tuple[float, float, float]:
-    """The integral after a tick where the acceleration limit has a rounded corner: :func:`moved`.
+    """The integral after a tick with a rounded limit of the acceleration: :func:`moved`.
 
     Further the share of its change that the limit leaves [-], and its derivative by the difference
-    between the speed that is aimed at and the one before, with ``demand`` and ``speed`` fixed.
+    between the speed that is aimed at and the one before.
     """
     change = law.integral_share * (demand - by_sags - fed_back(law, speed, before.integral))
     opened, closing = 1.0, 0.0

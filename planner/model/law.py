@@ -33,10 +33,7 @@ def fastest_integral(gain: float, share: float, *, inside: bool, slope: float) -
 
 
 class State(NamedTuple):
-    """The state of a joint between two ticks; without inertia the angle alone counts.
-
-    At rest an integral is what makes up for the sags, ``-law.gain * sag``.
-    """
+    """The state of a joint between two ticks; without inertia the angle alone counts."""
 
     angle: float  # [rad]
     speed: float = 0.0  # in the tick before [rad/tick]
@@ -88,13 +85,7 @@ class Law(NamedTuple):
 
     @classmethod
     def of(cls, joint: Any, *, tick: float, acceleration: float) -> Self:
-        """The law for ticks of this time.
-
-        Args:
-            joint: A model, or the parameters of a fit, in SI.
-            tick: Time step [s].
-            acceleration: Acceleration limit [rad/s^2].
-        """
+        """The law for ticks [s] of a model, or the parameters of a fit, with its acceleration."""
         acting = float(joint.time_constant > 0.0)  # an integral acts through it
         of_speed, of_position = joint.integral_rate, joint.position_integral_rate
         friction = joint.gain * joint.dead_band

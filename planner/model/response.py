@@ -86,13 +86,7 @@ def motion_under(
     start: float | None = None,
     torques: Array | None = None,
 ) -> Array:
-    """:func:`simulate` of arguments that have been checked: the states at the samples, (3, n).
-
-    The torques are those of :func:`load_by_period`.
-
-    Raises:
-        NoSteadyCycle: The response does not settle.
-    """
+    """:func:`simulate` of checked arguments, torques by :func:`load_by_period`: states, (3, n)."""
     from planner.model.steady_cycle import motion_of
 
     if torques is None:
@@ -122,10 +116,7 @@ def simulate_joints(
     starts: Sequence[float | None] | Array | None = None,
     loads: Array | Loads | None = None,
 ) -> Array:
-    """Angles of several joints [rad], each by :func:`simulate`, shape (n, joints).
-
-    ``loads`` are torques [N m], shape (n, joints), or for each joint (n,) or None.
-    """
+    """Angles of joints [rad], each by :func:`simulate`, (n, joints); loads (n, joints) or each."""
     none = [None] * len(models)
     each_load = loads.T if isinstance(loads, np.ndarray) else loads or none
     each_start = none if starts is None else starts
@@ -165,10 +156,7 @@ class PathSpeeds(NamedTuple):
 def path_speeds(
     model: JointModel, desired: Array, *, cyclic: bool, load: Array | None = None
 ) -> PathSpeeds:
-    """The speeds of a path [rad], (n,); their limits are -v^- or v^+ of (1a), with gravity.
-
-    Of a cycle the step from the last sample to the first counts, too.
-    """
+    """The speeds of a path [rad], (n,); their limits are -v^- or v^+ of (1a), with gravity."""
     speeds = steps(desired, cyclic=cyclic) / model.period
     acting = load_by_period(load, cyclic=cyclic)
     torques = 0.0 if acting is None else np.roll(acting, -1)[: len(speeds)]
@@ -196,10 +184,7 @@ def checked_start(start: float | None, *, cyclic: bool) -> float | None:
 def rest_requests(
     models: Sequence[JointModel], angles: Array, loads: Loads | Array | None = None
 ) -> Array:
-    """Requests that hold joints at these angles, in the middle of the dead band [rad].
-
-    There Equation 2 vanishes; shape (..., joints), or (n, joints) under loads.
-    """
+    """Requests that hold joints at angles, in the middle of the dead band [rad], (..., joints)."""
     return _by_joint(
         lambda model, q, load: q - model.sag(load) - model.pose_sag(q), models, angles, loads
     )
@@ -233,12 +218,7 @@ def load_columns(loads: Loads, samples: int) -> Array | None:
 
 
 def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) -> Array | None:
-    """The load at every sample [N m], shape (samples,); None where it has no effect.
-
-    Raises:
-        InvalidInput: The load is not finite or of another shape, or so large that the joint could
-            not move against it.
-    """
+    """The load at every sample [N m], (samples,), which it can move against; None for no effect."""
     if load is None:
         return None
     try:
@@ -268,10 +248,7 @@ def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) ->
 
 
 def load_by_period(load: Array | None, *, cyclic: bool) -> Array | None:
-    """The torque in the period that ends in each sample [N m], (..., n): the mean at its ends.
-
-    From rest the first sample's own load acts before it.
-    """
+    """The torque in the period that ends in each sample [N m], (..., n): the mean at its ends."""
     if load is None:
         return None
     before = np.roll(load, 1, axis=-1)

@@ -205,11 +205,10 @@ def newton_step(cycle: Cycle, state: State, end: State, step: float, size: int) 
 
 @inner
 def shortest_solution(matrix: Array, right: Array) -> Array:
-    """The shortest solution of a small linear system in least squares, by its singular values.
+    """The shortest least-squares solution, without singular values below a millionth of the first.
 
-    One of less than a millionth of the largest counts as 0. The columns are made orthogonal by
-    Jacobi rotations (M. R. Hestenes, J. Soc. Indust. Appl. Math. 6, 1958): LAPACK would take
-    seconds to compile into this, and its rounding depends on the processor.
+    The columns are made orthogonal by Jacobi rotations (M. R. Hestenes, J. Soc. Indust. Appl. Math.
+    6, 1958): LAPACK would take seconds to compile, and its rounding depends on the processor.
     """
     size, turned, ways = len(right), matrix.copy(), np.eye(len(right))
     for _ in range(30):  # three columns are orthogonal to rounding after a few
@@ -241,10 +240,9 @@ def _closing_start(
     """Run the cycle from another angle that closes, to ``close`` [rad], by bisection.
 
     Of several, the one nearest to ``start`` in the direction in which a cycle from there moves.
-    While ``iterating``, fixed-point iteration and bisection take turns: where v_max <= theta_0 a
-    tick the first cannot pass the near end of a range of such angles.
-
-    Returns the state at its start, and how far its ends are apart; 0 where it is closed.
+    While ``iterating``, fixed-point iteration, which where v_max <= theta_0 a tick cannot pass the
+    near end of a range of such angles, takes turns. Returns the state at its start, and how far
+    its ends are apart, 0 where it is closed.
     """
     angle, speed, integral = start
     end = run(cycle, start, 0).angle
