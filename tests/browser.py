@@ -23,6 +23,11 @@ ARGUMENTS = (
     "--host-resolver-rules=MAP * ~NOTFOUND",
 )
 
+INVALID = """Object.values(live.figures).filter(({ kind }) => kind === 'plot').map(live.plotOf)
+.flatMap(({ data, layout }) => Plotly.validate(live.coloured(data), live.coloured(layout)) ?? [])
+.map(({ msg }) => msg).filter((msg) => !/array container|not get coerced/.test(msg))"""
+"""What Plotly does not know of a page's figures, but for packed arrays and words without effect."""
+
 PATIENCE = 120.0
 """The longest that anything is waited for [s]: a browser that starts on a busy machine."""
 
@@ -74,7 +79,8 @@ class Browser:
     def read_through(self, path, **taste):
         """Open a page, look at all of its figures, which draw themselves, and answer their names.
 
-        Nothing may be wider than the screen, complain, or ask for another file.
+        Nothing may be wider than the screen, complain, or ask for another file, and every word of a
+        plot must be one of Plotly's.
         """
         self.open(path, **taste)
         figures = self.ask("Object.keys(live.figures)")
@@ -82,7 +88,7 @@ class Browser:
             self.ask(f"document.getElementById('{name}').scrollIntoView()")
             self.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
         assert self.ask("document.documentElement.scrollWidth <= innerWidth")
-        assert self.complaints == self.ask("live.errors") == []
+        assert self.complaints == self.ask("live.errors") == self.ask(INVALID) == []
         assert self.requests == [path.as_uri()]
         return figures
 

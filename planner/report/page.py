@@ -1,8 +1,7 @@
 """A page: one HTML file that needs nothing else, from a template and the values that it shows.
 
-Figures are plain dictionaries in Plotly's terms, which the page's scripts draw; nothing of Plotly's
-Python package is needed to make them. Colours are written as the page's own, ``var(--direct)``; the
-script looks them up, so that a plot is light or dark with the page.
+Figures are plain data, of which the page's scripts make Plotly's terms. Colours are written as the
+page's own, ``var(--direct)``; the script looks them up: a plot is light or dark with the page.
 """
 
 from __future__ import annotations
@@ -14,19 +13,19 @@ import math
 import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
-from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+import numpy as np
 from markupsafe import Markup
 
 from planner._version import __version__
-from planner.report.figure import Axis, Curve, Figure, Panel, around
-from planner.report.style import INK, MUTED, ROLES
+from planner.report.figure import Figure
+from planner.report.style import ROLES, Role
 from planner.report.wording import NOTHING, Row, Table, breakable, environment, signed
 
 if TYPE_CHECKING:
@@ -34,9 +33,6 @@ if TYPE_CHECKING:
 
 Written = Iterable[tuple[str, "Path | str | None"]]
 """Role and path of each file of a run; None or an empty name for none."""
-
-GAP = 34
-"""Between panels, room for a title [px]."""
 
 PARAMETERS: Mapping[str, tuple[str, str]] = {
     "v_max": ("top speed", "top speed v_max"),
@@ -105,149 +101,30 @@ class Page:
         )
 
 
+def plain(value: Any) -> Any:
+    """A description as plain data, with every role as it looks, and pairs of a mapping.
+
+    Arrays are base64 of single precision, little-endian, the fewest bytes that Plotly takes.
+    """
+    if isinstance(value, np.ndarray):
+        return base64.b64encode(value.astype("<f4").tobytes()).decode()
+    if isinstance(value, Role):
+        names = ("label", "colour", "pixels", "strokes")
+        return {name: getattr(value, name) for name in names}
+    if is_dataclass(value):
+        return {name: plain(each) for name, each in vars(value).items()}
+    if isinstance(value, Mapping):
+        return [[plain(each) for each in pair] for pair in value.items()]
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [plain(each) for each in value]
+    return value
+
+
 def plot(figure: Figure) -> dict[str, Any]:
-    """The figure as a plot, of ``data`` and ``layout``: zoom one panel along x, and all follow."""
-    heights = [150 * panel.height for panel in figure.panels]  # [px]
-    inner = top = sum(heights) + GAP * (len(heights) - 1)
-    above = 30 + (18 if figure.panels[0].title else 0)  # for the buttons
-    below = 8 if figure.x.names == {} else 46  # for the axis
-    data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
-    place: dict[str, Any]
-    start, end = figure.x_range
-    across = _axis(figure.x, standoff=8) | {"range": [start, end]}
-    if figure.over_time:
-        across |= {
-            "anchor": f"y{len(heights)}" if len(heights) > 1 else "y",
-            "minallowed": start,
-            "maxallowed": end,
-            "unifiedhovertitle": {"text": f"%{{x:.{figure.x.decimals}f}} {figure.x.unit}"},
-            "showspikes": figure.clock is None,
-            "spikemode": "across",
-            "spikesnap": "cursor",
-            "spikethickness": 1,
-            "spikedash": "solid",
-            "spikecolor": MUTED.colour,
-        }
-    if figure.clock is not None:  # the line at the moment of the moving leg; the script moves it
-        place = {"xref": "x", "yref": "paper", "x0": 0, "x1": 0, "y0": 0, "y1": 1}
-        look = {"line": {"color": INK.colour, "width": 1.2}, "layer": "above"}
-        shapes.append({"type": "line", **place, **look})
-    for number, (panel, height) in enumerate(zip(figure.panels, heights, strict=True), 1):
-        axis = "y" if number == 1 else f"y{number}"
-        domain = [round(max(top - height, 0.0) / inner, 6), round(top / inner, 6)]
-        top -= height + GAP
-        upward, ends = _axis(panel.y, standoff=6) | {"domain": domain}, panel.y.range
-        if figure.equal:
-            upward["scaleanchor"] = "x"
-            ends = around([curve.y for curve in panel.curves])
-        if panel.y.names is None:
-            upward |= {"nticks": 6, "rangemode": "tozero" if panel.y.from_zero else "normal"}
-        axes[axis.replace("y", "yaxis")] = upward if ends is None else upward | {"range": [*ends]}
-        data += [{**_trace(curve, figure, panel), "yaxis": axis} for curve in panel.curves]
-        if panel.title:
-            title = {"text": f"<b>{escape(panel.title, False)}</b>", "x": 0, "y": domain[1]}
-            corner = {"xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
-            words.append({**title, **corner, "showarrow": False})
-        words += [
-            {
-                "text": escape(each.text, False).replace("v_max", "v<sub>max</sub>"),
-                "x": each.x,
-                "y": each.y,
-                "xref": "x",
-                "yref": axis,
-                "xanchor": each.across,
-                "yanchor": each.upward,
-                "showarrow": False,
-                "font": {"color": INK.colour, "size": 12},
-            }
-            for each in panel.words
-        ]
-        for span in panel.spans:  # across the panel
-            place = {"xref": "x", "yref": f"{axis} domain", "x0": span.start, "x1": span.end}
-            place |= {"y0": 0, "y1": 1}
-            if span.along == "y":
-                place = {"xref": "paper", "yref": axis, "x0": 0, "x1": 1}
-                place |= {"y0": span.start, "y1": span.end}
-            fill = {"fillcolor": span.role.colour, "opacity": span.opacity, "line": {"width": 0}}
-            shapes.append({"type": "rect", **place, **fill, "layer": "below"})
-    layout = {
-        "xaxis": across,
-        **axes,
-        "annotations": words,
-        "shapes": shapes,
-        "hovermode": "x unified" if figure.over_time else "closest",
-        "showlegend": False,  # the page has its own, of buttons
-        "margin": {"l": 58, "r": 12, "t": above, "b": below},
-        "uirevision": "kept",
-    }
-    return {
-        "kind": "plot",
-        "data": data,
-        "layout": layout,
-        "height": inner + above + below,
-        "clock": figure.clock,
-        "views": {name: list(ends) for name, ends in figure.views.items()},
-    }
-
-
-def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
-    """A curve with its looks, and with what is written beside the pointer."""
-    colour = curve.role.colour
-    trace: dict[str, Any] = {
-        "type": "scatter",
-        "name": curve.name,
-        # in the fewest bytes that Plotly takes: single precision, little-endian
-        **{
-            axis: {
-                "dtype": "f4",
-                "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode(),
-            }
-            for axis, values in (("x", curve.x), ("y", curve.y))
-        },
-        "visible": "legendonly" if curve.hidden else True,
-        "connectgaps": False,
-    }
-    if not curve.marks:
-        line = {
-            "color": colour,
-            "width": curve.role.pixels,
-            "dash": curve.role.strokes,
-            "shape": "hv" if curve.held else "linear",
-            "simplify": False,  # which makes a polygon of a wide line
-        }
-        trace |= {"mode": "lines", "line": line}
-    else:
-        marker = {"color": colour, "opacity": curve.opacity, "line": {"color": colour, "width": 0}}
-        if curve.marks == "rings":
-            marker = {"color": "rgba(0,0,0,0)", "line": {"color": colour, "width": 1.6}}
-        trace |= {"mode": "markers", "marker": marker | {"size": 4.5 if curve.opacity < 1.0 else 7}}
-    if curve.notes:
-        trace["text"] = list(curve.notes)
-    if not curve.legend:
-        return trace | {"hoverinfo": "skip", "showlegend": False}
-    note = " · %{text}" if curve.notes else ""
-    if figure.over_time:
-        return trace | {"hovertemplate": f"%{{y:.{panel.y.decimals}f}} {panel.y.unit}{note}"}
-    axes = {
-        letter: axis for letter, axis in (("x", figure.x), ("y", panel.y)) if axis.names is None
-    }
-    each = (f"%{{{k}:.{axis.decimals}f}} {axis.unit}".rstrip() for k, axis in axes.items())
-    template = f"{', '.join(each)}{note}<extra>%{{fullData.name}}</extra>"
-    return trace | {"hovertemplate": template}
-
-
-def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
-    layout: dict[str, Any] = {
-        "gridcolor": "var(--grid)",
-        "linecolor": MUTED.colour,
-        "zeroline": False,
-        "title": {"text": escape(axis.words, False), "standoff": standoff},
-    }
-    if axis.names is not None:
-        words = [escape(name, False) for name in axis.names.values()]
-        layout |= {"tickvals": list(axis.names), "ticktext": words}
-        layout |= {"automargin": True, "showgrid": False}
-    return layout
+    """The figure as plain data, which the page's script draws."""
+    whole = replace(figure, x=replace(figure.x, range=figure.x_range))
+    shown = ("x", "panels", "over_time", "equal", "clock", "views")
+    return {"kind": "plot"} | {name: plain(getattr(whole, name)) for name in shown}
 
 
 def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:

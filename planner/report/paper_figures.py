@@ -149,7 +149,8 @@ def direct_foot_figure(planned: PlannedWalk) -> Figure:
         draw(desired, style.DESIRED),
         draw(actual, style.DIRECT),
     )
-    return Figure(name, *words_of(name), ACROSS, (Panel(UPWARD, curves, height=1.8),), equal=True)
+    upward = replace(UPWARD, range=around([curve.y for curve in curves]))
+    return Figure(name, *words_of(name), ACROSS, (Panel(upward, curves, height=1.8),), equal=True)
 
 
 def foot_paths_figure(

@@ -115,7 +115,7 @@ def figures_of(page: str) -> str:
     figures = json.loads(found[1]) if found else {}
     return "\n".join(
         f"figure {name}: "
-        + "; ".join([*map(_curve, figure.get("data") or _moving(figure)), *_around(figure)])
+        + "; ".join([*map(_curve, _curves(figure)), *_around(figure)])
         + f"; look {zlib.crc32(json.dumps(_look(figure), sort_keys=True).encode()):08x}"
         for name, figure in figures.items()
     )
@@ -124,7 +124,11 @@ def figures_of(page: str) -> str:
 def _look(of: Any) -> Any:
     """What is said of a figure but for its numbers, which processors round in their own ways."""
     if isinstance(of, dict):
-        return {name: _look(value) for name, value in of.items() if name != "bdata"}
+        return {
+            name: _look(value)
+            for name, value in of.items()
+            if name not in "xy" or isinstance(value, dict)
+        }
     if isinstance(of, list):
         return sorted({json.dumps(_look(each), sort_keys=True) for each in of})
     if isinstance(of, str):
@@ -134,31 +138,32 @@ def _look(of: Any) -> Any:
 
 def _around(figure: dict[str, Any]) -> list[str]:
     """Ranges of axes, words and shades of a figure."""
-    layout = figure.get("layout", {})
+    if figure["kind"] != "plot":
+        return []
+    panels = figure["panels"]
+    axes = {"xaxis": figure["x"]}
+    axes |= {f"yaxis{k if k > 1 else ''}": panel["y"] for k, panel in enumerate(panels, 1)}
     ranges = [
         f"{name} {' '.join(f'{end:.4g}' for end in axis['range'])}"
-        for name, axis in layout.items()
-        if name.startswith(("xaxis", "yaxis")) and axis.get("range")
+        for name, axis in axes.items()
+        if axis["range"]
     ]
-    words = [
-        each["text"] + (f" at {each['x']:.4g} {each['y']:.4g}" if each["xref"] == "x" else "")
-        for each in layout.get("annotations", [])
-    ]
-    shades = [
-        f"shade {each[f'{axis}0']:.4g} {each[f'{axis}1']:.4g}"
-        for each in layout.get("shapes", [])
-        for axis in "xy"
-        if isinstance(each.get(f"{axis}0"), float) and each.get("type") == "rect"
-    ]
-    views = [
-        f"view {name} {start:.4g} {end:.4g}"
-        for name, (start, end) in figure.get("views", {}).items()
-    ]
+    words, shades = [], []
+    for panel in panels:
+        words += [panel["title"]] if panel["title"] else []
+        words += [f"{each['text']} at {each['x']:.4g} {each['y']:.4g}" for each in panel["words"]]
+        shades += [f"shade {each['start']:.4g} {each['end']:.4g}" for each in panel["spans"]]
+    views = [f"view {name} {start:.4g} {end:.4g}" for name, (start, end) in figure["views"]]
     return [*ranges, *words, *shades, *views]
 
 
-def _moving(figure: dict[str, Any]) -> list[dict[str, object]]:
-    """What moves in a figure, as if they were curves."""
+def _curves(figure: dict[str, Any]) -> list[dict[str, object]]:
+    """The curves of a figure, and what moves in it, as if they were curves."""
+    curves = [
+        {**curve, "name": curve["label"] or curve["role"]["label"]}
+        for panel in figure.get("panels", [])
+        for curve in panel["curves"]
+    ]
     motions = [
         {"name": each["name"], "x": np.ravel(each["points"]).tolist(), "y": each["distances"]}
         for each in figure.get("motions", [])
@@ -167,11 +172,11 @@ def _moving(figure: dict[str, Any]) -> list[dict[str, object]]:
         {"name": each["name"], "y": list(chain(*(values or [] for values in each["values"])))}
         for each in figure.get("kinds", [])
     ]
-    return [*motions, *kinds]
+    return [*curves, *motions, *kinds]
 
 
 def _curve(data: dict[str, object]) -> str:
-    words = [str(data.get("name", data.get("type", "")))]
+    words = [str(data["name"])]
     for axis in ("x", "y"):
         values = numbers_of(data.get(axis))
         known = values[np.isfinite(values)]
@@ -190,9 +195,8 @@ def _curve(data: dict[str, object]) -> str:
 
 def numbers_of(given: object) -> np.ndarray:
     """Numbers of a figure, as it packs them or in a list; none where they are no numbers."""
-    if isinstance(given, dict):
-        kind = np.dtype(given["dtype"]).newbyteorder("<")
-        return np.frombuffer(base64.b64decode(given["bdata"]), kind).astype(float)
+    if isinstance(given, str):
+        return np.frombuffer(base64.b64decode(given), "<f4").astype(float)
     try:
         return np.array(given if isinstance(given, list) else [], dtype=float)
     except (TypeError, ValueError):

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from planner.report.style import ROLES
+from tests.browser import INVALID
 
 LEG, JOINTS = "figure8_foot_paths", "joints_by_method"
 
@@ -75,6 +76,7 @@ def test_every_figure_comes_to_life_and_fits_a_phone(quiet, report):
     _open(quiet, report, width=PHONE, dark=True)
     quiet.ask(SCROLL_THROUGH)
     quiet.wait_for(ALL_DRAWN)
+    assert quiet.ask(INVALID) == []
     assert quiet.ask("document.documentElement.scrollWidth") <= PHONE + BEYOND
     assert quiet.ask("document.querySelectorAll('figure.alive .canvas .main-svg').length") > 0
     assert quiet.ask("document.querySelector('h1').textContent") == "The paper’s experiment, again"

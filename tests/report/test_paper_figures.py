@@ -10,9 +10,7 @@ import pytest
 
 from planner.evaluation.reproduction import STEP_AMPLITUDES
 from planner.files.staging import list_files
-from planner.report.page import plot
 from planner.report.paper_figures import ROLES, paper_figures, virtual_figures
-from tests.report.test_figure import check_words
 
 
 @pytest.fixture(scope="module")
@@ -27,12 +25,6 @@ def figures(reproduction):
 
 def curve_of(panel, name):
     return next(curve for curve in panel.curves if curve.name == name)
-
-
-def test_plotly_takes_every_figure_of_the_paper(figures):
-    assert {name.split("_")[0] for name in figures} >= {f"figure{k}" for k in range(1, 9)}
-    for figure in figures.values():
-        check_words(plot(figure))
 
 
 def test_the_foot_of_the_moving_leg_goes_along_the_drawn_paths(figures):

@@ -26,6 +26,9 @@ const live = {
     return value;
   },
 
+  // Text as Plotly takes it, which reads markup.
+  text: (words) => words.replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;"),
+
   // The moment [s] that the moving leg shows, and everything that points at it.
   moment: 0,
   show(moment, from) {
@@ -68,6 +71,10 @@ const live = {
   // be printed before one of its plots is near the screen, and printing does not wait.
   async start() {
     const figures = Object.keys(live.figures).map((name) => document.getElementById(name));
+    for (const figure of figures) { // as high as they will be, before any is drawn
+      const description = live.figures[figure.id];
+      if (description.kind === "plot") figure.querySelector(".live").style.minHeight = `${live.roomOf(description).height}px`;
+    }
     const near = (figure) => {
       const { top, bottom } = figure.getBoundingClientRect();
       return top < innerHeight + live.MARGIN && bottom > -live.MARGIN;
