@@ -374,21 +374,9 @@ def planned(
     )
 
 
-MOVED, MOVED_SHARE = 1e-4, 0.01
-"""Allowed change of a prediction [rad], or as a share of its largest distance from the desired
-angles, when the load at the angles before is replaced by the load at its own: a fifteenth of a step
-of an encoder with 12 bits; where joints cannot follow, another round brings little."""
-
-BY_POSE, STILL_MOVES = "a load that depends on the pose", "the prediction still moves by"
-"""What does not settle, and how that shows."""
-
-ROUNDS = 50
-"""Most plans, and most simulations of one; two plans suffice where the joints can follow."""
-
-SLOW, LEAST_SHARE = 0.7, 0.125
-"""If a simulation converges by less than this factor, the next one moves half as far towards its
-answer, down to this share: on a fast path a pose that swings too far leads to a load that makes it
-swing too far the other way."""
+MOVED = 1e-4
+"""Allowed change of a prediction when the load at the angles before is replaced by the load at its
+own [rad]: a fifteenth of a step of an encoder with 12 bits."""
 
 
 def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Array) -> Plan:
@@ -404,30 +392,39 @@ def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Arra
     Torques and angles have shape (n, k).
     """
     torques, moved = _torques(load, desired), np.inf
-    for _ in range(ROUNDS):
+    for _ in range(50):
         plan = plan_under(torques)
         expected = plan.predicted
         plan, torques = _at_simulated_angles(plan, load)
         moved = float(np.max(np.abs(plan.predicted - expected)))
-        far = MOVED_SHARE * float(np.max(np.abs(plan.predicted - desired)))
+        # Where joints cannot follow, another round brings little.
+        far = 0.01 * float(np.max(np.abs(plan.predicted - desired)))
         if moved <= max(MOVED, far):
             return plan
-    raise SolverFailed(BY_POSE, f"{STILL_MOVES} {angle_text(moved)} after {ROUNDS} plans")
+    raise _unsettled(moved, "plans")
 
 
 def _at_simulated_angles(plan: Plan, load: LoadOfPose) -> tuple[Plan, Array]:
     """The plan under the load at its own simulated angles, and that load [N m], shape (n, k)."""
     angles, moved, share = plan.predicted, np.inf, 1.0
-    for _ in range(ROUNDS):
+    for _ in range(50):
         torques = _torques(load, angles)
         plan = plan.under(torques)
         before, moved = moved, float(np.max(np.abs(plan.predicted - angles)))
         if moved <= 1e-9:  # rounding [rad]
             return plan, torques
-        if moved > SLOW * before:
-            share = max(share / 2.0, LEAST_SHARE)
+        # On a fast path a pose that swings too far leads to a load that makes it swing too far the
+        # other way.
+        if moved > 0.7 * before:
+            share = max(share / 2.0, 0.125)
         angles = angles + share * (plan.predicted - angles)
-    raise SolverFailed(BY_POSE, f"{STILL_MOVES} {angle_text(moved)} after {ROUNDS} simulations")
+    raise _unsettled(moved, "simulations")
+
+
+def _unsettled(moved: float, rounds: str) -> SolverFailed:
+    """The error of a load that does not settle; two rounds suffice where joints can follow."""
+    words = f"the prediction still moves by {angle_text(moved)} after 50 {rounds}"
+    return SolverFailed("a load that depends on the pose", words)
 
 
 def _torques(load: LoadOfPose, angles: Array) -> Array:

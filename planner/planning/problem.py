@@ -32,20 +32,6 @@ from planner.planning.gauss_newton import (
 from planner.planning.task import Task
 from planner.trajectory import Array
 
-RIDGE = 1e-4
-"""Curvature added to that of a foot's squared errors, where a joint that does not move the foot has
-none [-]; errors are in radians of a typical joint."""
-
-CENTRING = 0.1
-"""Where a joint has a dead band: weight of the distance of a request from its middle, beside a
-second difference [-]. A request returns to the middle within some four periods; with half the
-weight within six, at twice the weight within three, with steps that are larger by a fifth."""
-
-NEARNESS = 0.3
-"""The same weight of the distance of a request from that near which it should stay [-]: with a
-third of it a saturated servo follows once in nine series of trials what its model does not show;
-three times it makes the second trial of a servo in three worse."""
-
 LEAST_FOOT_MOTION = 1e-9
 """Movement of the foot per radian that is rounding, relative to the last link's length."""
 
@@ -125,12 +111,18 @@ class Problem(Task):
         first, bounds = self.first_requests, np.empty((4, *self.desired.shape))
         bounds[LOWER], bounds[UPPER], bounds[LARGEST_CHANGE] = self.lower, self.upper, self.max_step
         bounds[FIRST] = np.clip(0.0 if first is None else first, bounds[LOWER], bounds[UPPER])
-        centring, near = NEARNESS, np.array(self.near)
+        # Weight of the distance of a request from that near which it should stay, beside a second
+        # difference. With a third of it a saturated servo follows once in nine series of trials
+        # what its model does not show; three times it makes the second trial of a servo in three
+        # worse.
+        centring, near = 0.3, np.array(self.near)
         if self.near is None:
             near = np.array(
                 rest_requests(self.nominal, self.desired, self.load_of_drives[: len(self.names)])
             )
-            centring = CENTRING if any(map(attrgetter("dead_band"), self.drives)) else 0.0
+            # From the middle of a dead band: a request returns there within some four periods; with
+            # half the weight within six, at twice the weight within three, with larger steps.
+            centring = 0.1 if any(map(attrgetter("dead_band"), self.drives)) else 0.0
         goal, samples = np.array(self.desired), np.arange(len(self.desired))[:, np.newaxis]
         each, bending = np.empty((2, len(samples), 3))
         each[:], bending[:] = (1.0, 0.0, 0.0), (1.0, -2.0, 1.0)
@@ -145,7 +137,7 @@ class Problem(Task):
             largest=self.norm == "max",
             worst=self.robust == "worst",
             limited=bool(np.isfinite(self.max_step).any()),
-            ridge=RIDGE if self.goal == "foot" else 0.0,
+            ridge=1e-4 if self.goal == "foot" else 0.0,
             drives=np.array(drives, dtype=np.float64),
             weights=self.acting.weights,
             acting=self.acting.numbers(len(self.desired), cyclic=self.cyclic),

@@ -158,17 +158,6 @@ def solve_joint(
     return for_all_models(task, problem, requests, NARROW)
 
 
-FAR = 1.03
-"""Ratio of the error to that of the ideal from which on further searches follow. At 1.015 nothing
-is gained, at 1.06 up to 0.4 % lost."""
-
-GAIN = 2e-3
-"""Least relative gain for the answer of a wide search to be chosen, as its requests change more:
-without it the sum of squared second differences is 3 % larger."""
-
-NEGLIGIBLE = 5e-4
-"""Error up to which no further searches follow [theta_0]."""
-
 COMPARED = 16
 """Samples that the ideal reaches below the top speeds up to which the search also starts from the
 closed forms, as only the times of changes between lines are free. Without it a closed form is
@@ -201,7 +190,9 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
     (model,), error = problem.drives, itemgetter(1)
     from_start = partial(minimise, problem, angles=ideal, stages=NARROW)
     starts, best = [requests], from_start(requests)
-    near = FAR * problem.errors_of_models(ideal)[0]
+    # With a smaller multiple of the ideal's error nothing is gained, with a larger one up to 0.4 %
+    # is lost.
+    near = 1.03 * problem.errors_of_models(ideal)[0]
     limited = math.isfinite(model.max_acceleration) and best[1] > near + ENCODER_STEP
     if limited:  # share of the time that the ideal's changes of speed take at the limit
         padded = np.pad(ideal[:, 0], 1, mode="wrap" if problem.cyclic else "edge")
@@ -212,7 +203,7 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
         best = min(best, from_start(starts[1]), key=error)
     if problem.norm == "max" and best[1] > near:
         best = min(best, from_start(requests, through_rms=True), key=error)
-    if best[1] > near + NEGLIGIBLE * model.theta_0:
+    if best[1] > near + 5e-4 * model.theta_0:  # an error that matters
         count = len(problem.desired)
         if count <= 2 * problem.acting.oldest or model.v_max_per_tick > model.theta_0:
             later = np.arange(count) + round(model.switching_time / model.period)
@@ -221,7 +212,8 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
             best = min(best, *map(from_start, further), key=error)
             starts += further
         other = min(map(partial(from_start, stages=WIDE), starts), key=error)
-        if other[1] < (1.0 - GAIN) * best[1]:
+        # Its requests change more: taken for any gain, squared second differences are 3 % larger.
+        if other[1] < 0.998 * best[1]:
             best = other
     answer, least = best
     if LOGGER.isEnabledFor(logging.DEBUG):
@@ -275,11 +267,6 @@ def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
     return Search(np.array(requests, order="C"), states, np.zeros_like(states), active, np.zeros(1))
 
 
-BEGINNING = 20.0
-"""Length of the beginning of a path, relative to a joint's settling time [-]: the first request has
-no effect after a few of these."""
-
-
 def first_request_freed(
     problem: Problem, requests: Array, solver: Solver
 ) -> tuple[Problem, Array, Motion | None]:
@@ -302,7 +289,8 @@ def first_request_freed(
     assert middle is not None, "from rest a first request holds the joint"
     within = 1.0 - 1e-9  # rounding must not move the joint
     firsts = [middle + edge * model.dead_band for edge in (-within, within)]
-    count = math.ceil(BEGINNING * (problem.acting.oldest + problem.settling))
+    # After a few times that in which a joint settles the first request has no effect.
+    count = math.ceil(20.0 * (problem.acting.oldest + problem.settling))
     if len(problem.desired) > 2 * count:
         load = None if problem.load is None else problem.load[:count]
         beginning = replace(problem, desired=problem.desired[:count], load=load)
@@ -322,16 +310,6 @@ def first_request_freed(
     return freed, best.requests, None
 
 
-HARDLY = 1.25
-"""Ratio of the errors up to which the best requests are hardly better than those near executed
-ones. At 1.05 four of nine series of trials of servos with an integral term go astray."""
-
-ROUGHER = 3.0
-"""Ratio of the sums of squared second differences beyond which the best requests are smoother: of
-a joint far beyond its top speed requests near the executed ones may have a hundred times theirs,
-of six servos within their speeds at most 2.1 times."""
-
-
 def nearer(problem: Problem, requests: Array, executed: Array) -> Array:
     """Requests near executed ones, where the best ones are far away and hardly better.
 
@@ -346,8 +324,11 @@ def nearer(problem: Problem, requests: Array, executed: Array) -> Array:
         return requests
     nearby = replace(problem, near=start)
     answer = smoothed(nearby, minimise(nearby, start, angles, NEAR)[0])
-    worse = problem.exact_error(answer) > HARDLY * best
-    rougher = problem.roughness(answer) > ROUGHER * problem.roughness(requests)
+    # At 1.05 four of nine series of trials of servos with an integral term go astray. Near the
+    # executed requests squared second differences may be a hundred times those of the best ones for
+    # a joint far beyond its top speed; for six servos within their speeds they are 2.1 times.
+    worse = problem.exact_error(answer) > 1.25 * best
+    rougher = problem.roughness(answer) > 3.0 * problem.roughness(requests)
     return requests if worse or rougher else answer
 
 
@@ -414,26 +395,6 @@ def holding(problem: Problem, held: Mask, place: Array) -> Problem:
     return replace(problem, lower=lower, upper=upper)
 
 
-ROBUST_RADIUS = 0.2
-"""Corners of the first stage for several models [theta_0]: the plan for the nominal one is near.
-Over 19 joints and 5 feet, half: their errors fall by 1 % less; 0.5: as good."""
-
-ROBUST_SMOOTHING = 1e-2
-"""Weight of the squared second differences beside the squared errors of several models [-].
-Requests that switch between the top speeds, or cross dead bands of different widths, depend less on
-a joint's gain: on an underdamped servo with friction a tenth of it has errors over the models up to
-3 % smaller, for up to 1.4 times the travel; ten times has them up to 10 % larger."""
-
-ROBUST_FOOT_SMOOTHING = 0.1
-"""The same of a foot, unless the smoothness is 0. Over four sets of models of the reference walk
-squared second differences are a quarter of those with a tenth of it, errors 0.3 to 1.2 % larger;
-with three times it they fall by half again, for up to 1.8 %."""
-
-ROUNDS = 6
-"""How often the weights follow the errors for the worst model. (Five: its error changes by up to
-1 %, eight: as good.)"""
-
-
 def for_all_models(
     task: Task, nominal: Problem, requests: Array, search: Sequence[Stage]
 ) -> tuple[Array, Array | None]:
@@ -449,9 +410,14 @@ def for_all_models(
     scenarios = task.scenarios
     if len(scenarios) == 1:
         return requests, None
-    small = [stage for stage in search if stage.radius <= ROBUST_RADIUS]
+    small = [stage for stage in search if stage.radius <= 0.2]  # the nominal plan is near
+    # Requests that switch between the top speeds, or cross dead bands of different widths, depend
+    # less on a joint's gain. On an underdamped servo with friction errors over the models are up to
+    # 3 % smaller with a tenth of this, for up to 1.4 times the travel, up to 10 % larger with ten
+    # times of it. Of a foot squared second differences are a quarter of those with the same weight,
+    # errors 0.3 to 1.2 % larger.
     of_foot = nominal.goal == "foot" and nominal.smoothness > 0.0
-    weight = ROBUST_FOOT_SMOOTHING if of_foot else ROBUST_SMOOTHING
+    weight = 0.1 if of_foot else 1e-2
     stages = [stage._replace(weight=weight, smoothing=True) for stage in small]
     problem = replace(
         nominal,
@@ -466,7 +432,7 @@ def for_all_models(
         angles = np.tile(nominal.desired, len(scenarios))
     best, least = minimise(problem, requests, angles, stages)
     latest, answer = best, problem
-    for _ in range(ROUNDS if problem.robust == "worst" else 0):
+    for _ in range(6 if problem.robust == "worst" else 0):  # five: up to 1 % more, eight: as good
         angles = problem.exact_angles(latest)
         weights = problem.shares * problem.errors_of_models(angles)[1][:-1]
         if not 0.0 < np.sum(weights) < math.inf:
@@ -563,16 +529,6 @@ class Allowance(NamedTuple):
         return (motion.error - error) / room
 
 
-HEAVIEST = 50.0
-"""Largest weight of the second differences beside the errors, times ``smoothness``, where an
-encoder would not show the error [-]: requests that are smooth already are not flattened."""
-
-MEAN = 20.0
-"""Where the largest error counts: relative rise of the root mean square beside ``smoothness`` [-].
-Without a limit a joint could rest if it must miss one sample anyway. With 1 requests for the
-largest errors of the reference walk are two to four times as rough."""
-
-
 def smoothed(
     problem: Problem,  # the goal, and the limits
     requests: Array,  # a good plan [rad], shape (n, J)
@@ -594,13 +550,15 @@ def smoothed(
     starts = [given, *filter(partial(allowed, problem, best=best), motions)]
     mean = math.inf
     if problem.norm == "max":
-        mean = (1.0 + MEAN * smoothness) * math.hypot(given.mean, given.model_error)
+        # Without this limit a joint could rest if it must miss one sample anyway. With a twentieth
+        # of it requests of the reference walk are two to four times as rough.
+        mean = (1.0 + 20.0 * smoothness) * math.hypot(given.mean, given.model_error)
         mean = max(math.sqrt(max(mean**2 - given.model_error**2, 0.0)), best.negligible)
     relative = Allowance(
         shown=(1.0 + smoothness) * best.shown, growth=1.0 + smoothness, at_most=at_most, mean=mean
     )
     absolute = Allowance(
-        heaviest=HEAVIEST * smoothness,
+        heaviest=50.0 * smoothness,  # requests that are smooth already are not flattened
         at_most=min(best.unseen, at_most),
         mean=max(mean, best.unseen),
     )
@@ -613,18 +571,6 @@ def smoothed(
     answer = min(answers, key=problem.roughness)
     return resting_at_rests(problem, answer, given.error, (relative, absolute))
 
-
-# Half and twice each of these, up to LARGE_GAIN, change the sum of squared second differences by at
-# most 11 % in the mean, and the number of steps by 21 %, over the smoothing of 86 plans.
-GROWTH = 3.0  # of the factor c of the weight, at most, after a step within the allowed error
-REDUCTION = 0.5  # of the weight, at most, after a step beyond it
-UNCHANGED = 0.1  # change of the second differences after which no step follows if ...
-SETTLED = 0.5  # ... this share of the allowed rise is used
-ENOUGH = 0.9  # share at which steps aim, and from which on an answer is kept after no large gain
-LARGE_GAIN = 0.5  # ratio of second differences after a step to those before it
-
-STRAIGHT = 1e-24
-"""Sum of squared second differences up to which requests count as straight [rad^2]."""
 
 RADII = *(0.04,) * 2, *(0.015,) * 16
 """Radius of the corners in each step of the smoothing [theta_0]."""
@@ -654,12 +600,13 @@ def smoother(
     which it sets out, with a factor c that grows while the exact error is allowed. Where it is not,
     c is such that the weight itself falls. ``error`` is that of the best plan. Where the largest
     error counts, J has the sum of squares as well, so weighted that with ``kept`` = 1 the smoothing
-    costs about as much of it as the root mean square may rise.
+    costs about as much of it as the root mean square may rise. Half and twice each number of the
+    loop change the sum of squared second differences by at most 11 % in the mean over 86 plans.
     """
     power = LARGEST[-1].power if problem.norm == "max" else 2.0
-    best, least = start.requests, problem.roughness(start.requests)
+    best, least, straight = start.requests, problem.roughness(start.requests), 1e-24  # [rad^2]
     most, factor, motion, squares = allowance.error(start), 1.0, start, 0.0
-    if least <= STRAIGHT or most <= error:
+    if least <= straight or most <= error:
         return best
     search, now, cost = search_from(problem, start.requests, start.angles), least, 0.0
     spec, pattern = problem.spec, pattern_of(problem.spec, smoothing=True)
@@ -674,7 +621,7 @@ def smoother(
         rise = len(best) * (most**2 - error**2)  # of the cost, if all errors grow in proportion
         if power != 2.0:
             rise = error**2 * cost * (share**power - 1.0)
-        if before <= STRAIGHT or rise <= 0.0 or most <= error:
+        if before <= straight or rise <= 0.0 or most <= error:
             break
         weight = min(factor * rise / before, allowance.heaviest * share ** (power - 2.0))
         if power != 2.0:
@@ -694,22 +641,17 @@ def smoother(
                 shown=min(allowance.shown, allowance.growth * motion.shown)
             )
             most, used = allowance.error(motion), allowance.share_used(motion, error)
-            if used > ENOUGH and now > LARGE_GAIN * before:
+            if used > 0.9 and now > 0.5 * before:
                 break
-            factor *= max(used, GROWTH**-2.0) ** -0.5
+            factor *= max(used, 1.0 / 9.0) ** -0.5
         else:
-            factor *= max(ENOUGH / used, REDUCTION) * now / before
-        if SETTLED < used <= 1.0 and abs(now / before - 1.0) < UNCHANGED:
+            factor *= max(0.9 / used, 0.5) * now / before
+        if 0.5 < used <= 1.0 and abs(now / before - 1.0) < 0.1:
             break
     if LOGGER.isEnabledFor(logging.DEBUG):
         LOGGER.debug("smoothing: second differences %s", angle_text(math.sqrt(least)))
     return best
 
-
-ROUGHER_AT_RESTS = 2.0
-"""How much larger the sum of squared second differences may be with requests held at rests [-]. Of
-155 paths with rests, 1.2 leaves requests of 32 shaking and 2 those of 23; without a limit they step
-up to three times as far beside some rests."""
 
 SHAKING = 8.0
 """Least excess of changes of direction over the path's with which requests shake a joint [1/s]. Of
@@ -730,7 +672,9 @@ def resting_at_rests(
         resting = shaking_rests(problem, requests, margin)
         if resting is None:
             break
-        most = ROUGHER_AT_RESTS * problem.roughness(requests)
+        # Of 155 paths with rests, at 1.2 requests of 32 shake, at 2 those of 23; without a limit
+        # they step up to three times as far beside some rests.
+        most = 2.0 * problem.roughness(requests)
         held = holding(problem, resting[:, np.newaxis], problem.resting)
         angles = problem.exact_angles(requests)
         best, _ = minimise(held, held.admissible(requests), angles, SHARP)

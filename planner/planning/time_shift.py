@@ -17,33 +17,15 @@ from planner.planning.plan import Inversion, Plan
 from planner.planning.task import Norm, Task
 from planner.trajectory import Array, rms
 
-LONGEST_LEAD = 1.0
-"""Longest time shift [s]. Servos lag by 20 to 400 ms."""
-
 USUAL = 2.0
 """All leads of up to this many delays of the joint are tried. (With the first rise as the end, 5 of
 80 random joints miss the best lead, and 17 % of the error at worst.)"""
 
-WORSE_LEADS = 3
-"""Longer leads, one period apart, that may be worse than the best one before the search stops."""
-
-WORTH_REFINING = 0.5
-"""Share of the best shift's error to expect above which requests are better refined."""
-
 CLEARLY = 0.98
 """Share of the error of a plan below which a shift is the better one."""
 
-FAR_BEYOND = 2.0
-"""Factor over the tested acceleration above which a model without a limit may lack one. (Of
-simulated joints whose limit of 15 or 30 rad/s^2 the model lacks, plans of pick and place had 6 to 9
-times the shift's error; of three other servos, beyond their logs, 0.5 to 1.03 times.)"""
-
-LITTLE_MOTION = 10.0
-"""Joints that move by no more than so many expected errors count as at rest."""
-
-STEPS = (0.25, 0.05)
-"""Steps between leads about the best one, four to either side [periods]: the last step is the
-accuracy of the answer."""
+WORSE_LEADS = 3
+"""Longer leads, one period apart, that may be worse than the best one before the search stops."""
 
 
 def invert_shift(
@@ -146,7 +128,10 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
         accelerates = "acceleration" in expected.untested
         if accelerates and limit is None:
             size = rms(np.diff(plan.predicted[:, j], 2)) / period**2
-            accelerates = size > FAR_BEYOND * model.evidence.by_acceleration[-1][0]
+            # Of simulated joints whose limit of 15 or 30 rad/s^2 the model lacks, plans of pick and
+            # place had 6 to 9 times the shift's error; of three other servos, beyond their logs,
+            # 0.5 to 1.03 times.
+            accelerates = size > 2.0 * model.evidence.by_acceleration[-1][0]
         if accelerates and (limit is None or limit[0] <= 0.0):
             return f"{joint} accelerates more than in its logs, which do not show its limit"
         if "speed" in expected.untested and model.evidence.leaves_top_speed_open:
@@ -170,8 +155,8 @@ def refining_recommended(plan: Plan, shift: Plan) -> str:
     names = []
     for j, name in enumerate(() if has_refused(plan) else plan.names):
         error, own = plan.expected[j].error, rms(plan.errors[:, j])
-        moves = np.ptp(plan.desired[:, j]) > LITTLE_MOTION * error
-        least = max(2.0 * own, ENCODER_STEP, WORTH_REFINING * shift.expected[j].error)
+        moves = np.ptp(plan.desired[:, j]) > 10.0 * error  # else the joint counts as at rest
+        least = max(2.0 * own, ENCODER_STEP, 0.5 * shift.expected[j].error)
         if moves and error > least:
             names.append(name)
     if not names:
@@ -207,7 +192,7 @@ def best_lead(joint: Task) -> float:
 
     model = joint.nominal[0]
     delay = (model.switching_time + model.theta_0 / model.v_max) / joint.period
-    most = int(min(LONGEST_LEAD / joint.period, len(joint.desired) - 1))
+    most = int(min(1.0 / joint.period, len(joint.desired) - 1))  # servos lag by up to 0.4 s
     best, least = 0.0, error(0.0)
     for lead in map(float, range(1, most + 1)):
         trial_error = error(lead)
@@ -215,7 +200,7 @@ def best_lead(joint: Task) -> float:
             best, least = lead, trial_error
         elif lead > max(best, USUAL * delay) + WORSE_LEADS:
             break
-    for step in STEPS:
+    for step in (0.25, 0.05):  # [periods]: the last one is the accuracy of the answer
         nearby = (min(max(best + step * k, 0.0), float(most)) for k in range(-4, 5))
         best = min(nearby, key=error)
     return best

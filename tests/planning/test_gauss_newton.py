@@ -99,7 +99,7 @@ def step_at(problem, stage, point, damping=DAMPING):
     found, predicted = set_step(problem.spec, stage, pattern, point, search, step)
     if not found:
         assert damping < MOST_DAMPING
-        return step_at(problem, stage, point, gauss_newton.FACTOR * damping)
+        return step_at(problem, stage, point, 3.0 * damping)
     return step[: point.requests.size + point.states.size], predicted, damping
 
 
