@@ -24,8 +24,8 @@ Levels = list[Indices]
 PROVED = 1e-6  # relative gap between the squared error and its lower bound that ends the search
 
 MOST_SAMPLES = 400
-"""Samples up to which the optimum is proved: memory grows with their square, of a cycle their cube
-at the first bound."""
+"""Samples up to which the optimum is proved: memory and time grow with their square, of a cycle
+their cube at the first bound."""
 
 MOST_BRANCHES = 4_000  # halves that are looked at before the search gives up
 
@@ -33,11 +33,8 @@ MOST_BRANCHES = 4_000  # halves that are looked at before the search gives up
 def proved_best(problem: Problem, start: Candidate) -> Candidate:
     """The curve of least squared error with as many segments as ``start`` and knots on samples.
 
-    Branch and bound: places of knots through which every chain of :class:`Relaxation` costs more
-    than the best curve known are struck out; the rest is halved. Required knots lie on samples. The
-    squared error exceeds the least possible by no more than :data:`PROVED` of it.
-
-    Raises SolverFailed without a proof within :data:`MOST_BRANCHES` halvings.
+    Required knots lie on samples. The squared error exceeds the least possible by no more than
+    :data:`PROVED` of it. Raises SolverFailed without a proof within :data:`MOST_BRANCHES` halvings.
     """
     n, knots = problem.samples, np.floor(start.knots + 0.5)
     knots = np.sort(np.mod(knots, n)) if problem.cyclic else knots
@@ -48,7 +45,13 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
     if not problem.cyclic:
         levels[0], levels[-1] = np.array([0]), np.array([n - 1])
     number = 0
-    queue = [(-math.inf, number, levels, first_multipliers(problem, search.best))]
+    # Multipliers that make the curve the cheapest chain with its own knots: of an optimal segment,
+    # twice the sum of its residuals is the multiplier at its start less that at its end.
+    residual = residuals(problem, search.best.knots, search.best.values)
+    along = np.cumsum(residual) - 0.5 * residual
+    along -= np.mean(along) if problem.cyclic else along * np.isin(np.arange(n), [0, n - 1])
+    first = np.tile(-2.0 * along, (2, knots.size, 1))
+    queue = [(-math.inf, number, levels, first)]
     while queue and queue[0][0] < search.enough:
         _, order, levels, multipliers = heapq.heappop(queue)
         tightened = search.tightened(levels, multipliers, 18 if order else 60)
@@ -107,10 +110,9 @@ class Relaxation:
         span = (end - start).astype(np.float64)
         w2 = w2 - start * (2.0 * w1 - start * span)
         w1, d1 = w1 - start * span, d1 - start * d0
-        first, last = np.full(count, 0.5), np.full(count, 0.5)
+        first, last = np.full((count, 1), 0.5), np.full((1, count), 0.5)
         if not problem.cyclic:
-            first[0], last[-1] = 1.0, 0.0
-        first, last = first[:, None], last[None, :]
+            first[0], last[0, -1] = 1.0, 0.0
         nodes = nearest_samples(problem.required) % n
         possible = span >= 1.0
         for place in np.append(nodes, nodes + n):  # no required knot inside
@@ -141,7 +143,7 @@ class Relaxation:
         """A bound, fewer places and better multipliers; None if they hold nothing better."""
         trial = best = multipliers
         highest, pace, stalled = -math.inf, 1.0, 0
-        for step in range(steps):
+        for _ in range(steps):
             bound, chain, through = self.bound(levels, trial)
             if not math.isfinite(bound):
                 return None
@@ -158,19 +160,17 @@ class Relaxation:
                 pace, stalled = 0.5 * pace, 0
             pairs = zip(levels, through, strict=True)
             levels = [level[cost < self.enough] for level, cost in pairs]
-            # Polyak's step upwards, which the neighbours of each knot share.
             slopes = self.differences(chain, trial)
             square = float(np.sum(slopes**2))
             if pace < 0.05 or square < 1e-20:  # the segments meet: as high as can be
                 break
-            width = 1 + int(6 / (1.0 + step / 6.0))  # [samples]
-            near = np.where(np.isfinite(self.pins[chain]), 1, width)[:, np.newaxis]
+            # Polyak's step upwards, which the neighbours of each knot share.
+            near = np.where(np.isfinite(self.pins[chain]), 1, 3)[:, np.newaxis]
             away = np.abs(np.arange(self.pins.size) - np.array(chain)[:, np.newaxis])
             if self.problem.cyclic:
                 away = np.minimum(away, self.pins.size - away)
-            share = np.maximum(0.0, 1.0 - away / near)
             reach = 2.0 * pace * (self.best.error - bound) / square
-            trial = trial + reach * slopes[:, :, np.newaxis] * share
+            trial = trial + reach * slopes[:, :, np.newaxis] * np.maximum(0.0, 1.0 - away / near)
         return highest, levels, best
 
     def lines(self, i: Indices, j: Indices, pi_i: Array, pi_j: Array) -> tuple[Array, Array, Array]:
@@ -188,10 +188,7 @@ class Relaxation:
         return error, start, start + slope * self.length[i, j]
 
     def bound(self, levels: Levels, multipliers: Array) -> tuple[float, list[int], list[Array]]:
-        """The cheapest chain with one knot of every level; O(levels · places²), of a cycle ³.
-
-        Returns its cost, its knots, and the cost of the cheapest chain through each place.
-        """
+        """Cost and knots of the cheapest chain, and costs of the cheapest through each place."""
         into, out = multipliers
         last, pin = len(levels) - 1, np.nan_to_num(self.pins)
         tables = []
@@ -244,18 +241,3 @@ class Relaxation:
             by_out[0] *= pinned[0]
             by_into[-1] *= pinned[-1]
         return np.stack([by_into, by_out])
-
-
-def first_multipliers(problem: Problem, curve: Candidate) -> Array:
-    """The multipliers that make ``curve`` the cheapest chain with its own knots.
-
-    A segment is optimal if twice the sum of its residuals, P - d, equals the multiplier at its
-    start less that at its end. This leaves the mean of a cycle's open, which is put to zero.
-    """
-    residual = residuals(problem, curve.knots, curve.values)
-    along = -2.0 * (np.cumsum(residual) - 0.5 * residual)
-    if problem.cyclic:
-        along -= np.mean(along)
-    else:
-        along[[0, -1]] = 0.0
-    return np.tile(along, (2, curve.knots.size, 1))
