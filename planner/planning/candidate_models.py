@@ -22,9 +22,6 @@ QUANTILE = 1.96
 DELAYS = {"lag": 1.0, "acceleration_time": 0.5, "time_constant": 1.0}
 """Share of each part of the switching time, l + a/2 + T."""
 
-MOST_REJECTED = 100
-"""Most draws per model: with five parameters near 0 one draw in 32 has no negative parameter."""
-
 
 def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tuple[JointModel, ...]:
     """The model, and pairs of further models within its intervals.
@@ -81,7 +78,7 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
         draw, draws = root @ rng.standard_normal(len(names)), draws + 1
         for move in map(moves_of, (draw, -draw) if np.all(np.abs(draw) < QUANTILE) else ()):
             below = ends_at_zero & (values + move < 0.0)
-            if draws > MOST_REJECTED * count:  # hardly any draw is above 0
+            if draws > 100 * count:  # hardly any draw is above 0; of five parameters one in 32
                 move = np.where(below, -values, move)
             elif np.any(below):
                 continue

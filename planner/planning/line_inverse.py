@@ -22,18 +22,9 @@ RULES: tuple[Rule, ...] = ("paper", "exact")
 AT_TOP_SPEED = 1e-12
 """A slope this close to v_max, relative to it, counts as v_max."""
 
-SPEED_TOLERANCE = 1e-15
-"""The exact rule is solved when the speed agrees with the slope to this, relative to v_max."""
-
-TABLE = 513
-"""Slopes from 0 to v_max at which C_m is tabulated."""
-
 LEAST_SHARE = 0.05
 """Least top speed with gravity for an inverse [v_max]: below it the joint hardly moves in that
 direction, and no request makes it follow the line."""
-
-CREEPING = 1e-9
-"""Slope from which on the table counts a joint with a dead band as moving [of its top speed]."""
 
 
 def line_offset(
@@ -202,9 +193,9 @@ def advanced(values: Array, ahead: float, *, cyclic: bool) -> Array:
 @lru_cache(maxsize=32)
 def offset_table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
     """Slopes [rad/s], dense towards top speed where C_m is steepest, and their offsets [rad]."""
-    shares = 1.0 - np.linspace(1.0, 0.0, TABLE) ** 2
+    shares = 1.0 - np.linspace(1.0, 0.0, 513) ** 2
     if model.steady.dead_band:  # C_m jumps at 0
-        shares = np.insert(shares, 1, CREEPING)
+        shares = np.insert(shares, 1, 1e-9)
     low, high = model.speed_limits()
     slopes = np.concatenate([float(low) * shares[:0:-1], float(high) * shares])
     return slopes, offsets_of(model, slopes, rule=rule)
@@ -282,7 +273,7 @@ def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
         middle = low + np.clip(share, 0.0, 1.0) * (high - low)
         moved = moved_by(middle)
         solution = np.where(open_, middle, solution)
-        open_ &= np.abs(moved - target) > SPEED_TOLERANCE * model.v_max_per_tick * model.hold
+        open_ &= np.abs(moved - target) > 1e-15 * model.v_max_per_tick * model.hold
         open_ &= high - low > 0.0
         below = moved < target
         low, moved_low = np.where(below, middle, low), np.where(below, moved, moved_low)

@@ -26,11 +26,6 @@ from planner.trajectory import Array, Mask
 LEAST_SPREAD = 1e-12
 """Sum of squares about the mean below which a stretch does not move [rad^2]."""
 
-MEMORY = 1.0
-"""Time constant with which tests of continuations are forgotten [cycles]. Errors over walks whose
-speed changes are 6.0 % above those of whole plans, with half of it 7.9 %, with twice of it 5.9 %;
-over random walks 2.7, 3.2 and 3.1 % above those of streams without a cycle."""
-
 VARIES = 0.25
 """Share of a cycle by which the last one may have been shorter or longer [-]. Over walks whose
 speed changes errors are 6.0 % above those of whole plans, with half of it 9.1 %, with twice of it
@@ -71,7 +66,10 @@ def continue_path(path: Repeating, stretch: Array, bad: Mask, periods: int, weig
     rows, errors, preview, ahead = path.rows, path.errors, path.preview, path.ahead
     count, longest = len(stretch), rows.shape[1] - preview
     # Let time pass, and compare the rows of the preview with those expected earlier
-    kept = math.exp(-periods / (MEMORY * path.cycle))
+    # Over walks whose speed changes errors are 6.0 % above those of whole plans, with half of this
+    # time constant, a cycle, 7.9 %, with twice of it 5.9 %; over random walks 2.7, 3.2 and 3.1 %
+    # above those of streams without a cycle.
+    kept = math.exp(-periods / path.cycle)
     errors[0], errors[1] = kept * errors[0], kept * errors[1]
     move_on(path.counts, periods)
     for j in range(count):

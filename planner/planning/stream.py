@@ -27,33 +27,11 @@ OnBad = Literal["hold", "raise"]
 
 Status = Literal["planned", "unreachable", "held"]
 
-NEAR, FAR = 0.02, 0.5
-"""Radius of the corners at the first and the last sample [theta_0]."""
-
-SMOOTHING = 1e-3
-"""Weight of the squared changes of the requests, relative to that of the errors."""
-
-CROSSING = 0.03
-"""Added to it for each theta_0 of dead band: requests jump by two dead bands to turn back. With a
-fifth of it they travel ten times as far along a held angle with noise."""
-
-OBSERVER_TIME = 0.07
-"""Time constant with which the predicted angle approaches the measured one [s]. On servos that are
-not the model a shorter one lowers the error, but at 0.02 the requests begin to oscillate."""
-
-HORIZON = 0.5
-"""Planning horizon where the path repeats [s]. Over the benchmark's walks errors are
-1.4 % above those of whole plans, with half of it 4.1 %, with twice of it 2.2 %, and over walks
-whose speed changes 6.0, 12.0, 7.3 %. Ticks take longer, too."""
-
 STATUS: tuple[Status, ...] = ("planned", "held", "held", "unreachable", "planned")
 """Status of a joint with each of the faults of a tick."""
 
 MOST_PREVIEW = 1000
 """Longest preview [rows]: the time of a tick grows with it."""
-
-SAME_PERIOD = 1e-3
-"""Largest relative difference of two periods that count as equal: logs of one robot differ so."""
 
 
 class Stream(Summarised):
@@ -171,7 +149,9 @@ class Stream(Summarised):
 
         models, count, preview = self.models, len(self.models), self.preview
         acting = acting_requests(*models)
-        ahead = 0 if self.cycle is None else round(HORIZON / self.period) - preview
+        # Over the benchmark's walks errors are 1.4 % above those of whole plans, with half of this
+        # horizon 4.1 %, with twice of it 2.2 %; over walks whose speed changes 6.0, 12.0, 7.3 %.
+        ahead = 0 if self.cycle is None else round(0.5 / self.period) - preview
         self._path = repeating_path(count, preview, self.cycle or 2, ahead=ahead)
         samples = max(preview + self._path.ahead - acting.youngest, acting.width)
         joints = np.zeros(count, dtype=tick.JOINT)
@@ -184,19 +164,23 @@ class Stream(Summarised):
         joints["v_max"] = [model.v_max_per_tick for model in models]
         joints["travel"] = [model.v_max * model.period for model in models]
         joints["lower"], joints["upper"], joints["max_step"] = *self._limits, self._max_step
-        joints["smoothing"] = SMOOTHING + CROSSING * joints["dead_band"] / joints["theta_0"]
+        # To turn back, requests jump by two dead bands. With a fifth of this share they travel ten
+        # times as far along a held angle with noise.
+        joints["smoothing"] = 1e-3 + 0.03 * joints["dead_band"] / joints["theta_0"]
         effects = np.array([model.switching_time for model in models]) / self.period
         joints["effect"] = effects - acting.youngest
-        joints["observer"] = 1.0 - math.exp(-self.period / OBSERVER_TIME)
+        # On servos that are not the model a shorter time constant of the correction lowers the
+        # error, but at 20 ms requests begin to oscillate.
+        joints["observer"] = 1.0 - math.exp(-self.period / 0.07)
         states = np.zeros(count, dtype=tick.STATE)
         states["angle"] = states["read"] = states["believed"] = math.nan
-        states["damping"] = tick.LEAST_DAMPING
+        states["damping"] = 3e-4
         self._data = tick.Data(
             joints=joints,
             laws=np.array([model.law for model in models]),
             states=states,
             weights=acting.weights,
-            radii=np.geomspace(NEAR, FAR, samples),
+            radii=np.geomspace(0.02, 0.5, samples),
             sent=np.zeros((count, acting.oldest)),
             plan=np.zeros((count, samples)),
             desired=np.zeros((preview, count)),
@@ -402,7 +386,7 @@ def _models_by_name(
             f"models: got {shown(models)}, expected a JointModel, several, or a dict by joint"
         )
     periods = [model.period for model in joints]
-    if max(periods) > (1.0 + SAME_PERIOD) * min(periods):
+    if max(periods) > 1.001 * min(periods):  # logs of one robot differ a little
         raise InvalidInput(
             f"models: their periods are from {min(periods):g} to {max(periods):g} s, expected one "
             "period: JointModel.requested_every gives a model another one"

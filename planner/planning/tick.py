@@ -45,16 +45,6 @@ from planner.planning.repeating_path import Repeating, continue_path
 from planner.planning.task import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.trajectory import LARGEST, TURN, Array
 
-STEPS, FIRST_STEPS = 2, 10
-"""Most Gauss-Newton steps of a joint at a tick, and at the first tick, from requests that hold the
-desired angles. With one, errors on recordings of an SO-101 are up to four times as large."""
-
-WORTH = 0.2
-"""Least relative reduction of a joint's cost by a step for another step to follow. Along walks
-there are 1.2 steps a tick; with twice of it 1.15, and errors are up to a third further from the
-least.
-"""
-
 SHARES = (1.0, 0.4, 0.15)
 """Trial lengths of a step, as shares of it."""
 
@@ -64,13 +54,6 @@ EXCEEDING = 10.0
 RESTING = 1e-7
 """Weight rho of the squared distances from the requests that hold the desired angles: it brings
 saturated requests back."""
-
-LEAST_DAMPING, MOST_DAMPING = 3e-4, 1.0
-"""Weight of the Levenberg-Marquardt term, relative to the errors: a third after a full step, three
-times as large where no step is better."""
-
-MOST_MISSED = 1000
-"""Most missed ticks simulated; after more of them all acting requests equal the last one."""
 
 PLANNED, NOT_FINITE, BLOCKED, BEYOND, JUMPED = range(5)
 """Faults of a joint's arguments: none, a desired angle that is not finite, a load that blocks it, a
@@ -263,8 +246,8 @@ def elapse(
     angle before confirms it: something has moved the joint.
     """
     load_sag, faster = joint.compliance * load, joint.faster + joint.faster_by_load * load
-    now, periods = State(state.angle, state.speed, state.integral), 1 + min(missed, MOST_MISSED)
-    if missed > MOST_MISSED:
+    now, periods = State(state.angle, state.speed, state.integral), 1 + min(missed, 1000)
+    if missed > 1000:  # all acting requests equal the last one
         for i in range(len(sent)):
             sent[i] = sent[-1]
     for number in range(periods):
@@ -330,7 +313,8 @@ def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
     for k in range(past, past + count):
         now[k] = min(max(now[k], joint.lower), joint.upper)
         lines[k] = min(max(lines[k], joint.lower), joint.upper)
-    for _ in range(FIRST_STEPS if begins else STEPS):
+    # With one step errors on recordings of an SO-101 are up to four times as large.
+    for _ in range(10 if begins else 2):
         before = gauss_newton_step(problem, now, state.damping, step)
         least, winner = before, -1
         for number in range(1 + len(SHARES)):
@@ -345,10 +329,12 @@ def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
         if winner >= 0:
             now, best = best, now
         else:
-            state.damping = min(3.0 * state.damping, MOST_DAMPING)
+            state.damping = min(3.0 * state.damping, 1.0)
         if winner == 1:
-            state.damping = max(state.damping / 3.0, LEAST_DAMPING)
-        if not begins and 1.0 - least / max(before, 1e-12) < WORTH:  # beside 1e-12 nothing counts
+            state.damping = max(state.damping / 3.0, 3e-4)
+        # Along walks there are 1.2 steps a tick; with twice this reduction of the cost 1.15, and
+        # errors are up to a third further from the least. Beside 1e-12 nothing counts.
+        if not begins and 1.0 - least / max(before, 1e-12) < 0.2:
             break
     for k in range(count):
         plan[k] = now[past + k]
