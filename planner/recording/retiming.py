@@ -216,15 +216,14 @@ class Measure:
 
     def errors(self, replay: Replay, kind: Kind) -> Array:
         """Largest error of each sample over the tolerance, shape (n,), by kind of requests."""
+        off = np.column_stack([each.error_of(kind) for each in replay.planned])
         if self.leg is None:
-            ratios = [
-                np.abs(each.error_of(kind)) / self.of_path(each.path) for each in replay.planned
-            ]
-            return np.asarray(np.max(ratios, axis=0))
+            allowed = [self.of_path(each.path) for each in replay.planned]
+            return np.asarray(np.max(np.abs(off) / allowed, axis=1))
         desired = np.column_stack([each.desired for each in replay.planned])[:, self.places]
-        off = np.column_stack([each.error_of(kind) for each in replay.planned])[:, self.places]
-        feet = self.leg.foot_positions(desired + off) - self.leg.foot_positions(desired)
-        return np.asarray(np.linalg.norm(feet, axis=1) / self.tolerance)
+        feet = self.leg.foot_positions(desired + off[:, self.places])
+        apart = np.linalg.norm(feet - self.leg.foot_positions(desired), axis=1)
+        return np.asarray(apart / self.tolerance)
 
     def largest(self, replay: Replay) -> float:
         """Largest error of a plan over the tolerance; of joints also on lines between samples."""
