@@ -168,12 +168,10 @@ def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, ampli
     )
 
 
-def learn(
-    robot: VirtualRobot, plan: Plan, *, trials: int = TRIALS
-) -> tuple[tuple[Run, ...], Learning]:
+def learn(robot: VirtualRobot, plan: Plan) -> tuple[tuple[Run, ...], Learning]:
     """Execute a plan and refine it by the sensors' readings in turn: the runs, and the learning."""
     runs = []
-    for _ in range(trials):
+    for _ in range(TRIALS):
         runs.append(execute(robot, plan.requests, cycles=MEASURED_CYCLES))
         plan = refine(plan, runs[-1].sensed, reidentify=False)
     return tuple(runs), plan.learning[0]

@@ -101,11 +101,6 @@ class RecordedPath:
         moments = self.first + speed * self.period * np.arange(rows)
         return np.asarray(np.minimum(moments, self.last))
 
-    def loads(self, moments: Array) -> dict[str, Array]:
-        """Torque by joint [N m], of the planned joints that feel one."""
-        felt = [(each, each.load) for each in self.planned]
-        return {each.name: each.at(moments, load) for each, load in felt if load is not None}
-
 
 def _rows(name: str, duration: float, period: float, speed: float) -> int:
     """How many requests a replay has; too many or too few are refused."""
@@ -133,7 +128,7 @@ def check_length(
 ) -> None:
     """Raise InvalidInput where a replay has too many or too few requests; see :func:`replay`."""
     logs = as_logs(recording)
-    first, last = _part(logs, begin, end)
+    _, first, last = _part(logs, begin, end)
     _rows(logs[0].name, last - first, _period(logs, rate), speed)
 
 
@@ -154,8 +149,8 @@ def recorded_path(
     check_periods(logs)
     names = tuple(log.joint or "joint" for log in logs)
     chosen = _models_of(names, models, joints)
-    first, last = _part(logs, begin, end)
-    period, origin = _period(logs, rate), _origin(logs)
+    origin, first, last = _part(logs, begin, end)
+    period = _period(logs, rate)
     remarks, paths = list[str](), []
     for name, recorded in zip(names, logs, strict=True):
         log, jumps = unwrapped(recorded)
@@ -254,15 +249,13 @@ def without_grippers(names: Iterable[str]) -> list[str]:
     return [name for name in every if not is_gripper(name)] or every
 
 
-def _origin(logs: Sequence[Log]) -> float:
-    """Time of the first row of all [s]."""
-    return min(float(log.times[0]) for log in logs)
-
-
-def _part(logs: Sequence[Log], begin: float | None, end: float | None) -> tuple[float, float]:
-    """First and last moment to replay [s since the first row]: those that all logs have."""
-    first = max(float(log.times[0]) for log in logs) - _origin(logs)
-    last = min(float(log.times[-1]) for log in logs) - _origin(logs)
+def _part(
+    logs: Sequence[Log], begin: float | None, end: float | None
+) -> tuple[float, float, float]:
+    """Time of the first row [s]; first and last moment since then, which all logs have."""
+    firsts, lasts = zip(*((float(log.times[0]), float(log.times[-1])) for log in logs), strict=True)
+    origin = min(firsts)
+    first, last = max(firsts) - origin, min(lasts) - origin
     ends = []
     for name, value, default in (("begin", begin, first), ("end", end, last)):
         moment = default if value is None else as_number(value)
@@ -274,7 +267,7 @@ def _part(logs: Sequence[Log], begin: float | None, end: float | None) -> tuple[
     if not begin < end:
         words = f"got {begin:g} and {end:g} s, expected an end after the begin"
         raise InvalidInput(f"begin, end: {words}")
-    return begin, end
+    return origin, begin, end
 
 
 def _period(logs: Sequence[Log], rate: float | None) -> float:

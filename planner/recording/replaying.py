@@ -124,7 +124,7 @@ def replay_at(
     for option, value in options.items():
         if isinstance(value, Mapping):
             options[option] = {name: value[name] for name in names if name in value}
-    loads = {name: torque for name, torque in path.loads(moments).items() if name in names}
+    loads = {each.name: each.at(moments, each.load) for each in planned if each.load is not None}
     solution = plan(
         [each.model for each in planned if each.model],
         np.column_stack([each.at(moments, each.followed) for each in planned]),
