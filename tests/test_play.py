@@ -72,7 +72,7 @@ def test_lateness_does_not_add_up():
     assert robot.times[-1] - 100.0 == pytest.approx(3999.1 * TICK, abs=1e-9)
 
 
-def test_what_is_overdue_is_skipped_and_the_rest_is_in_step_with_the_clock():
+def test_what_is_overdue_is_skipped_but_for_the_last_and_the_rest_is_in_step_with_the_clock():
     robot = Robot(stall_at=2, stall=3.5 * TICK)
     report = robot.play(cycles=3)
     assert report.skipped == 2  # requests 3 and 4: by then request 5 is due
@@ -82,9 +82,6 @@ def test_what_is_overdue_is_skipped_and_the_rest_is_in_step_with_the_clock():
     assert np.array_equal(robot.rows, [WALK[k % 4] for k in numbers])
     assert robot.times[4:] == [100.0 + k * TICK for k in numbers[4:]]
     assert report.mean_lateness == pytest.approx(0.05 * TICK)  # over the ten that were sent
-
-
-def test_the_last_request_is_sent_however_late():
     robot = Robot(stall_at=0, stall=99.0)
     report = robot.play(cycles=1)
     assert np.array_equal(robot.rows, WALK[[0, 3]])
@@ -100,16 +97,13 @@ def test_ctrl_c_ends_a_walk_for_ever_and_is_reported():
     assert robot.stops == 1
 
 
-def test_an_error_leaves_a_report_of_what_was_sent_until_then():
+def test_errors_of_sending_and_stopping_leave_a_report_of_what_was_sent():
     robot, told = Robot(fail_at=2, failure=OSError("the cable is out")), []
     with pytest.raises(OSError, match="the cable is out"):
         robot.play(cycles=1, report=lambda playback: told.append((playback, robot.stops)))
     assert told == [(planner.Playback(sent=2, failed=True), 1)]
     assert str(told[0][0]).startswith("failed after 2 requests")
     assert np.array_equal(robot.rows, WALK[:2])  # nothing is sent after an error
-
-
-def test_a_robot_that_cannot_be_stopped_leaves_a_report_too():
     robot, told = Robot(), []
 
     def stop():

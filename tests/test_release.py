@@ -107,13 +107,10 @@ def test_the_extra_for_developers_has_what_the_others_need_in_the_same_versions(
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_model_file_of_the_readme_is_one(tmp_path):
+def test_the_model_file_of_the_readme_is_one_and_the_files_that_it_names_are_there(tmp_path):
     file = tmp_path / "model.toml"
     file.write_text(re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1])
     hip, knee = read_model_file(file).for_joints(["hip", "knee"])
     assert (hip.lag, knee.lag) == pytest.approx((0.032, 0.040))
-
-
-def test_the_files_that_the_readme_names_are_there():
     for name in re.findall(r"\]\((\w[\w/.]*)\)|`(\w+/\w+\.md|[A-Z]+\.md)`", README):
         assert (ROOT / (name[0] or name[1])).is_file(), name

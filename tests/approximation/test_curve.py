@@ -19,29 +19,19 @@ PATH = PiecewiseLinear(
 )
 
 
-@pytest.mark.parametrize("curve", [CYCLE, PATH])
-def test_at_its_knots_a_curve_takes_its_values_exactly(curve):
-    assert np.array_equal(curve(curve.knots), curve.values)
-
-
-def test_a_cycle_repeats_itself_before_and_after():
+def test_a_curve_takes_its_values_at_its_knots_and_repeats_or_goes_on_straight_beyond():
+    assert all(np.array_equal(curve(curve.knots), curve.values) for curve in (CYCLE, PATH))
     index = np.linspace(-3.0, 13.0, 33)
     np.testing.assert_allclose(CYCLE(index + 10.0), CYCLE(index), atol=1e-14)
     np.testing.assert_allclose(CYCLE(index - 30.0), CYCLE(index), atol=1e-14)
-
-
-def test_beyond_its_ends_a_path_continues_its_end_lines():
     np.testing.assert_allclose(PATH([-2.0, 11.0]), [2.0, 1.1], atol=1e-14)
 
 
-@pytest.mark.parametrize("curve", [CYCLE, PATH])
-def test_slopes_are_rises_per_second(curve):
+def test_slopes_are_rises_per_second_and_at_a_knot_those_of_the_segment_after():
     index = np.linspace(-4.0, 14.0, 181) + 0.05  # never on a knot
-    rises = (curve(index + 1e-4) - curve(index - 1e-4)) / (2e-4 * curve.tick)
-    np.testing.assert_allclose(curve.slope_at(index), rises, atol=1e-9)
-
-
-def test_at_a_knot_the_slope_is_that_of_the_segment_after():
+    for curve in (CYCLE, PATH):
+        rises = (curve(index + 1e-4) - curve(index - 1e-4)) / (2e-4 * curve.tick)
+        np.testing.assert_allclose(curve.slope_at(index), rises, atol=1e-9)
     assert np.array_equal(CYCLE.slope_at(CYCLE.knots), CYCLE.slopes)
     assert np.array_equal(PATH.slope_at(PATH.knots), PATH.slopes[[0, 1, 1]])
 

@@ -63,14 +63,11 @@ def test_every_number_of_segments_that_few_samples_allow_has_a_fit(cyclic, step)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
-def test_a_cycle_that_is_piecewise_linear_is_recovered_with_its_own_corners(scale):
+def test_a_curve_that_is_piecewise_linear_is_recovered_with_its_own_corners(scale):
     fit = fit_pwl(scale * on_a_cycle(), v_max=100.0 * scale, tick=0.008)
     np.testing.assert_allclose(fit.knots, EXACT_KNOTS, atol=1e-8)
     np.testing.assert_allclose(fit.values, scale * EXACT_VALUES, atol=1e-8 * scale)
     assert fit.max_error <= 1e-14 * scale
-
-
-def test_a_path_that_is_piecewise_linear_is_recovered_with_its_own_corners():
     fit = fit_pwl(on_a_path(), v_max=100.0, tick=0.008, cyclic=False)
     np.testing.assert_allclose(fit.knots, [0.0, *EXACT_KNOTS, 87.0], atol=1e-8)
     assert fit.max_error <= 1e-14

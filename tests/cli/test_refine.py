@@ -106,7 +106,9 @@ def late(run, desired, execute):
     return late
 
 
-def test_measured_rows_at_uneven_times_are_those_at_even_ones(run, desired, late):
+def test_measured_rows_at_uneven_times_are_those_at_even_ones_and_a_hole_is_refused(
+    run, desired, late
+):
     """Clocks jitter by a fifth of a period here, one of 264 rows is lost, and loops fall behind."""
     line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
     run(*line, "-o", "next.csv")
@@ -115,9 +117,6 @@ def test_measured_rows_at_uneven_times_are_those_at_even_ones(run, desired, late
         result = late("t_s", "hip_deg", "knee_deg", **changed)
         assert "3 measured cycles of 88 requests" in result.stderr
         assert read_joint_path("next.csv").values == pytest.approx(even, abs=np.radians(0.3))
-
-
-def test_measured_rows_with_a_hole_are_refused(late):
     result = late("t_s", "hip_deg", "knee_deg", lost=(100, 101, 102, 103))
     assert result.exit_code == 2
     assert "late.csv, line 102: 0.0" in result.stderr

@@ -132,7 +132,9 @@ def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, mo
     assert np.array_equal(taken, [kept.angles])
 
 
-def test_logs_that_a_calibration_replaces_are_told(calibrated, command_line, monkeypatch):
+def test_logs_of_an_earlier_calibration_are_told_and_not_taken_for_another_range(
+    calibrated, command_line, monkeypatch
+):
     folder, _ = calibrated
     monkeypatch.chdir(folder)
     line = ("calibrate", *BRIEF, "--ids", "1", "--dry-run", "-o")
@@ -140,9 +142,6 @@ def test_logs_that_a_calibration_replaces_are_told(calibrated, command_line, mon
     assert told in command_line(*line, "arm.toml").stderr
     assert told not in command_line(*line, "arm.toml", "--resume").stderr
     assert "earlier" not in command_line(*line, "new.toml").stderr
-
-
-def test_logs_of_another_range_are_not_taken(calibrated, command_line, monkeypatch):
     folder, _ = calibrated
     monkeypatch.chdir(folder)
     monkeypatch.setattr(calibration, "growing_log", None)  # nothing is measured
@@ -152,14 +151,11 @@ def test_logs_of_another_range_are_not_taken(calibrated, command_line, monkeypat
     assert "holds another motion than would be played now" in again.stderr
 
 
-def test_at_most_two_questions_are_asked_and_no_is_an_answer(run, tmp_path):
+def test_at_most_two_questions_are_asked_no_is_an_answer_and_none_names_the_option(run, tmp_path):
     result = run("calibrate", *BRIEF[:-1], "--ids", "1", stdin="\nn\n")
     assert result.exit_code == 130
     assert result.stderr.count("?") + result.stderr.count("Enter to keep") == 2
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_question_without_an_answer_names_the_option_that_asks_none(run):
     result = run("calibrate", *BRIEF[:-1], "--ids", "1", stdin="")
     assert result.exit_code == 2
     assert result.stderr.splitlines()[-1].endswith("no answer; --yes asks no questions")

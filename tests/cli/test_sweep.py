@@ -68,16 +68,13 @@ def test_the_speed_of_a_gait_is_twice_its_length_in_its_time_on_the_ground(swept
         assert outcome.speed == pytest.approx(100.0 * 0.04 / (fraction * 40 * 0.008), rel=1e-9)
 
 
-def test_periods_that_are_rounded_are_told(tmp_path):
+def test_a_period_is_rounded_to_whole_requests_and_that_is_told(tmp_path):
     file = tmp_path / "sweep.toml"
     file.write_text(GAIT + "period_s = [0.4, 0.5, 0.6]\n")
     (told,) = read_sweep(str(file)).remarks()
     assert told.endswith("period_s›: 0.5 becomes 0.496 s, rounded to requests 0.008 s apart")
     file.write_text(GAIT + "period_s = [0.4, 0.504]\n")
     assert [*read_sweep(str(file)).remarks()] == []
-
-
-def test_a_cycle_has_as_many_requests_as_fit_into_its_period(tmp_path):
     file = tmp_path / "sweep.toml"
     file.write_text(GAIT + "period_s = [0.4, 0.5]\n")
     space = read_sweep(str(file))

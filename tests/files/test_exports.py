@@ -56,18 +56,18 @@ def test_a_servo_cannot_go_beyond_its_turn():
     )
 
 
-def test_a_slower_controller_that_would_leave_requests_out_is_refused():
+def test_a_controller_of_another_rate_gets_every_request_held_or_straight_lines_between():
     with pytest.raises(InvalidInput, match="rate: at 50 Hz 4 of 8 requests would never be sent"):
         resampled(_numbered(8, 0.008), 50.0)
     slow, skipped = resampled(_numbered(8, 0.008), 50.0, between="linear")
     assert skipped == 4
     assert np.allclose(slow.requests[:, 0], [0.0, 2.5, 5.0, 7.0], atol=ROUNDING)
-
-
-def test_a_straight_line_leads_to_the_next_request_and_the_last_is_held():
     fast, skipped = resampled(_numbered(3, 0.02), 100.0, between="linear")
     assert not skipped
     assert np.allclose(fast.requests[:, 0], [0.0, 0.5, 1.0, 1.5, 2.0, 2.0], atol=ROUNDING)
+    for period in (0.033333333334, 0.033333333333):
+        same, _ = resampled(_numbered(90, period), 30.0)
+        assert same.requests[:, 0].tolist() == list(range(90))
 
 
 @given(st.integers(1, 60), st.floats(1e-3, 1.0), st.floats(10.0, 2000.0))
@@ -83,12 +83,6 @@ def test_a_held_row_is_the_request_of_its_time(rows, period, rate):
     assert (held.times <= (numbers + 1.0) * period + slack).all()
     assert held.duration - given_rows.duration + slack >= 0.0
     assert held.duration - given_rows.duration <= 1.0 / rate + slack
-
-
-def test_a_period_that_is_written_rounded_loses_no_request():
-    for period in (0.033333333334, 0.033333333333):
-        same, _ = resampled(_numbered(90, period), 30.0)
-        assert same.requests[:, 0].tolist() == list(range(90))
 
 
 def test_hobby_servos_get_pulses_in_microseconds_of_their_own_centre_and_direction(tmp_path):
@@ -166,7 +160,7 @@ def test_velocities_are_those_of_the_requests_and_end_at_rest(schedule):
     assert [point["velocities"] for point in short["points"]] == [[2.0], [0.0]]
 
 
-def test_yaml_is_read_back_by_the_parser_of_ros(schedule, tmp_path):
+def test_yaml_is_read_back_by_the_parser_of_ros_and_small_numbers_stay_numbers(schedule, tmp_path):
     yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
     message = joint_trajectory(schedule, velocities=True)
     file = tmp_path / "trajectory.yaml"
@@ -176,9 +170,6 @@ def test_yaml_is_read_back_by_the_parser_of_ros(schedule, tmp_path):
     assert lines[:2] == ["header:", "  stamp: {sec: 0, nanosec: 0}"]
     assert "joint_names: [hip, 'on', knee]" in lines  # bare, YAML 1.1 takes it for true
     assert "  time_from_start: {sec: 0, nanosec: 8000000}" in lines
-
-
-def test_small_numbers_stay_numbers_in_yaml(tmp_path):
     yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
     rows = np.array([[1e-7], [-3e-12], [-1e-14], [-1e-14]])
     tiny = joint_trajectory(Schedule(("knee",), rows, 0.1), velocities=True)

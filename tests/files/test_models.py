@@ -192,11 +192,16 @@ def test_what_cannot_be_known_of_a_robot_is_refused(file, snapshot, name, reads,
         snapshot.refusals(name, changed, cases, FILE=file)
 
 
-def test_joints_called_leg_and_port_are_joints(file):
+def test_joints_may_be_called_leg_and_port_and_a_file_without_servos_says_so(file, tmp_path):
     model = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
     file.write_text(f"[leg]\n{model}[port]\n{model}")
     assert read_legs(file) == read_bus(file) == {}
     assert list(read_model_file(file).models) == ["leg", "port"]
+    file = tmp_path / "model.toml"
+    file.write_text("v_max = 5.0\n\n[knee]\nlag = 0.03\n")
+    assert read_servos(file, optional=True) == {}
+    with pytest.raises(InvalidFile, match="no table of a servo; expected tables such as"):
+        read_servos(file)
 
 
 @given(models(friction=True, inertia=True, poses=True))
@@ -211,14 +216,6 @@ def test_a_model_file_keeps_inertia_and_sag_and_leaves_them_out_where_there_are_
     assert {name for name, none in without.items() if getattr(model, name) != none} == {
         *(keys & without.keys())
     }
-
-
-def test_a_file_without_servos_says_what_is_missing(tmp_path):
-    file = tmp_path / "model.toml"
-    file.write_text("v_max = 5.0\n\n[knee]\nlag = 0.03\n")
-    assert read_servos(file, optional=True) == {}
-    with pytest.raises(InvalidFile, match="no table of a servo; expected tables such as"):
-        read_servos(file)
 
 
 def test_counts_and_angles_of_a_servo_are_each_others_inverse():

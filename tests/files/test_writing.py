@@ -42,7 +42,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
     assert list_files(tmp_path) == ["plan.csv"]
 
 
-def test_a_written_file_has_the_permissions_of_any_new_file_and_keeps_those_it_had(tmp_path):
+def test_a_written_file_keeps_its_permissions_and_its_link(tmp_path):
     plain, written = tmp_path / "plain", tmp_path / "written"
     plain.touch()
     write_text(written, "new")
@@ -50,6 +50,12 @@ def test_a_written_file_has_the_permissions_of_any_new_file_and_keeps_those_it_h
     written.chmod(0o640)
     write_text(written, "newer")
     assert written.stat().st_mode & 0o777 == 0o640
+    file, link = tmp_path / "file", tmp_path / "link"
+    file.write_text("old")
+    link.symlink_to(file)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert file.read_text() == "new"
 
 
 def test_a_file_that_another_process_writes_is_not_swept_away(tmp_path):
@@ -69,15 +75,6 @@ def test_a_file_that_another_process_writes_is_not_swept_away(tmp_path):
     assert process.returncode == 0
     assert file.read_text() == "slow"
     assert list_files(tmp_path) == ["plan.csv"]
-
-
-def test_writing_through_a_link_keeps_the_link(tmp_path):
-    file, link = tmp_path / "file", tmp_path / "link"
-    file.write_text("old")
-    link.symlink_to(file)
-    write_text(link, "new")
-    assert link.is_symlink()
-    assert file.read_text() == "new"
 
 
 def test_several_files_appear_or_none_where_one_cannot(tmp_path):
@@ -108,10 +105,13 @@ def test_a_failed_run_leaves_the_last_good_one(tmp_path):
     assert list_files(tmp_path) == ["out/a.csv", "out/results.json"]
 
 
-def test_a_folder_with_a_users_files_is_never_replaced(tmp_path):
+def test_a_users_files_are_kept_and_a_folder_with_some_is_never_replaced(tmp_path):
     out = tmp_path / "out"
     _run(out)
-    (out / "notes.txt").write_text("mine")
+    with pytest.raises(InvalidFile, match=r"late\.txt"), output_folder(out):
+        (out / "late.txt").write_text("mine")
+    assert list_files(out) == ["a.csv", "late.txt", "results.json"]
+    (out / "late.txt").rename(out / "notes.txt")
     with pytest.raises(InvalidFile) as caught:
         _run(out)
     assert str(caught.value) == (
@@ -133,14 +133,6 @@ def test_what_only_looks_like_the_results_of_a_run_is_the_users(tmp_path, conten
     with pytest.raises(InvalidFile, match="no earlier run made"):
         _run(out)
     assert (out / "results.json").read_text() == content
-
-
-def test_files_that_appear_during_a_run_are_kept(tmp_path):
-    out = tmp_path / "out"
-    _run(out)
-    with pytest.raises(InvalidFile, match=r"late\.txt"), output_folder(out):
-        (out / "late.txt").write_text("mine")
-    assert list_files(out) == ["a.csv", "late.txt", "results.json"]
 
 
 def test_a_killed_run_leaves_the_last_good_one_and_the_next_good_one_nothing_of_it(tmp_path):

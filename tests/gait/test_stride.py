@@ -42,11 +42,15 @@ def leg(tmp_path_factory):
     return made_up_leg(tmp_path_factory.mktemp("leg"), joints, (0, 0, -0.15))
 
 
-def test_a_roomy_leg_gets_the_largest_stride(leg):
+def test_a_roomy_leg_gets_the_largest_stride_near_its_pose(leg):
     made = stride(replace(leg, near=np.radians([0.0, 50.0, -100.0])))
     assert made.length == pytest.approx(LONGEST * leg.chain.size)
     assert made.height == pytest.approx(HIGHEST * leg.chain.size)
     np.testing.assert_allclose(made.centre, leg.foot_positions(made.pose[None])[0], atol=TRACED)
+    pose = np.radians([0.0, 40.0, -80.0])
+    made = stride(replace(leg, near=pose))
+    np.testing.assert_array_equal(made.pose, pose)
+    assert (made.angles[:, 2] < 0.0).all()
 
 
 def test_the_path_is_a_half_ellipse_that_its_angles_trace(leg):
@@ -123,19 +127,9 @@ def test_what_is_given_is_kept_where_the_leg_limits_the_rest(tmp_path):
     )
 
 
-def test_a_stride_starts_near_the_pose_of_the_leg(leg):
-    pose = np.radians([0.0, 40.0, -80.0])
-    made = stride(replace(leg, near=pose))
-    np.testing.assert_array_equal(made.pose, pose)
-    assert (made.angles[:, 2] < 0.0).all()
-
-
-def test_a_stride_out_of_reach_is_an_error_that_says_how_far(leg):
+def test_a_stride_out_of_reach_or_on_which_the_leg_would_leap_is_an_error(leg):
     with pytest.raises(Infeasible, match=r"of half stroke 0.4 m and of height 0.1 m .* of reach"):
         stride(leg, length=0.4, height=0.1)
-
-
-def test_a_stride_on_which_the_leg_would_have_to_leap_is_an_error(leg):
     # With the hip within 0.6 rad one end is for the knee bent forward, the other for it bent back.
     limits = Limits(np.array([-0.1, -0.6, -1.5]), np.array([0.1, 0.6, 1.5]))
     shape = {"height": 0.0, "forward": 0.2, "hip_height": 0.26}

@@ -55,12 +55,9 @@ def test_the_same_question_has_the_same_answer_that_nobody_can_change(kind):
         assert np.max(np.abs(first.requests - first.centre)) > 0.98 * first.reach
 
 
-def test_equation_1_is_the_amplitude_for_half_a_cycle_and_then_zero():
+def test_steps_are_those_of_equation_1_about_the_centre():
     assert step_test(0.7).tolist() == [0.7] * 44 + [0.0] * 44
     assert step_test(-1.0, samples=6).tolist() == [-1.0] * 3 + [0.0] * 3
-
-
-def test_steps_are_those_of_equation_1_about_the_centre():
     np.testing.assert_allclose(signal("steps").amplitudes, np.array([0.125, 0.5, 1.0]) * 1.4)
     made = signal("steps", amplitudes=(0.2, 1.0), cycles=2, duration=9.0, centre=0.1)
     assert made.amplitudes == (0.2, 1.0)

@@ -35,16 +35,13 @@ def test_requests_that_start_again_alone_go_on_unless_the_joint_is_stuck():
     assert unwrapped(stuck) == (stuck, 0)
 
 
-def test_angles_that_go_on_take_the_turn_of_their_requests():
+def test_angles_that_go_on_take_the_turn_of_their_requests_and_those_not_measured_make_none():
+    """What stands in their rows, here for ten rows and at the start, is of no matter."""
     log = rich_log(noise=NOISE)
     below = log.angles - log.angles[0] - 0.1
     read, jumps = unwrapped(changed(log, angles=below % TURN))
     assert jumps > 0
     assert np.max(np.abs(read.angles - below)) <= SAME
-
-
-def test_angles_that_were_not_measured_make_no_turn():
-    """What stands in their rows, here for ten rows and at the start, is of no matter."""
     log = rich_log(noise=NOISE)
     known = (np.arange(400) >= 3) & ((np.arange(400) < 100) | (np.arange(400) >= 110))
     high = replace(log, requests=log.requests + 3.1, angles=log.angles + 3.1)

@@ -65,15 +65,12 @@ def test_a_dropped_pendulum_is_fitted_where_it_has_torque(recordings):
     assert any("torque is off" in warning for warning in found.warnings)
 
 
-def test_an_overloaded_servo_is_refused(recordings):
+def test_an_overloaded_servo_is_refused_and_explained_by_inertia_friction_and_sag(recordings):
     log = pendulum(recordings, "xl330", "xl330_kp100_sin_sin")
     half = {name: getattr(log, name)[:600] for name in ("times", "requests", "angles", "torque_on")}
     found = planner.identify(planner.Log(**half))
     assert not found.accepted
     assert any("the model does not fit" in warning for warning in found.warnings)
-
-
-def test_two_logs_of_an_overloaded_servo_are_explained_by_inertia_friction_and_sag(recordings):
     motions = ("sin_sin", "sin_time_square")
     found = planner.identify([pendulum(recordings, "xl330", f"xl330_kp800_{m}") for m in motions])
     assert found.rms <= 0.075

@@ -39,7 +39,7 @@ def named(found):
     return {name for name in NAMES if any(name in text for text in found.warnings)}
 
 
-def test_ringing_that_the_models_inertia_explains_is_not_named():
+def test_what_the_model_or_its_rows_explain_is_not_named():
     heavy = replace(AIBO, theta_0=0.05, time_constant=0.04)
     (log,) = step_logs(heavy, amplitudes=(0.3,), quantum=0.0)
     found = planner.identify(log, hold_out=False)
@@ -47,11 +47,10 @@ def test_ringing_that_the_models_inertia_explains_is_not_named():
     step = int(np.flatnonzero(np.diff(log.requests))[0]) + 1
     assert np.max(fit.predicted[step:]) > 1.05 * np.max(log.requests), "the model overshoots"
     assert "ringing:" not in named(found)
-
-
-def test_steps_between_few_rows_are_no_ringing():
     signal = excite("combined", limits=(-0.8, 0.8), period=0.2, duration=60.0)
     assert "ringing:" not in named(expect(signal, AIBO))
+    assert not named(identified_steps())
+    assert not named(identified_rich())
 
 
 @pytest.mark.parametrize(("ends", "said"), [((-1.2, -0.1), 1), ((-1.2, 0.1), 0)])
@@ -130,11 +129,6 @@ def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places
     first, last = held.rows[[0, -1]]
     assert said.endswith(f": {50 * found} rows between {first} and {last}; {fate}")
     assert "in 1 place of rest the" in again.finding(free.log, fate).words
-
-
-def test_a_joint_like_the_model_shows_nothing():
-    assert not named(identified_steps())
-    assert not named(identified_rich())
 
 
 def test_rows_in_which_the_joint_stands_on_something_are_left_out_with_a_note():

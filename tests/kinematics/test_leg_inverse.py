@@ -57,12 +57,15 @@ def test_the_inverse_undoes_the_forward_kinematics_on_every_kind_of_leg(
     assert (found <= leg.limits.upper).all()
 
 
-def test_legs_with_neighbouring_axes_that_meet_have_a_closed_form_and_others_none(tmp_path):
+def test_legs_with_neighbouring_axes_that_meet_have_a_closed_form_which_clamping_needs(tmp_path):
     for name, (joints, tip) in SHAPES.items():
         leg = made_up_leg(tmp_path, joints, tip)
         assert (leg.closed_form is not None) == (name in CLOSED)
     assert all(ers210a_leg(name).closed_form is not None for name in LEGS)
     assert reference_leg().closed_form is not None
+    leg = made_up_leg(tmp_path, *SHAPES["no two axes meet"])
+    with pytest.raises(UnsupportedLeg, match=r"clamp.*use 'nearest'"):
+        leg.joint_angles([[0.0, 0.0, 0.0]], unreachable="clamp")
 
 
 @pytest.mark.parametrize(
@@ -251,12 +254,6 @@ def test_the_error_lists_which_points_are_out_of_reach_and_by_how_much(name, tmp
     np.testing.assert_allclose(error.value.distances, nearest.distance[[4, 17]], atol=EXACT)
     assert not error.value.indices.flags.writeable
     assert not error.value.distances.flags.writeable
-
-
-def test_clamping_needs_a_closed_form(tmp_path):
-    leg = made_up_leg(tmp_path, *SHAPES["no two axes meet"])
-    with pytest.raises(UnsupportedLeg, match=r"clamp.*use 'nearest'"):
-        leg.joint_angles([[0.0, 0.0, 0.0]], unreachable="clamp")
 
 
 def test_limits_of_many_turns_hide_no_pose(tmp_path):

@@ -63,12 +63,17 @@ def swing(count: int) -> np.ndarray:
     return np.column_stack([0.7 * np.sin(phase), 0.5 * np.cos(2.0 * phase) - 0.3])
 
 
-def test_gravity_returns_a_pendulum_as_the_formula_by_hand_says(pendulum: Leg) -> None:
+def test_gravity_returns_a_pendulum_as_the_formula_by_hand_says_also_on_its_head(
+    pendulum: Leg,
+) -> None:
     poses = np.random.default_rng(1).uniform(-2.0, 2.0, (20, 2))
     expected = by_hand(poses, np.zeros_like(poses), np.zeros_like(poses))
     np.testing.assert_allclose(pendulum.load_torques(poses), expected, rtol=0, atol=ROUNDING)
     lifted = pendulum.load_torques([[0.5, 0.0]])
     assert (lifted < 0.0).all()  # positive angles lift both links, and gravity lowers them
+    hanging = pendulum.load_torques(swing(10), gravity=(0.0, 0.0, G))
+    np.testing.assert_allclose(hanging, -pendulum.load_torques(swing(10)), rtol=0, atol=ROUNDING)
+    assert not pendulum.load_torques(swing(10), gravity=(0.0, G, 0.0)).any()  # along the axes
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -104,21 +109,12 @@ def test_the_torque_of_gravity_is_the_slope_of_the_potential_energy(name: str) -
     np.testing.assert_allclose(leg.load_torques(poses), -np.array(slopes), rtol=0, atol=DIFFERENCES)
 
 
-def test_a_robot_on_its_head_carries_the_opposite_load(pendulum: Leg) -> None:
-    hanging = pendulum.load_torques(swing(10), gravity=(0.0, 0.0, G))
-    np.testing.assert_allclose(hanging, -pendulum.load_torques(swing(10)), rtol=0, atol=ROUNDING)
-    assert not pendulum.load_torques(swing(10), gravity=(0.0, G, 0.0)).any()  # along the axes
-
-
-def test_a_locked_joint_loads_the_others(tmp_path: Path, pendulum: Leg) -> None:
+def test_joints_that_are_locked_or_beyond_the_leg_load_the_others(
+    tmp_path: Path, pendulum: Leg
+) -> None:
     bent = Leg.from_urdf(tmp_path / "pendulum.urdf", base="base", foot="tip", locked={"elbow": 0.9})
     both = pendulum.load_torques([[0.4, 0.9]])
     np.testing.assert_allclose(bent.load_torques([[0.4]]), both[:, :1], rtol=0, atol=ROUNDING)
-
-
-def test_joints_beyond_the_leg_rest_at_the_end_of_their_range_nearest_to_0(
-    tmp_path: Path, pendulum: Leg
-) -> None:
     ranges = PENDULUM.split('lower="-3"')
     bent = f'{ranges[0]}lower="-3"{ranges[1]}lower="0.9"{ranges[2]}'
     (tmp_path / "bent.urdf").write_text(bent, encoding="utf-8")

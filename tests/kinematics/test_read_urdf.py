@@ -44,11 +44,15 @@ def test_a_file_that_is_no_robot_is_an_error_that_says_why(text, message, tmp_pa
     assert capfd.readouterr() == ("", "")  # the parser's own complaints are in the message
 
 
-def test_a_joint_that_is_locked_or_elsewhere_needs_no_range(tmp_path):
+def test_a_joint_that_is_locked_or_elsewhere_needs_no_range_and_one_must_be_left(tmp_path):
     fixed = urdf_text([Joint((0, 0, 0), X, lower=0.0, upper=0.0), KNEE, KNEE], TIP)
     assert leg_of(tmp_path, fixed, base="link_1").joint_names == ("joint_2", "joint_3")
     leg = Leg.from_urdf(tmp_path / "robot.urdf", base="link_0", foot="tip", locked={"joint_1": 0.0})
     assert leg.joint_names == ("joint_2", "joint_3")
+    (tmp_path / "robot.urdf").write_text(VALID)
+    locked = {"joint_1": 0.1, "joint_2": 0.2}
+    with pytest.raises(UnsupportedLeg, match="every joint between 'link_0' and 'tip' is locked"):
+        Leg.from_urdf(tmp_path / "robot.urdf", base="link_0", foot="tip", locked=locked)
 
 
 @pytest.mark.parametrize(
@@ -65,13 +69,6 @@ def test_a_joint_that_is_locked_or_elsewhere_needs_no_range(tmp_path):
 def test_frames_that_are_not_the_ends_of_a_leg_are_refused(base, foot, message, tmp_path):
     with pytest.raises(KinematicsError, match=message):
         leg_of(tmp_path, VALID, base=base, foot=foot)
-
-
-def test_a_leg_whose_joints_are_all_locked_is_refused(tmp_path):
-    (tmp_path / "robot.urdf").write_text(VALID)
-    locked = {"joint_1": 0.1, "joint_2": 0.2}
-    with pytest.raises(UnsupportedLeg, match="every joint between 'link_0' and 'tip' is locked"):
-        Leg.from_urdf(tmp_path / "robot.urdf", base="link_0", foot="tip", locked=locked)
 
 
 @pytest.mark.parametrize(

@@ -127,10 +127,14 @@ def test_a_cycle_is_as_fast_and_as_accelerated_as_where_it_begins_again():
     assert told == pytest.approx(3 * told[:1])
 
 
-def test_what_is_not_known_is_not_exceeded_but_for_a_load():
+def test_what_was_not_tested_is_not_exceeded_but_for_a_load_and_promises_nothing():
     angles, period = sine(9.0, 10.0)
     assert not Evidence(0.01).exceeded(angles, period=period, cyclic=True)
     assert Evidence(0.01).exceeded(angles, period=period, cyclic=False, load=0.1) == ("load",)
+    untested = Evidence(intervals={"v_max": (5.0, 6.0)})
+    told = expectation(untested, PHASE, PHASE, period=0.01, cyclic=False, load=np.ones(200))
+    assert np.isnan(told.error)
+    assert told.untested == ()
 
 
 def grown(*, power):
@@ -229,13 +233,6 @@ def test_a_model_carries_its_evidence_until_a_parameter_changes():
     assert model.requested_every(0.02).evidence == SEEN
     assert replace(model, lag=0.02).evidence is None
     assert JointModel.ers210a().evidence is None
-
-
-def test_a_model_that_was_not_tested_promises_nothing_whatever_its_intervals():
-    untested = Evidence(intervals={"v_max": (5.0, 6.0)})
-    told = expectation(untested, PHASE, PHASE, period=0.01, cyclic=False, load=np.ones(200))
-    assert np.isnan(told.error)
-    assert told.untested == ()
 
 
 def test_evidence_in_another_unit_is_scaled_but_for_loads_times_the_gain_and_shares():

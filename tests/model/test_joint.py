@@ -16,7 +16,12 @@ ROUNDING = 1e-15
 """Disagreement that rounding leaves between two ways to write a sum [relative]."""
 
 
-def test_a_joint_of_which_only_the_top_speed_is_known_is_the_papers_made_as_fast():
+def test_the_ers210a_is_table_1_and_a_joint_of_known_top_speed_is_it_made_as_fast():
+    model = JointModel.ers210a()
+    assert math.degrees(model.v_max_per_tick) == pytest.approx(2.5)
+    assert math.degrees(model.theta_0) == pytest.approx(7.0)
+    assert (model.lag_ticks, model.acceleration_ticks) == (4.0, 6.0)
+    assert (model.tick, model.hold, model.offset) == (0.008, 1, 0.0)
     paper = JointModel.ers210a()
     assert joint_of_top_speed(paper.v_max) == paper
     fast = joint_of_top_speed(3.0 * paper.v_max)
@@ -26,14 +31,6 @@ def test_a_joint_of_which_only_the_top_speed_is_known_is_the_papers_made_as_fast
         paper.acceleration_time,
         paper.tick,
     )
-
-
-def test_table_1_of_the_paper_is_the_ers210a():
-    model = JointModel.ers210a()
-    assert math.degrees(model.v_max_per_tick) == pytest.approx(2.5)
-    assert math.degrees(model.theta_0) == pytest.approx(7.0)
-    assert (model.lag_ticks, model.acceleration_ticks) == (4.0, 6.0)
-    assert (model.tick, model.hold, model.offset) == (0.008, 1, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +71,7 @@ def test_an_acceleration_time_near_zero_leaves_one_request_that_counts_in_full(
     assert window.first == math.floor(lag / 0.008 + 1e-9) + 1
 
 
-def test_a_motor_that_dry_friction_stops_in_every_tick_is_refused():
+def test_a_joint_that_would_never_move_or_never_come_to_rest_is_refused():
     sticky = {"dead_band": 0.02, "tick": 0.008, "time_constant": 0.01}
     with pytest.raises(InvalidModel, match=r"^max_acceleration: got .*would never move") as refused:
         _model(max_acceleration=1e-3, **sticky)
@@ -83,9 +80,6 @@ def test_a_motor_that_dry_friction_stops_in_every_tick_is_refused():
     assert simulate(moves, np.r_[0.0, np.ones(400)], cyclic=False)[-1] > 0.9
     slow = replace(moves, time_constant=0.0, max_acceleration=1.0)  # of the drive, not of the joint
     assert simulate(slow, np.r_[0.0, np.ones(400)], cyclic=False)[-1] > 0.9
-
-
-def test_a_joint_that_would_never_come_to_rest_is_refused():
     with pytest.raises(InvalidModel, match=r"v_max \* tick: got 0.2 rad, expected less than 2"):
         _model(v_max=25.0, theta_0=0.1)
     assert _model(v_max=24.99, theta_0=0.1).theta_0 == 0.1
@@ -118,6 +112,8 @@ def test_equation_13_holds_from_a_tick_and_from_a_fourth_of_the_acceleration_tim
 def test_requests_change_from_line_to_line_by_the_delays_of_the_joint_before_the_angles():
     joint = _model(lag=0.01, acceleration_time=0.03, time_constant=0.02, tick=0.004, hold=3)
     assert joint.switching_time == pytest.approx(0.01 + 0.015 + 0.02 + 0.004)
+    followed = replace(joint, integral_rate=12.0)  # an integral makes up for the time constant
+    assert followed.switching_time == pytest.approx(0.01 + 0.015 + 0.004)
 
 
 def _model(**parameters):

@@ -83,7 +83,7 @@ def test_a_worker_uses_one_thread_and_this_process_what_it_did(results, monkeypa
     assert "MKL_NUM_THREADS" not in os.environ
 
 
-def test_only_what_is_missing_is_computed(results):
+def test_only_what_is_missing_is_computed_and_results_belong_to_their_inputs(results):
     tasks = work.tasks()
     run(work.square, tasks[:5], results, workers=1)
     for task in tasks[:5]:
@@ -92,9 +92,6 @@ def test_only_what_is_missing_is_computed(results):
     run(work.square, tasks, results, workers=1, progress=seen.append)
     assert sorted(seen, key=tasks.index) == tasks, "progress counts them all"
     assert [results.read(task) for task in tasks] == [b"kept"] * 5 + [b"25", b"36", b"49"]
-
-
-def test_a_result_is_not_used_for_other_inputs(results):
     task = Task("task 2", 2, inputs="digest of the file")
     results.write(task, b"4")
     assert task in results
@@ -114,7 +111,7 @@ def test_a_damaged_result_counts_as_missing_and_is_computed_again(damage, tmp_pa
     assert work.held(results.folder) == whole
 
 
-def test_a_folder_of_results_is_removed_unless_it_is_resumed(tmp_path):
+def test_a_folder_of_results_is_removed_unless_it_is_resumed_with_its_own_settings(tmp_path):
     settings, task = {"speed": 1.5, "joints": ("hip", "knee")}, Task("task", 2)
     first = Results(tmp_path / "out", settings)
     first.write(task, b"4")
@@ -123,9 +120,6 @@ def test_a_folder_of_results_is_removed_unless_it_is_resumed(tmp_path):
     assert (task in again, again.removed) == (False, 1)
     again.remove()
     assert list(tmp_path.iterdir()) == []
-
-
-def test_results_for_other_settings_are_not_mixed(tmp_path):
     first = Results(tmp_path / "a", {"speed": 1.5})
     with pytest.raises(InvalidInput, match=r"--resume: .* other settings \(speed\); set what was"):
         Results(tmp_path / "a", {"speed": 2.0}, resume=True)

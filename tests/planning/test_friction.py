@@ -181,13 +181,6 @@ def test_a_plan_for_the_window_of_the_same_delay_misses_what_the_inertia_does(mo
     assert plan.rms <= 0.5 * rms(planner.simulate(model, blind.requests) - SWING)
 
 
-def test_the_closed_form_switches_later_by_the_time_constant():
-    without = replace(INERT, time_constant=0.0)
-    assert INERT.switching_time - without.switching_time == pytest.approx(0.024)
-    followed = replace(INERT, integral_rate=12.0)  # an integral makes up for it
-    assert followed.switching_time == pytest.approx(without.switching_time)
-
-
 def test_no_closed_form_does_better_on_a_square_that_an_acceleration_limit_keeps_out_of_reach():
     model = planner.JointModel(
         v_max=6.6, theta_0=0.1, lag=0.012, acceleration_time=0.027, hold=2, max_acceleration=81.0

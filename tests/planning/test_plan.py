@@ -140,7 +140,7 @@ def test_the_foot_on_the_robot_is_expected_off_by_the_plans_errors_and_those_of_
     np.testing.assert_array_equal(replace(made, task=learnt).lower_bounds, [0.0])
 
 
-def test_what_cycles_have_added_is_part_of_what_is_predicted():
+def test_what_cycles_have_added_is_predicted_counts_in_the_bound_and_ends_what_was_promised():
     added = 0.01 * np.arange(120.0).reshape(60, 2)
     made = planted(DESIRED, 0.9 * DESIRED)
     learnt = replace(made, task=replace(made.task, disturbance=added))
@@ -148,6 +148,14 @@ def test_what_cycles_have_added_is_part_of_what_is_predicted():
     np.testing.assert_array_equal(learnt.errors, made.predicted + added - DESIRED)
     of_models_alone = made.direct.predicted
     np.testing.assert_array_equal(learnt.direct.predicted, of_models_alone)
+    desired = saturating(np.random.default_rng(2), ERS210A)
+    disturbance = 0.1 * np.roll(desired, 5)
+    added = disturbance[:, np.newaxis]
+    plan = replace(inversion(ERS210A, desired, desired), disturbance=added)
+    assert plan.lower_bound == lower_bound(ERS210A, desired - disturbance)
+    tested = inversion(ERS210A.with_evidence(Evidence(0.01)), desired, desired)
+    assert tested.expected.error > 0.01
+    assert math.isnan(replace(tested, disturbance=added).expected.error)
 
 
 def test_the_bound_of_each_joint_holds_under_its_load():
@@ -355,14 +363,3 @@ def test_without_a_bound_the_gap_of_a_perfect_plan_is_0_and_of_any_other_infinit
 def test_the_excess_is_the_distance_beyond_the_desired_range(requests, excess):
     plan = inversion(ERS210A, [0.0, 1.0, 0.5], requests, cyclic=False, start=0.0)
     assert plan.excess == pytest.approx(excess)
-
-
-def test_what_cycles_have_added_counts_in_the_bound_and_ends_what_the_model_promised():
-    desired = saturating(np.random.default_rng(2), ERS210A)
-    disturbance = 0.1 * np.roll(desired, 5)
-    added = disturbance[:, np.newaxis]
-    plan = replace(inversion(ERS210A, desired, desired), disturbance=added)
-    assert plan.lower_bound == lower_bound(ERS210A, desired - disturbance)
-    tested = inversion(ERS210A.with_evidence(Evidence(0.01)), desired, desired)
-    assert tested.expected.error > 0.01
-    assert math.isnan(replace(tested, disturbance=added).expected.error)

@@ -48,13 +48,10 @@ def test_a_path_that_repeats_is_continued_exactly_once_a_cycle_is_known():
         assert_continued(path, last)
 
 
-def test_a_cycle_that_was_shorter_or_longer_is_found():
+def test_cycles_of_another_length_are_found_and_paths_that_drift_go_on_from_where_they_are():
     for length in (33, 47):  # rows, where 40 are expected
         path = wave(np.arange(200) / length)
         assert_continued(path, 100, weight=0.999)  # its first ones were of another cycle
-
-
-def test_a_path_that_drifts_goes_on_from_where_it_is():
     path = wave(np.arange(200) / CYCLE) + 0.002 * np.arange(200)
     assert_continued(path, 100)
 
@@ -79,12 +76,9 @@ def test_continuations_that_were_wrong_for_a_while_are_relied_on_again_later():
     assert fed(path, 350)[1].min() > 0.95
 
 
-def test_missed_ticks_leave_what_was_known_before_them():
+def test_missed_ticks_leave_what_was_known_and_longer_outages_wait_for_a_cycle():
     path = wave(np.arange(200) / CYCLE)
     assert_continued(path, 90, missed=range(60, 60 + KNOWN - 1))
-
-
-def test_rows_that_nobody_knew_are_not_continued_until_a_cycle_is_known_again():
     path = wave(np.arange(300) / CYCLE)
     outage = range(60, 90)
     assert np.all(fed(path, 110, missed=outage)[1] == 0.0)

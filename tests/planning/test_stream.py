@@ -195,16 +195,13 @@ def test_what_cannot_be_used_is_held_and_said(bad):
     assert stream.status == ("planned", "planned")
 
 
-def test_nothing_is_sent_before_anything_is_known():
+def test_nothing_is_sent_before_anything_is_known_and_the_first_request_holds_the_joints():
     stream = planner.Stream(ERS210A, preview=10)
     for bad in (np.nan, np.inf, 1e200):
         assert np.isnan(stream.step(np.full((10, 1), bad))).all()
         assert stream.status == ("held",)
     assert np.array_equal(stream.step(np.full((10, 1), np.nan), [0.2]), [0.2])
     assert np.array_equal(planner.Stream(ERS210A, preview=10).step([0.3]), [0.3])
-
-
-def test_the_first_request_holds_the_joints_where_they_are():
     model = replace(ERS210A, offset=0.05)
     stream = planner.Stream(model, preview=10)
     assert stream.step(np.ones((10, 1)), [0.2])[0] == pytest.approx(0.15, abs=1e-15)

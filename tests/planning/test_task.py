@@ -94,7 +94,8 @@ def test_the_load_of_the_first_sample_decides_where_a_joint_may_rest_before():
             Task.of(SERVO, path, start=start, load=load[:, np.newaxis], **options)
 
 
-def test_dry_friction_holds_a_joint_beyond_its_limits_by_the_dead_band():
+def test_a_joint_reaches_beyond_its_limits_by_its_dead_band_and_short_of_them_by_a_small_sag():
+    """The joint stays that little short of the limit; a sag of more has to fit within."""
     sticky = replace(AIBO, dead_band=0.05, offset=-0.1)
     for reached in (0.249, -0.449):
         desired = np.array([[0.0], [reached], [0.0]])
@@ -104,10 +105,6 @@ def test_dry_friction_holds_a_joint_beyond_its_limits_by_the_dead_band():
             Task.of(sticky, beyond, limits=(-0.3, 0.3))
         assert "sample 1 is" in str(raised.value)
         assert ", 0.01 rad beyond" in str(raised.value)
-
-
-def test_a_sag_of_a_thousandth_of_a_radian_is_left_out_of_the_limits():
-    """The joint stays that little short of the limit; a sag of more has to fit within."""
     for sag, fits in ((0.0009, True), (0.0012, False)):
         sagging = replace(AIBO, offset=-sag)
         desired = np.array([[0.0], [0.3], [0.0]])

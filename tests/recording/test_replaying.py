@@ -33,7 +33,7 @@ def recorded(joint="elbow", *, requests=None, times=None, **others):
     return Log(times=times, requests=requests, angles=angles, joint=joint, **others)
 
 
-def test_at_its_own_speed_the_joint_repeats_what_it_did():
+def test_at_its_own_speed_the_joint_repeats_what_it_did_to_the_last_row():
     log = recorded()
     made = replay(log, SERVO, smoothness=0.0)
     (joint,) = made.joints
@@ -43,6 +43,9 @@ def test_at_its_own_speed_the_joint_repeats_what_it_did():
     again = simulate(SERVO, made.requests[:, 0], cyclic=False, start=log.angles[0])
     assert joint.predicted == pytest.approx(again, abs=1e-12)
     assert rms(joint.errors["planned"]) < 1e-3 * rms(joint.errors["direct"])
+    for count in range(20, 150):
+        path = recorded_path([recorded(requests=asked()[:count])], SERVO)
+        assert len(path.moments(1.0)) == count
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 1.5, 2.0])
@@ -63,7 +66,7 @@ def test_the_action_is_what_was_asked():
     assert rms(joint.errors["planned"]) < 0.1 * rms(joint.recorded_errors)
 
 
-def test_grippers_and_joints_without_a_model_get_their_recorded_requests():
+def test_grippers_and_joints_without_a_model_get_recorded_requests_unless_named_or_alone():
     elbow, jaw, tail = recorded("elbow"), recorded("Jaw", unit="1"), recorded("tail")
     made = replay([elbow, jaw, tail], {"elbow": SERVO, "Jaw": SERVO}, speed=1.5)
     assert all(map(is_gripper, ("Claw", "left_finger2", "THUMB", "hand", "jaw", "gripper.pos")))
@@ -73,9 +76,6 @@ def test_grippers_and_joints_without_a_model_get_their_recorded_requests():
     assert made.requests[:, 1] == pytest.approx(np.interp(moments, jaw.times, jaw.requests))
     only = recorded_path([elbow, jaw, tail], {"elbow": SERVO}, joints=["elbow"])
     assert [each.reason for each in only.joints] == ["", "a gripper", "not chosen"]
-
-
-def test_a_gripper_is_planned_where_it_is_named_or_alone():
     logs = [recorded("elbow"), recorded("gripper", unit="1")]
     named = replay(logs, SERVO, joints=["gripper"])
     assert [each.name for each in named.planned] == ["gripper"]
@@ -94,13 +94,19 @@ def test_shares_of_a_range_stay_inside_it():
     assert both.limits == {"elbow": (-0.5, 0.7), "jaw": (0.0, 1.0)}
 
 
-def test_jitter_and_gaps_are_bridged_on_even_requests():
+def test_jitter_and_gaps_are_bridged_and_told_where_they_are_replayed():
     times = OWN * np.arange(COUNT) + np.random.default_rng(1).uniform(0.0, 2e-4, COUNT)
     times[100:] += 0.5
     made = replay(recorded(times=times), SERVO)
     assert made.period == pytest.approx(OWN, rel=1e-3)
     assert len(made.requests) == pytest.approx(COUNT + 25, abs=1)
     assert any("gap of 0.5" in remark for remark in made.path.remarks)
+    times = OWN * np.arange(COUNT)
+    times[80:] += 0.5
+    log = recorded(times=times)
+    for part, told in (({}, True), ({"begin": 2.2}, False), ({"end": 1.2}, False)):
+        remarks = replay(log, SERVO, **part).path.remarks
+        assert any("is bridged by a straight line" in each for each in remarks) == told
 
 
 def test_joints_that_begin_later_keep_their_time():
@@ -116,21 +122,18 @@ def test_joints_that_begin_later_keep_their_time():
             replay(logs, SERVO, begin=0.05)
 
 
-def test_a_gap_is_told_where_the_replay_bridges_it():
-    times = OWN * np.arange(COUNT)
-    times[80:] += 0.5
-    log = recorded(times=times)
-    for part, told in (({}, True), ({"begin": 2.2}, False), ({"end": 1.2}, False)):
-        remarks = replay(log, SERVO, **part).path.remarks
-        assert any("is bridged by a straight line" in each for each in remarks) == told
-
-
-def test_parts_faster_than_the_joint_are_named():
+def test_parts_faster_than_the_joint_are_named_up_to_the_end_of_the_recording():
     (joint,) = replay(recorded(requests=asked(size=3.0)), SERVO, speed=3.0).joints
     assert joint.too_fast
     steps = np.abs(np.diff(joint.desired)) / OWN
     inside = {k for span in joint.too_fast for k in range(*(round(end / OWN) for end in span))}
     assert inside == set(np.flatnonzero(steps > SERVO.v_max).tolist())
+    requests = np.concatenate([np.zeros(60), 0.1 * np.arange(1.0, 31.0)])  # 5 rad/s
+    times = OWN * np.arange(90)
+    log = Log(times=times, requests=requests, angles=requests, joint="elbow")
+    (joint,) = replay(log, SERVO, track="action", smoothness=0.0).joints
+    (span,) = joint.too_fast
+    assert span == pytest.approx((59 * OWN, 89 * OWN))
 
 
 def test_requests_as_recorded_the_path_itself_and_its_best_shift_are_run_by_the_model():
@@ -195,12 +198,6 @@ def test_a_recording_faster_than_the_top_speed_contradicts_the_model_where_it_is
     assert replay(log, slow[0.7], end=0.1 * OWN * COUNT).contradicted == ()
 
 
-def test_at_its_own_speed_a_recording_of_any_length_keeps_its_last_row():
-    for count in range(20, 150):
-        path = recorded_path([recorded(requests=asked()[:count])], SERVO)
-        assert len(path.moments(1.0)) == count
-
-
 SAGGING = replace(SERVO, compliance=0.05, speed_per_torque=0.5)
 """The servo under loads: it sags by 0.05 rad/(N m)."""
 
@@ -230,15 +227,6 @@ def test_the_torque_of_a_log_acts_at_the_moments_of_the_replay_on_all_kinds_of_r
         expected = simulate(SAGGING, requests, cyclic=False, start=start, load=log.load)
         np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-12)
     assert rms(own.errors["resent"]) < 1e-9  # what was sent makes what was done
-
-
-def test_a_part_that_is_too_fast_up_to_the_end_ends_with_the_recording():
-    requests = np.concatenate([np.zeros(60), 0.1 * np.arange(1.0, 31.0)])  # 5 rad/s
-    times = OWN * np.arange(90)
-    log = Log(times=times, requests=requests, angles=requests, joint="elbow")
-    (joint,) = replay(log, SERVO, track="action", smoothness=0.0).joints
-    (span,) = joint.too_fast
-    assert span == pytest.approx((59 * OWN, 89 * OWN))
 
 
 def test_the_bound_of_each_joint_of_a_replay_is_its_own_and_of_the_rms_whatever_the_norm():

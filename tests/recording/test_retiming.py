@@ -37,11 +37,21 @@ def constant():
     return fastest(log(swing(0.8, 150)), SERVO, tolerance=TOLERANCE)
 
 
-def test_the_replay_keeps_the_tolerance(constant):
+def test_the_replay_keeps_the_tolerance_and_a_little_more_speed_is_proved_impossible(constant):
     (joint,) = constant.replay.joints
     assert np.max(np.abs(joint.errors["planned"])) <= TOLERANCE
     assert constant.speed == constant.constant
     assert constant.factors[:-1] == pytest.approx(constant.speed)
+    assert constant.speed < constant.impossible.speed < 1.1 * constant.speed
+    assert constant.impossible.bound > 1.0
+    made = replay(log(swing(0.8, 150)), SERVO, speed=constant.impossible.speed, norm="max")
+    assert made.max_error > TOLERANCE
+    for each in constant.curve:
+        assert each.bound <= each.planned * (1.0 + 1e-6)
+    kept = [each.planned <= 1.0 for each in constant.curve]
+    assert kept == sorted(kept, reverse=True)
+    assert constant.speed in [each.speed for each in constant.curve]
+    assert constant.curve[0].direct > 1.0
 
 
 def test_a_bound_by_a_top_speed_that_was_never_seen_holds_for_the_model_only(constant):
@@ -69,22 +79,6 @@ def test_a_speed_at_which_requests_are_too_far_apart_for_the_path_is_too_high():
     assert not found.replay.path.remarks
     remarks = replay(recorded, quick, speed=25.0).path.remarks
     assert "at this speed a request every 20 ms loses 17 % of the motion of" in remarks[-1]
-
-
-def test_the_bound_proves_a_speed_a_little_higher_impossible(constant):
-    assert constant.speed < constant.impossible.speed < 1.1 * constant.speed
-    assert constant.impossible.bound > 1.0
-    made = replay(log(swing(0.8, 150)), SERVO, speed=constant.impossible.speed, norm="max")
-    assert made.max_error > TOLERANCE
-
-
-def test_the_curve_orders_plans_and_bounds(constant):
-    for each in constant.curve:
-        assert each.bound <= each.planned * (1.0 + 1e-6)
-    kept = [each.planned <= 1.0 for each in constant.curve]
-    assert kept == sorted(kept, reverse=True)
-    assert constant.speed in [each.speed for each in constant.curve]
-    assert constant.curve[0].direct > 1.0
 
 
 def test_of_two_joints_the_one_that_is_farther_off_decides(constant):
@@ -205,12 +199,11 @@ def test_the_largest_factor_is_found_to_a_hundredth_and_keeps_the_tolerance(best
     assert len(set(speeds)) == len(speeds)  # each speed is planned once
 
 
-def test_no_replay_is_faster_than_eight_periods_or_sixty_four_times(monkeypatch):
+def test_no_replay_is_slower_than_a_sixteenth_nor_faster_than_eight_periods_or_64_times(
+    monkeypatch,
+):
     for rows, most in ((ROWS, 64.0), (161, 16.0), (257, 32.0), (256, 16.0)):
         assert found_for(MadeUp(monkeypatch, best=1e9), rows).constant == most
-
-
-def test_a_replay_is_no_slower_than_a_sixteenth(monkeypatch):
     with pytest.raises(Infeasible, match=r"at 0\.0625 times the speed the plan still is 1\.25 tim"):
         found_for(MadeUp(monkeypatch, best=0.05))
     assert found_for(MadeUp(monkeypatch, best=1.0 / 16.0)).constant == 1.0 / 16.0

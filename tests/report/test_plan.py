@@ -110,7 +110,7 @@ def test_a_path_is_said_to_be_too_fast_where_that_is_more_than_a_trace(outcome):
     assert said == [False, True, True]
 
 
-def test_requests_at_a_limit_are_counted(outcome):
+def test_requests_at_a_limit_are_counted_and_those_beyond_it_told_by_how_much(outcome):
     at_largest = limited(outcome, 0, (-10.0, float(outcome.requests[:, 0].max())))
     at_least = limited(outcome, 0, (float(outcome.requests[:, 0].min()), 10.0))
     for tight in (at_largest, at_least):
@@ -121,9 +121,6 @@ def test_requests_at_a_limit_are_counted(outcome):
     for limits, words in (((-np.inf, 10.0), "at most 573"), ((-10.0, np.inf), "at least −573")):
         half = joints_table(answer_about(limited(outcome, 0, limits))).rows[0].cells
         assert words in half
-
-
-def test_requests_beyond_a_limit_are_said_to_be_beyond_it_and_by_how_much(outcome):
     most = float(outcome.requests[:, 0].max())
     for limit, beyond in ((most - math.radians(2.0), True), (most, False)):
         said = text_of_page(limited(outcome, 0, (-10.0, limit)))

@@ -27,14 +27,11 @@ def table(**more):
     return Table("what", columns, rows, **more)
 
 
-def test_a_terminal_joins_the_parts_of_a_cell_and_puts_the_subject_first():
+def test_a_terminal_joins_the_parts_of_a_cell_and_shows_every_subject_once():
     lines = table().text().splitlines()
     assert re.split("  +", lines[0]) == ["what", "knee", "<words>"]
     assert re.split("  +", lines[1]) == ["direct, L2", "1.00 ± 0.1 / 2.00 (−50 %)", "a & b"]
     assert re.split("  +", lines[2]) == ["direct, Linf", "3.00 ± 0.2", "five (six)"]
-
-
-def test_a_terminal_shows_a_subject_once_where_it_has_a_column():
     lines = table(apart=True).text().splitlines()
     assert re.split("  +", lines[1])[:2] == ["direct", "L2"]
     assert lines[2].split() == ["Linf", "3.00", "±", "0.2", "five", "(six)"]

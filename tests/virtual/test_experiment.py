@@ -42,7 +42,7 @@ def joints(results):
     return tuple(results["table2"])
 
 
-def test_the_joints_are_identified_near_the_papers_table_1(results):
+def test_joints_are_identified_near_table_1_and_predict_motions_they_never_saw(results):
     for found in results["identified"].values():
         table = found["table1"]
         assert table["v_max_deg_per_tick"]["value"] == pytest.approx(2.5, rel=0.03)
@@ -53,9 +53,6 @@ def test_the_joints_are_identified_near_the_papers_table_1(results):
             assert entry["lower"] <= entry["value"] <= entry["upper"]
         assert table["theta_0_deg"]["paper"] == pytest.approx(7.0)
         assert table["offset_deg"]["paper"] is None
-
-
-def test_the_identified_models_predict_step_tests_and_a_walk_they_never_saw(results):
     for found in results["identified"].values():
         assert found["rms_deg"] < STEP_RMS
         assert found["held_out_rms_deg"] < 1.5 * STEP_RMS
@@ -72,15 +69,12 @@ def test_plans_predict_what_the_robot_does(results):
     assert results["foot"]["closed_form_plain"]["loss"] < LOSS_OF_THE_PAPERS
 
 
-def test_the_order_of_the_methods_is_the_papers_and_the_foots_plan_stays_well_ahead(results):
+def test_the_order_of_the_methods_and_their_fidelity_are_the_papers(results):
+    """L2(Pwl, MB): 2.6 to 2.7 degrees on its robot."""
     foot = {method: entry["L2"] for method, entry in results["foot"].items()}
     assert foot["closed_form_plain"] < foot["shift"] < foot["direct"]
     assert foot["closed_form"] < foot["shift"]
     assert foot["foot_optimal"] < 0.7 * min(foot["closed_form_plain"], foot["closed_form"])
-
-
-def test_the_fidelity_is_the_papers(results):
-    """L2(Pwl, MB): 2.6 to 2.7 degrees on its robot."""
     for table in results["table2"].values():
         assert table["Pwl,MB"]["L2"] < 2.7
         assert table["Pwl,Plain"]["L2"] < 4.5

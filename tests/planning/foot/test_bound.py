@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import JointModel, NoSteadyCycle, invert_foot, reference_walk, simulate
+from planner import JointModel, NoSteadyCycle, invert_foot, simulate
 from planner.gait.stride import stride
 from planner.planning.bounds.foot_bound import (
     Distance,
@@ -26,8 +26,6 @@ from planner.trajectory import error_norm
 from tests.instances import ERS210A, random_model
 from tests.kinematics.made_up_robots import ers210a_leg
 from tests.plans import foot_distances
-
-WALK = reference_walk()
 
 ROUNDING = 1e-9  # rounding in sums over samples [relative]
 
@@ -132,13 +130,6 @@ def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch)
     name = "planner.planning.bounds.foot_bound.conic_solutions"
     monkeypatch.setattr(name, lambda *_, **__: [nothing])
     assert 0.0 < replace(plan).lower_bound <= sharp
-
-
-def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
-    leg = WALK.leg
-    still = np.tile(leg.foot_positions(np.mean(leg.limits, axis=0)[np.newaxis]), (12, 1))
-    plan = invert_foot(ERS210A, leg, still)
-    assert plan.lower_bound == 0.0
 
 
 def test_whole_turns_of_a_plan_change_no_bound():
