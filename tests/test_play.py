@@ -132,7 +132,7 @@ def test_a_robot_is_led_to_the_first_request_no_faster_than_the_limit():
     st.sampled_from([0.002, 0.008, 0.02]),
 )
 def test_a_ramp_is_even_keeps_its_speed_and_wastes_no_time(start, goal, speed, period):
-    rows = ramp([start, 0.0], [goal, 0.0], speed=speed, period=period)
+    rows = ramp([start, 0.0], np.array([goal, 0.0]), speed=speed, period=period)
     steps = np.diff(np.concatenate([[start], rows[:, 0], [goal]]))
     assert np.allclose(steps, steps[0], rtol=0.0, atol=ROUNDING)
     assert np.max(np.abs(steps)) <= speed * period + ROUNDING

@@ -153,7 +153,7 @@ def _play(
     returns the requests [rad], (k,), sent if finite, and whether one of them is repeated; or None
     at the end. The tick ``last`` is not missed, however late.
     """
-    sent = skipped = repeats = overruns = 0
+    counts = dict.fromkeys(("sent", "skipped", "held", "overruns"), 0)
     late = latest = 0.0
     interrupted, failed = False, True
 
@@ -163,11 +163,11 @@ def _play(
 
     def send_at(due: float, row: Array) -> float:
         """Send a row when it is due, or at once where it is late; the time at which that was."""
-        nonlocal sent, late, latest
+        nonlocal late, latest
         wait_until(due)
         begun = now()
         send(row)
-        sent += 1
+        counts["sent"] += 1
         late += begun - due
         latest = max(latest, begun - due)
         return begun
@@ -177,22 +177,22 @@ def _play(
             due = now()
             for row in way:  # each a full period after the one before
                 due = send_at(due, row) + period
-                overruns += now() >= due
+                counts["overruns"] += now() >= due
             start, tick = max(due, now()), 0
             while True:
                 missed = max(int(min((now() - start) / period, last)) - tick, 0)
                 tick += missed
-                skipped += missed
+                counts["skipped"] += missed
                 due = start + tick * period
                 wait_until(due)
                 reply = answer(tick, missed)
                 if reply is None:
                     break
                 requests, held = reply
-                repeats += held
+                counts["held"] += held
                 if np.isfinite(requests).all():
                     send_at(due, requests)
-                overruns += now() >= due + period
+                counts["overruns"] += now() >= due + period
                 tick += 1
             failed = False
         except KeyboardInterrupt:
@@ -202,12 +202,9 @@ def _play(
                 on_stop()
     finally:
         playback = Playback(
-            sent=sent,
-            skipped=skipped,
-            held=repeats,
-            overruns=overruns,
+            **counts,
             latest=latest,
-            mean_lateness=late / max(sent, 1),
+            mean_lateness=late / max(counts["sent"], 1),
             interrupted=interrupted,
             failed=failed,
         )
@@ -216,41 +213,35 @@ def _play(
     return playback
 
 
-def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: float) -> Array:
+def ramp(current: npt.ArrayLike, first: Array, *, speed: float, period: float) -> Array:
     """Requests every period [s] from the present angles to the first request, without both.
 
     The joints set out and arrive together, at ``speed`` [rad/s] at most: [rad], (m, k), none where
     one period suffices.
     """
-    check_period(period)
     as_positive("speed", speed, "a positive number of rad/s")
-    start = _row(current, name="current")
-    goal = _row(first, name="first")
-    if start.shape != goal.shape:
+    try:
+        array = np.asarray(current)
+    except ValueError:  # rows of different lengths
+        array = np.empty((0, 0))
+    if array.ndim > 1:
+        got = shown(current)
+        raise InvalidInput(f"current: got {got}, expected one angle per joint, shape (k,)")
+    (start,) = as_rows(np.atleast_2d(array), name="current")
+    if start.shape != first.shape:
         raise InvalidInput(
-            f"current: got {len(start)} angles, expected {len(goal)}, one per joint of the requests"
+            f"current: got {len(start)} angles, expected {len(first)}, one per joint of the "
+            "requests"
         )
-    steps = float(np.max(np.abs(goal - start))) / (speed * period)
+    steps = float(np.max(np.abs(first - start))) / (speed * period)
     if steps > MOST_ROWS:
         raise InvalidInput(
             f"speed: got {speed:g} rad/s, for a ramp of {steps * period:.3g} s; expected a faster "
             "one"
         )
     shares = np.arange(1, math.ceil(steps))[:, None] / max(math.ceil(steps), 1)
-    rows: Array = start + shares * (goal - start)
+    rows: Array = start + shares * (first - start)
     return rows
-
-
-def _row(angles: npt.ArrayLike, *, name: str) -> Array:
-    """One angle per joint [rad], shape (k,)."""
-    try:
-        array = np.asarray(angles)
-    except ValueError:  # rows of different lengths
-        array = np.empty((0, 0))
-    if array.ndim > 1:
-        raise InvalidInput(f"{name}: got {shown(angles)}, expected one angle per joint, shape (k,)")
-    row: Array = as_rows(np.atleast_2d(array), name=name)[0]
-    return row
 
 
 Desired = Callable[[int], "npt.ArrayLike | None"]

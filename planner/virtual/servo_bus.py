@@ -246,11 +246,11 @@ class VirtualPort:
     """Virtual servos as a port of ``planner.robot.bus``, in lock step with its packets."""
 
     path = "the virtual bus"
+    baud_rate = 1_000_000
 
-    def __init__(self, servos: VirtualServos, baud_rate: int = 1_000_000) -> None:
+    def __init__(self, servos: VirtualServos) -> None:
         """Take the servos, whose clock is the port's."""
-        self.servos, self.baud_rate = servos, baud_rate
-        self._time, self._waiting = servos.time, b""
+        self.servos, self._time, self._waiting = servos, servos.time, b""
 
     def write(self, content: bytes) -> None:
         """Send bytes, and discard the bytes received before."""
