@@ -112,13 +112,6 @@ class Limits(NamedTuple):
     upper: Array
 
     @property
-    def finite(self) -> Limits:
-        """The same limits with one full turn in place of an unlimited range."""
-        free = np.where(np.isfinite(self.upper), self.upper - TURN, -0.5 * TURN)
-        lower = np.where(np.isfinite(self.lower), self.lower, free)
-        return Limits(lower, np.where(np.isfinite(self.upper), self.upper, lower + TURN))
-
-    @property
     def turning(self) -> npt.NDArray[np.bool_]:
         """Which joints can turn by a full turn or more, shape (k,)."""
         return np.asarray(self.upper - self.lower >= TURN)
@@ -127,8 +120,7 @@ class Limits(NamedTuple):
     def middle(self) -> Array:
         """The middle of each range [rad], of a full turn or more near 0, shape (k,)."""
         near_zero = np.clip(0.0, self.lower + 0.5 * TURN, self.upper - 0.5 * TURN)
-        lower, upper = self.finite
-        return np.asarray(np.where(self.turning, near_zero, 0.5 * (lower + upper)))
+        return np.asarray(np.mean(np.where(self.turning, near_zero, self), axis=0))
 
     @property
     def central(self) -> Limits:
@@ -141,8 +133,8 @@ class Limits(NamedTuple):
         return np.clip(angles, self.lower, self.upper)
 
     def wrap(self, angles: Array) -> Array:
-        """The same directions within half a turn of the middle of the limits [rad]."""
-        return np.asarray(self.middle + half_turned(angles - self.middle))
+        """The same directions within half a turn of the middle, clipped to the limits [rad]."""
+        return self.clip(self.middle + half_turned(angles - self.middle))
 
     def margin(self, angles: Array) -> Array:
         """How far inside the limits a pose is [rad]: (...,) for angles of shape (..., k)."""

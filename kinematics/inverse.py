@@ -74,7 +74,7 @@ def solve_inverse(leg: Leg, foot: Array, unreachable: Unreachable) -> InverseSol
     if closed_form is None:
         poses = nearest_poses(chain, limits, foot)
     else:
-        poses = limits.clip(limits.wrap(closed_form.poses(foot)))
+        poses = limits.wrap(closed_form.poses(foot))
     distances = _distances(chain, poses, foot)
     missed = distances.min(axis=1) > REACHED
     if closed_form is not None and missed.any() and unreachable != "clamp":
@@ -132,7 +132,7 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
         starts = regions[np.arange(count), squares.argmin(axis=-1)].reshape(-1, joints)
         settled = _descend(chain, endless, np.repeat(points, count, axis=0), starts)
         poses[begin : begin + 128] = settled.reshape(-1, count, joints)
-    return limits.clip(limits.wrap(poses))
+    return limits.wrap(poses)
 
 
 def _descend(chain: Chain, limits: Limits, points: Array, poses: Array) -> Array:

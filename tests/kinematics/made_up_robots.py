@@ -119,7 +119,7 @@ CLOSED = [name for name in SHAPES if name != "no two axes meet"]
 def angles_within(leg: Leg) -> st.SearchStrategy[np.ndarray]:
     """Poses within the limits, the limits themselves and the straight leg among them."""
     joints = []
-    for lower, upper in zip(*leg.limits.finite, strict=True):
+    for lower, upper in zip(*leg.limits.central, strict=True):
         ends = st.sampled_from([float(lower), float(upper), float(np.clip(0.0, lower, upper))])
         joints.append(ends | st.floats(float(lower), float(upper)))
     return st.lists(st.tuples(*joints), min_size=1, max_size=8).map(np.array)

@@ -210,7 +210,7 @@ STRAIGHT = 0.133  # length of the stretched reference leg [m]
 def around(leg, count, *, seed):
     """Points in and out of reach, some far away."""
     rng = np.random.default_rng(seed)
-    foot = leg.foot_positions(rng.uniform(*leg.limits.finite, (count, 3)))
+    foot = leg.foot_positions(rng.uniform(*leg.limits.central, (count, 3)))
     return foot + rng.normal(size=(count, 3)) * np.ptp(foot, axis=0) * rng.uniform(0, 1, (count, 1))
 
 

@@ -124,7 +124,7 @@ def test_the_first_pose_is_one_from_which_the_path_need_not_jump():
     leg = replace(reference_leg(), limits=limits)
     angles = np.linspace([-0.45, 0.1, 0.6], [0.45, 0.1, 0.6], 60)
     foot = leg.foot_positions(angles)
-    poses = limits.clip(limits.wrap(leg.closed_form.poses(foot)))
+    poses = limits.wrap(leg.closed_form.poses(foot))
     feet = leg.foot_positions(poses.reshape(-1, 3)).reshape(60, 4, 3)
     allowed = np.linalg.norm(feet - foot[:, None], axis=2) <= REACHED
     deepest = poses[0, np.argmax(np.where(allowed[0], limits.margin(poses[0]), -np.inf))]
