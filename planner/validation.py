@@ -64,6 +64,16 @@ def as_whole(value: object) -> int | None:
         return None
 
 
+def as_count(
+    name: str, value: object, expected: str, *, least: int = 1, most: float = math.inf
+) -> int:
+    """The value as an int in a range, or InvalidInput with what was ``expected``."""
+    number = as_whole(value)
+    if number is None or not least <= number <= most:
+        raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
+    return number
+
+
 def as_reals(values: Any) -> Array:
     """A new array of the values as floats, of any shape; ValueError where they are none."""
     array = np.asarray(values)

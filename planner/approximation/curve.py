@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import ReadOnly, as_flag, as_positive, as_reals, as_whole, read_only, shown
+from planner.validation import ReadOnly, as_count, as_flag, as_positive, as_reals, read_only, shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,11 +40,8 @@ class _Curves(ReadOnly):
                 f"knots: got shape {knots.shape} for values of shape {values.shape}, expected the "
                 f"same{others}"
             )
-        samples = as_whole(self.samples) or 0
-        if not 0 < samples <= MOST_SAMPLES:
-            raise InvalidInput(
-                f"samples: got {shown(self.samples)}, expected a whole number, 1 to {MOST_SAMPLES}"
-            )
+        expected = f"a whole number, 1 to {MOST_SAMPLES}"
+        samples = as_count("samples", self.samples, expected, most=MOST_SAMPLES)
         vars(self).update(
             knots=np.broadcast_to(read_only(knots), values.shape),
             values=read_only(values),

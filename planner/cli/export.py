@@ -50,7 +50,8 @@ def export(
     """  # noqa: D301, E501
     from planner.cli.desired import check_angles
     from planner.files.paths import read_joint_path
-    from planner.robot.schedule import Schedule, check_period
+    from planner.robot.schedule import Schedule
+    from planner.validation import as_positive
 
     (export,) = run.export
     check_export(export)
@@ -58,7 +59,7 @@ def export(
     check_angles(path.names, path.units)
     period = path.step
     if period_s is not None:
-        check_period(period_s)
+        as_positive("period", period_s, "a positive number of seconds")
         path.check_period(period_s)
         period = period_s
     elif path.times is None:

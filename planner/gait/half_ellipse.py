@@ -12,7 +12,7 @@ from kinematics.leg import Leg
 from kinematics.robot import urdf_path
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import Summarised, Summary, as_number, as_whole, read_only, shown
+from planner.validation import Summarised, Summary, as_count, as_number, read_only, shown
 
 
 def half_ellipse(
@@ -63,11 +63,8 @@ def half_ellipse(
                [ 0.   ,  0.028, -0.077],
                [ 0.049,  0.028, -0.035]])
     """
-    count = as_whole(samples)
-    if count is None or not 4 <= count <= MOST_SAMPLES:
-        raise InvalidInput(
-            f"samples: got {shown(samples)}, expected a whole number from 4 to {MOST_SAMPLES}"
-        )
+    expected = f"a whole number from 4 to {MOST_SAMPLES}"
+    count = as_count("samples", samples, expected, least=4, most=MOST_SAMPLES)
     length = in_range("length", length, above=0.0)
     height = in_range("height", height, least=0.0)
     forward = in_range("forward", forward)

@@ -21,7 +21,15 @@ from planner.model.evidence import warn_of_refused
 from planner.model.joint import JointModel, acting_requests, checked_model
 from planner.planning.task import joint_names, limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
-from planner.validation import Summarised, Summary, as_reals, as_whole, check_choice, shown
+from planner.validation import (
+    Summarised,
+    Summary,
+    as_count,
+    as_reals,
+    as_whole,
+    check_choice,
+    shown,
+)
 
 OnBad = Literal["hold", "raise"]
 
@@ -104,7 +112,8 @@ class Stream(Summarised):
         self.period = self.models[0].period
         usual = max(round(0.2 / self.period), 1)
         expected = f"a number of rows from 1 to {MOST_PREVIEW}; 200 ms are {usual} rows of "
-        self.preview = _rows("preview", preview, 1, f"{expected}{1e3 * self.period:g} ms")
+        expected += f"{1e3 * self.period:g} ms"
+        self.preview = as_count("preview", preview, expected, most=MOST_PREVIEW)
         times = [model.lag + model.acceleration_time for model in self.models]
         longest = int(np.argmax(times))
         if self.preview <= (needed := times[longest] / self.period):
@@ -119,7 +128,8 @@ class Stream(Summarised):
         expected = "the number of rows after which the path repeats, from 2 to"
         self.cycle = cycle
         if cycle is not None:
-            self.cycle = _rows("cycle", cycle, 2, f"{expected} {MOST_PREVIEW}, or None")
+            expected += f" {MOST_PREVIEW}, or None"
+            self.cycle = as_count("cycle", cycle, expected, least=2, most=MOST_PREVIEW)
         check_choice("on_bad", on_bad, get_args(OnBad))
         self._raises = on_bad == "raise"
         self._limits = limits_of_each(limits, self.names)
@@ -392,11 +402,3 @@ def _models_by_name(
             "period: JointModel.requested_every gives a model another one"
         )
     return joint_names(None, models, len(joints)), joints
-
-
-def _rows(name: str, value: object, least: int, expected: str) -> int:
-    """A number of rows that is an argument, checked."""
-    rows = as_whole(value)
-    if rows is None or not least <= rows <= MOST_PREVIEW:
-        raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
-    return rows

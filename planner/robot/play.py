@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.robot.schedule import MOST_ROWS, check_cycles, check_period
+from planner.robot.schedule import MOST_ROWS
 from planner.trajectory import Array, as_rows
-from planner.validation import as_positive, shown
+from planner.validation import as_count, as_positive, shown
 
 if TYPE_CHECKING:
     from planner.planning.stream import Stream
@@ -114,8 +114,10 @@ def play(
     check_functions(send=send, now=now, sleep=sleep)
     check_functions(optional=True, on_stop=on_stop, report=report)
     rows = as_rows(requests, name="requests")
-    check_period(period)
-    last = math.inf if cycles is None else check_cycles(cycles) * len(rows) - 1
+    as_positive("period", period, "a positive number of seconds")
+    last = math.inf
+    if cycles is not None:
+        last = as_count("cycles", cycles, "a whole number from 1 up") * len(rows) - 1
     if (current is None) != (speed is None):
         raise InvalidInput("current and speed: got one of them, expected both or none")
     way: Iterable[Array] = ()
@@ -300,7 +302,7 @@ def follow(
     check_functions(optional=True, measure=measure, on_stop=on_stop, report=report)
     if not callable(getattr(stream, "step", None)):
         raise InvalidInput(f"stream: got {shown(stream)}, expected a planner.Stream")
-    check_period(stream.period)
+    as_positive("period", stream.period, "a positive number of seconds")
     if callable(desired):
         at = desired
     else:

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.trajectory import Array
-from planner.validation import as_positive, as_whole, shown
 
 NANOSECONDS = 10**9  # nanoseconds in a second, the resolution of ROS times
 MOST_ROWS = 1_000_000  # longest schedule [rows]: more than two hours at a request every 8 ms
@@ -39,19 +38,6 @@ class Schedule(NamedTuple):
     def duration(self) -> float:
         """Until the last row has been held for its period [s]."""
         return len(self.requests) * self.period
-
-
-def check_period(period: float) -> None:
-    """Raise InvalidInput for a time between requests [s] that is not positive and finite."""
-    as_positive("period", period, "a positive number of seconds")
-
-
-def check_cycles(cycles: int) -> int:
-    """A number of repetitions; InvalidInput if it is not a positive whole number."""
-    number = as_whole(cycles) or 0
-    if number < 1:
-        raise InvalidInput(f"cycles: got {shown(cycles)}, expected a whole number from 1 up")
-    return number
 
 
 Between = Literal["hold", "linear"]
