@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 
 from planner.cli import options
 from planner.cli.console import complain
-from planner.cli.options import Command
+from planner.cli.declared import Positive, Source, option, within
 from planner.exceptions import BusError
 from planner.robot import EXPECTED_BUS, KINDS, bus_name
 
@@ -21,26 +21,21 @@ if TYPE_CHECKING:
     from planner.robot.bus import Bus
 
 
-def bus_options(model: str = "") -> Callable[[Command], Command]:
-    """Give a command the options of :func:`open_bus`, or with a help of ``model`` `open_arm`."""
-    file = options.option("--model", model, options.INPUT, metavar="FILE", required=True)
-    return options.several(
-        options.option(
-            "--bus",
-            "What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
-            "lerobot:ROBOT, such as lerobot:so101, is a robot by LeRobot's own classes; virtual "
-            f"are simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
-            + ("  [default: that of the model file]" if model else ""),
-            options.Parsed(bus_name, "BUS", EXPECTED_BUS),
-            required=not model,
-        ),
-        options.option("--port", "The serial port, such as /dev/ttyACM0.", metavar="P"),
-        options.option(
-            "--baud-rate",
-            f"Bits per second.  [default: {'that of the model file, else ' * bool(model)}1000000]",
-            click.IntRange(9600),
-        ),
-        *([file] if model else []),
+def bus_options(model: str = "") -> Any:
+    """The options of :func:`open_bus`, or with a help of ``model`` those of :func:`open_arm`."""
+    by_file = "that of the model file" if model else ""
+    bus = "What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
+    bus += "lerobot:ROBOT, such as lerobot:so101, is a robot by LeRobot's own classes; virtual are "
+    bus += f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
+    name = options.Parsed(bus_name, "BUS", EXPECTED_BUS)
+    rate = Annotated[int | None, within("a whole number from 9600 on", ge=9600)]
+    usual = f"{by_file}, else 1000000" if model else "1000000"
+    file = {"model": (Source, option(model))} if model else {}
+    return options.group(
+        bus=(Annotated[str | None if model else str, name], option(bus, otherwise=by_file)),
+        port=(str | None, option("The serial port, such as /dev/ttyACM0.", form="P")),
+        baud_rate=(rate, option("Bits per second.", otherwise=usual)),
+        **file,
     )
 
 
@@ -63,7 +58,7 @@ def _ids(text: str) -> dict[str, int]:
     return ids
 
 
-def ids_by_joint(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, int]:
+def ids_by_joint(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Mapping[str, int]:
     """Identifiers by joint; servos of a LeRobot robot take its joint names by default."""
     kind, _, which = choices["bus"].partition(":")
     if kind != "lerobot":
@@ -110,7 +105,7 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
 
 @contextmanager
 def open_arm(
-    choices: Mapping[str, Any], model: str, joints: Sequence[str] | None = None, *, advice: str
+    choices: Mapping[str, Any], joints: Sequence[str] | None = None, *, advice: str
 ) -> Iterator[Arm]:
     """Joints of a model file, by default all, on the bus of the options, or else of the file.
 
@@ -119,6 +114,7 @@ def open_arm(
     from planner.files.joint_model import read_bus, read_servos
     from planner.robot.arm import Arm
 
+    model = choices["model"]
     servos, own = read_servos(model, joints), {} if choices["bus"] else read_bus(model)
     if not (choices["bus"] or "bus" in own):
         raise click.UsageError(
@@ -163,39 +159,26 @@ FAULT = options.Parsed(
 )
 
 
-@click.command()
-@options.option(
-    "--servos", "Servos, with the identifiers 1 to N.", click.IntRange(1, 32), default=6
-)
-@options.option(
-    "--protocol",
-    "What they speak.  [default: feetech, or that of the kind]",
-    click.Choice(["feetech", "dynamixel", "xl320"]),
-)
-@options.option(
-    "--kind",
-    "What they are.  [default: sts3215, xl430 or xl-320, by the protocol]",
-    click.Choice(KINDS),
-)
-@options.positive(
-    "--step-ms",
-    "Lock step: so much time passes from one sync write to the next, however long it takes.  "
-    "[default: real time]",
-)
-@options.option(
-    "--fault faults",
-    "drop=0.05 (of the packets), disconnect=10 (seconds from now), power-off=10, stall=3@5 "
-    "(servo 3 after 5 s), overheat=3@5, saturate=3@5 (its supply sags). Repeat it for several.",
-    FAULT,
-    multiple=True,
-)
+@options.command(answers=False)
 def virtual_bus(
     *,
-    servos: int,
-    protocol: str | None,
-    kind: str | None,
-    step_ms: float | None,
-    faults: tuple[tuple[str, int, float], ...],
+    servos: Annotated[int, within(ge=1, le=32)] = option(
+        "Servos, with the identifiers 1 to N, at most 32.", default=6
+    ),
+    protocol: Literal["feetech", "dynamixel", "xl320"] | None = option(
+        "What they speak.", otherwise="feetech, or that of the kind"
+    ),
+    kind: Annotated[str | None, click.Choice(KINDS)] = option(
+        "What they are.", otherwise="sts3215, xl430 or xl-320, by the protocol"
+    ),
+    step_ms: Positive | None = option(
+        "Lock step: so much time passes from one sync write to the next, however long it takes.",
+        otherwise="real time",
+    ),
+    fault: Annotated[tuple[tuple[str, int, float], ...], FAULT] = option(
+        "drop=0.05 (of the packets), disconnect=10 (seconds from now), power-off=10, stall=3@5 "
+        "(servo 3 after 5 s), overheat=3@5, saturate=3@5 (its supply sags). Repeat it for several."
+    ),
 ) -> None:
     """Put moving virtual servos behind a pseudo-terminal, and print the port; Ctrl-C ends it.
 
@@ -218,11 +201,11 @@ def virtual_bus(
             f"--protocol: got {protocol}, but --kind {kind} is {protocols[kind]}."
         )
     fault_settings: dict[str, Any] = {}
-    for fault, servo, value in faults:
-        if fault in ("drop", "disconnect", "power-off"):
-            fault_settings[fault.replace("-", "_")] = value
+    for what, servo, value in fault:
+        if what in ("drop", "disconnect", "power-off"):
+            fault_settings[what.replace("-", "_")] = value
         elif servo in range(1, servos + 1):
-            fault_settings.setdefault(fault, {})[servo] = value
+            fault_settings.setdefault(what, {})[servo] = value
         else:
             raise click.UsageError(f"--fault: got servo {servo}, expected 1 to {servos}.")
     virtual_servos = servo_bus.VirtualServos(

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import select
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
 from planner.cli import buses, options
 from planner.cli.console import Answer, Progress, remark, summarise, warn
+from planner.cli.declared import Positive, option
 from planner.cli.settings import Tick
 from planner.exceptions import InvalidFile, InvalidInput, about
 from planner.files.staging import check_writable
@@ -23,65 +24,46 @@ if TYPE_CHECKING:
     from planner.robot.arm import Arm
     from planner.robot.calibration import Compared
 
+TICKS = options.of_kind(Tick, "[JOINT=]N", "knee=2048")
 
-@click.command()
-@buses.bus_options()
-@options.option(
-    "--ids",
-    "Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2.",
-    buses.IDS,
-    required=True,
-)
-@options.option(
-    "--joint chosen",
-    "Calibrate this joint only. Repeat the option for several joints.  [default: all]",
-    metavar="NAME",
-    multiple=True,
-)
-@options.option(
-    "--reverse reversed_",
-    "The servo of this joint is mounted the other way round.",
-    metavar="NAME",
-    multiple=True,
-)
-@options.option(
-    "--zero-tick zeros",
-    "Count of the servo at angle 0.  [default: the middle, 2048, or 512 of an XL-320]",
-    options.of_kind(Tick, "[JOINT=]N", "knee=2048"),
-    multiple=True,
-)
-@options.positive(
-    "--rate-hz", "Requests per second, as the joints will get them later.", default=100.0
-)
-@options.positive(
-    "--duration-s",
-    "Time for which each joint is excited; its test motions take another half a minute.",
-    default=60.0,
-)
-@options.positive(
-    "--reach-deg",
-    "How far a joint may go from where it is, unless its range is shown by hand.",
-    default=45.0,
-)
-@options.option("--yes", "Ask nothing: ranges by the servos' limits, and go.", bool)
-@options.option("--resume", "Take the logs of an interrupted run as they are.", bool)
-@options.option("--dry-run", "Check the servos, say what would be done, and end.", bool)
-@options.option(
-    "-o --output",
-    "Where to write the models and servos; joints that are there already stay.",
-    options.Place("file", None, check_writable),
-    default="arm.toml",
-)
-@options.answers("Also write a page with pictures, as HTML.")
+
+@options.command("Also write a page with pictures, as HTML.")
 def calibrate(
     *,
-    ids: dict[str, int],
-    chosen: tuple[str, ...],
-    yes: bool,
-    resume: bool,
-    dry_run: bool,
-    output: str,
-    **choices: Any,
+    port: Mapping[str, Any] = buses.bus_options(),
+    ids: Annotated[Mapping[str, int], buses.IDS] = option(
+        "Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2."
+    ),
+    joint: tuple[str, ...] = option(
+        "Calibrate this joint only. Repeat the option for several joints.",
+        otherwise="all",
+        form="NAME",
+    ),
+    reverse: tuple[str, ...] = option(
+        "The servo of this joint is mounted the other way round.", form="NAME"
+    ),
+    zero_tick: Annotated[tuple[tuple[str, int], ...], TICKS] = option(
+        "Count of the servo at angle 0.", otherwise="the middle, 2048, or 512 of an XL-320"
+    ),
+    rate_hz: Positive = option(
+        "Requests per second, as the joints will get them later.", default=100.0
+    ),
+    duration_s: Positive = option(
+        "Time for which each joint is excited; its test motions take another half a minute.",
+        default=60.0,
+    ),
+    reach_deg: Positive = option(
+        "How far a joint may go from where it is, unless its range is shown by hand.",
+        default=45.0,
+    ),
+    yes: bool = option("Ask nothing: ranges by the servos' limits, and go."),
+    resume: bool = option("Take the logs of an interrupted run as they are."),
+    dry_run: bool = option("Check the servos, say what would be done, and end."),
+    output: Annotated[str, options.Place("file", None, check_writable)] = option(
+        "Where to write the models and servos; joints that are there already stay.",
+        option="-o --output",
+        default="arm.toml",
+    ),
 ) -> Answer | None:
     """Move every joint, identify its model, and compare the ways to make it follow a path.
 
@@ -108,22 +90,21 @@ def calibrate(
     from planner.robot import calibration
     from planner.robot.arm import Arm, Servo, servos_of
 
-    if choices["rate_hz"] < 16.0:  # of slower ones the sines of the test motion have too few
-        got = f"{choices['rate_hz']:g}"
-        raise click.UsageError(f"--rate-hz: got {got}, expected 16 Hz or more.")
-    ids = buses.ids_by_joint(choices, ids)
-    joints = _chosen(chosen, ids)
-    zeros: dict[str, int] = dict(choices["zeros"])
+    if rate_hz < 16.0:  # of slower ones the sines of the test motion have too few
+        raise click.UsageError(f"--rate-hz: got {rate_hz:g}, expected 16 Hz or more.")
+    ids = buses.ids_by_joint(port, ids)
+    joints = _chosen(joint, ids)
+    zeros: dict[str, int] = dict(zero_tick)
     folder = Path(output).with_name(f"{Path(output).stem}_logs")
     results: dict[str, Compared] = {}
-    with buses.open_bus(choices, ids) as bus:
+    with buses.open_bus(port, ids) as bus:
         zero, turn = zeros.pop("", bus.protocol.middle), bus.protocol.ticks_per_turn
         like = Servo(zero_tick=zero, ticks_per_turn=turn)
-        arm = Arm(bus, servos_of(ids, like, zeros, choices["reversed_"]))
+        arm = Arm(bus, servos_of(ids, like, zeros, reverse))
         with Progress() as progress:
             progress("asking the servos")
             checked = calibration.check(arm)
-        period = 1.0 / choices["rate_hz"]
+        period = 1.0 / rate_hz
         summarise(servos_text(checked, period))
         for name, noise in checked.noise.items():
             if noise > math.radians(0.5):
@@ -136,12 +117,12 @@ def calibrate(
                 f"--rate-hz: a tick takes {1e3 * checked.tick_time:.2g} ms on this bus, expected "
                 f"at most {most:.2g}; choose {rate:.0f} Hz or less."
             )
-        ranges = calibration.servo_ranges(arm, checked.angles, math.radians(choices["reach_deg"]))
+        ranges = calibration.servo_ranges(arm, checked.angles, math.radians(reach_deg))
         if not (yes or dry_run):
             ranges = _asked_ranges(arm, ranges)
         arm = calibration.with_ranges(arm, ranges)
         tests = 32.0  # of a joint, with the ways to their beginnings [s]
-        seconds = len(joints) * (choices["duration_s"] + tests)
+        seconds = len(joints) * (duration_s + tests)
         earlier = [name for name in joints if Path(folder, f"{name}.csv").exists()]
         if earlier and not resume:
             warn(
@@ -158,13 +139,13 @@ def calibrate(
             _asked(click.confirm, "Is the way free, and may they move?", abort=True)
         advice = f"what was measured is in {folder}; go on with --resume"
         with buses.stopping(advice), arm.powered():
-            for joint in joints:
-                with Progress() as progress, about(joint):
-                    results[joint] = calibration.calibrate(
+            for name in joints:
+                with Progress() as progress, about(name):
+                    results[name] = calibration.calibrate(
                         arm,
-                        joint,
+                        name,
                         period=period,
-                        duration=choices["duration_s"],
+                        duration=duration_s,
                         folder=folder,
                         resume=resume,
                         progress=progress,
@@ -178,12 +159,12 @@ def calibrate(
                         name: replace(arm.servos[name], settings=checked.settings[name])
                         for name in results
                     },
-                    bus={name: choices[name] for name in BUS if choices[name]},
+                    bus={name: port[name] for name in BUS if port[name]},
                 )
                 write_text(output, text)
 
-    origins = [("bus", choices["bus"]), ("port", choices["port"]), ("logs", str(folder))]
-    origins = [*filter(all, origins), ("rate", f"{choices['rate_hz']:g} Hz")]
+    origins = [("bus", port["bus"]), ("port", port["port"]), ("logs", str(folder))]
+    origins = [*filter(all, origins), ("rate", f"{rate_hz:g} Hz")]
     return Answer(
         calibration_results(results, arm.servos, checked.tick_time),
         calibration_text(results, output),
@@ -242,16 +223,15 @@ def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
     return ranges_by_hand(arm, ended, 0.02)
 
 
-@click.command()
-@buses.bus_options("The models and servos of the joints, as calibrate writes them.")
-@options.option(
-    "--joint chosen", "Check this joint only.  [default: all]", metavar="NAME", multiple=True
-)
-@options.positive("--duration-s", "How long each joint moves.", default=20.0)
-@options.positive("--rate-hz", "Requests per second.  [default: those of the model]")
-@options.answers()
+@options.command()
 def check(
-    *, model: str, chosen: tuple[str, ...], duration_s: float, rate_hz: float | None, **choices: Any
+    *,
+    port: Mapping[str, Any] = buses.bus_options(
+        "The models and servos of the joints, as calibrate writes them."
+    ),
+    joint: tuple[str, ...] = option("Check this joint only.", otherwise="all", form="NAME"),
+    duration_s: Positive = option("How long each joint moves.", default=20.0),
+    rate_hz: Positive | None = option("Requests per second.", otherwise="those of the model"),
 ) -> Answer:
     """Move each joint briefly, and say whether its model still holds and what has changed.
 
@@ -271,16 +251,16 @@ def check(
 
     document, lines, outdated = {}, [], []
     with (
-        buses.open_arm(choices, model, advice="nothing was changed") as arm,
+        buses.open_arm(port, advice="nothing was changed") as arm,
         TemporaryDirectory() as folder,
         Progress() as progress,
     ):
-        joints = _chosen(chosen, arm.servos)
-        models = dict(zip(joints, read_model_file(model).for_joints(joints), strict=True))
+        joints = _chosen(joint, arm.servos)
+        models = dict(zip(joints, read_model_file(port["model"]).for_joints(joints), strict=True))
         for name, joint_model in models.items():
             if joint_model.evidence is None or math.isnan(joint_model.evidence.error):
                 raise InvalidFile(
-                    model,
+                    port["model"],
                     f"[{name}] has no expected_error to compare with; calibrate the joint first",
                 )
         settings = calibration.check(arm).settings

@@ -3,40 +3,36 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import click
 
 from planner.cli import options
 from planner.cli.console import Answer, Progress, terminal_width
+from planner.cli.declared import argument, option
 from planner.cli.settings import Run
 from planner.report.wording import fitted_to
 
-if TYPE_CHECKING:
-    from planner.planning.bounds.reachable_set import Level
 
-
-@click.command()
-@click.argument("path", type=options.INPUT)
-@options.settings(
-    f"leg: {options.LEG} unreachable",
-    "model: file",
-    "path: joints rate_hz",
-    "plan: cyclic load segments norm",
-    "limits: deg",
-    segments="Lines of the approximation.",
-    norm="Error that optimised requests make small.",
-    load="Torque on the joints: gravity at the desired angles by the masses of the leg's URDF, all "
-    "of its dynamics, or columns <joint>_load_Nm of the path.",
-)
-@options.option(
-    "--level",
-    "Sharpest bound to compute; 'exact' takes seconds to a minute.",
-    click.Choice(["slope", "envelope", "exact"]),
-    default="envelope",
-)
-@options.answers("Write a page (HTML) about the comparison.")
-def compare(*, run: Run, level: Level) -> Answer:
+@options.command("Write a page (HTML) about the comparison.")
+def compare(
+    *,
+    run: Run = options.settings(
+        f"leg: {options.LEG} unreachable",
+        "model: file",
+        "path: joints rate_hz",
+        "plan: cyclic load segments norm",
+        "limits: deg",
+        path=argument(),
+        segments="Lines of the approximation.",
+        norm="Error that optimised requests make small.",
+        load="Torque on the joints: gravity at the desired angles by the masses of the leg's URDF, "
+        "all of its dynamics, or columns <joint>_load_Nm of the path.",
+    ),
+    level: Literal["slope", "envelope", "exact"] = option(
+        "Sharpest bound to compute; 'exact' takes seconds to a minute.", default="envelope"
+    ),
+) -> Answer:
     """Plan PATH by the closed form, by optimisation, and by CasADi with IPOPT, and compare.
 
     PATH is what `plan` takes. Prints the error of each plan and the lower bound of any, how far

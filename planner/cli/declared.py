@@ -14,7 +14,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from inspect import get_annotations
 from itertools import cycle, pairwise
@@ -73,10 +73,13 @@ class Kind:
 
     def __init__(self, annotation: Any) -> None:
         self.notes, self.optional = tuple[Expected, ...](), False  # notes: the innermost first
+        self.parser: Any = None  # of the text of an option: a type of click
         while (origin := get_origin(annotation)) in (Annotated, Union, UnionType):
             annotation, *more = get_args(annotation)
-            self.notes = (*(each for each in more if each is not NoneType), *self.notes)
+            self.notes = (*(each for each in more if isinstance(each, Expected)), *self.notes)
             self.optional = self.optional or NoneType in more
+            others = (each for each in more if not isinstance(each, Expected | type))
+            self.parser = next(others, self.parser)
         # the type without None and annotations; its origin is Literal, tuple, dict, or None
         self.type, self.origin, self.inner = annotation, origin, get_args(annotation)
         self.count = None if ... in self.inner else len(self.inner)  # of a tuple; None for any
@@ -112,10 +115,12 @@ class Kind:
         return value
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(eq=False)
 class Declared:
-    """A key as declared. Without a default it has to be set, unless it may be None or is a dict."""
+    """A key as declared; without a default it has to be set, unless it may be None or empty."""
 
+    purpose: str = ""  # in a sentence
+    _: KW_ONLY
     default: Any = ...
     otherwise: str = ""  # the effect of leaving it unset, in words, if the default does not show it
     example: Any = None  # a value, if there is no default
@@ -127,30 +132,37 @@ class Declared:
     only: tuple[str, ...] = ()  # the methods, or formats, on which it has an effect; () for all
 
     kind: Kind = field(init=False)
-    purpose: str = field(init=False)  # in a sentence
     help: str = field(init=False)  # the same after the methods, or formats, of ``only``
     default_in_words: str = field(init=False)  # as TOML, or the effect of leaving it unset
 
-    def bind(self, name: str, annotation: Any, purpose: str) -> Declared:
-        """Take the name, the type and the purpose of the field."""
-        self.kind, self.purpose, self.help = Kind(annotation), purpose, purpose
+    def bind(self, name: str, annotation: Any, purpose: str = "") -> Declared:
+        """Take the name, the type and the purpose of the field or parameter."""
+        self.kind, self.purpose = Kind(annotation), self.purpose or purpose
+        self.help = self.purpose
         if self.only:
             choices = " or ".join(", ".join(self.only).rsplit(", ", 1))
-            self.help = f"With {choices}: {purpose[:1].lower()}{purpose[1:]}"
+            self.help = f"With {choices}: {self.purpose[:1].lower()}{self.purpose[1:]}"
         if self.option == "--":
             self.option += name.replace("_", "-")
-        if self.default is ... and self.kind.optional:
-            self.default = None
-        elif self.default is ... and self.kind.origin is dict:
-            self.default = {}
+        if self.default is ...:
+            empty: dict[Any, Any] = {dict: {}, bool: False}
+            if self.kind.count is None:
+                empty[tuple] = ()
+            key = self.kind.origin or self.kind.type
+            self.default = None if self.kind.optional else empty.get(key, ...)
         unset = self.default is None or self.default is ...
         self.default_in_words = self.otherwise or ("" if unset else toml_value(self.default))
         return self
 
 
-setting: Any = Declared  # declare a key of a table
+setting: Any = Declared
+"""Declare a key of a table."""
 
-option: Any = partial(setting, option="--")  # declare one that is an option of the same name, too
+argument: Any = Declared
+"""Declare a positional argument of a command."""
+
+option: Any = partial(setting, option="--")
+"""Declare a key that is also an option of the same name, or an option of a command."""
 
 
 class Settings:

@@ -3,69 +3,62 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Literal
 
 import click
 
 from planner.cli import options
 from planner.cli.console import Answer
-from planner.cli.settings import Run
+from planner.cli.declared import Positive, Span, option
+from planner.cli.settings import Run, Seed
 
-KINDS = ("combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
+Kind = Literal[
+    "combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle"
+]
 
 UNNAMED = "requested"  # the joint of a signal without a name, whose column is requested_deg
 
 
-@click.command()
-@options.option(
-    "--kind",
-    "A slow triangle, sines and steps in one recording, or one signal of its own; steps are "
-    "the tests of Equation 1.",
-    click.Choice(KINDS),
-    default="combined",
-)
-@options.option("--limits-deg limits_deg", "Range of the requests.", options.SPAN, required=True)
-@options.option(
-    "--centre-deg", "Where the signal begins and ends.  [default: the middle of the limits]", float
-)
-@options.positive("--rate-hz", "Requests per second.  [default: those of the expected model]")
-@options.option(
-    "--duration-s",
-    "Length of the signal, rests included.  [default: 60 for combined, else 20]",
-    float,
-)
-@options.option(
-    "--amplitude-deg",
-    "Height of a step test. Repeat the option for several.  [default: an eighth, half and the "
-    "whole of the range]",
-    float,
-    multiple=True,
-)
-@options.option(
-    "--cycles", "Cycles of each step test.  [default: 3; 1 in each half of combined]", int
-)
-@options.option(
-    "--highest-hz",
-    "Highest frequency of sines and chirp.  [default: a tenth of the rate, at most 5]",
-    float,
-)
-@options.option(
-    "--seed", "Another number draws other random steps and noise.", click.IntRange(min=0), default=0
-)
-@options.option("--joint", "Name of the joint, for the column.", metavar="NAME", default=UNNAMED)
-@options.settings("model: file")
-@options.option(
-    "--noise-deg", "Expected noise of the measured angles, standard deviation.", float, default=0.2
-)
-@options.option("--resolution-deg", "Expected resolution of the sensor.", float, default=0.3)
-@options.option(
-    "--expected-log",
-    "Also write the log of a simulated joint, as an input for identify.",
-    options.OUTPUT,
-)
-@options.output
-@options.answers()
-def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) -> Answer:
+@options.command()
+def excite(
+    *,
+    kind: Kind = option(
+        "A slow triangle, sines and steps in one recording, or one signal of its own; steps are "
+        "the tests of Equation 1.",
+        default="combined",
+    ),
+    limits_deg: Span = option("Range of the requests.", form="LOW:HIGH", like="-27:147"),
+    centre_deg: float | None = option(
+        "Where the signal begins and ends.", otherwise="the middle of the limits"
+    ),
+    rate_hz: Positive | None = option(
+        "Requests per second.", otherwise="those of the expected model"
+    ),
+    duration_s: float | None = option(
+        "Length of the signal, rests included.", otherwise="60 for combined, else 20"
+    ),
+    amplitude_deg: tuple[float, ...] = option(
+        "Height of a step test. Repeat the option for several.",
+        otherwise="an eighth, half and the whole of the range",
+    ),
+    cycles: int | None = option(
+        "Cycles of each step test.", otherwise="3; 1 in each half of combined"
+    ),
+    highest_hz: float | None = option(
+        "Highest frequency of sines and chirp.", otherwise="a tenth of the rate, at most 5"
+    ),
+    seed: Seed = option("Another number draws other random steps and noise.", default=0),
+    joint: str = option("Name of the joint, for the column.", default=UNNAMED, form="NAME"),
+    run: Run = options.settings("model: file"),
+    noise_deg: float = option(
+        "Expected noise of the measured angles, standard deviation.", default=0.2
+    ),
+    resolution_deg: float = option("Expected resolution of the sensor.", default=0.3),
+    expected_log: options.Output | None = option(
+        "Also write the log of a simulated joint, as an input for identify."
+    ),
+    output: str = options.output,  # noqa: ARG001
+) -> Answer:
     """Write test requests within limits, and print which parameters they determine.
 
     Move the joint slowly to the centre, play the requests one by one at their times, and record
@@ -88,45 +81,44 @@ def excite(*, run: Run, joint: str, expected_log: str | None, **choices: Any) ->
     from planner.identification.excitation import expect
     from planner.report.identification_text import excitation_results, excitation_text
 
-    kind, (low, high), turns = choices["kind"], choices["limits_deg"], 720.0
+    (low, high), turns = limits_deg, 720.0
     if high - low > turns:
         raise click.UsageError(
             f"--limits-deg: got {low:g}:{high:g}, expected at most {turns:g} degrees from one to "
             "the other, two turns; are they counts of a sensor?"
         )
-    for name, kinds in (
-        ("amplitude_deg", ("combined", "steps")),
-        ("cycles", ("combined", "steps")),
-        ("highest_hz", ("combined", "multisine", "chirp")),
+    for name, value, kinds in (
+        ("--amplitude-deg", amplitude_deg, ("combined", "steps")),
+        ("--cycles", cycles, ("combined", "steps")),
+        ("--highest-hz", highest_hz, ("combined", "multisine", "chirp")),
     ):
-        if choices[name] not in (None, ()) and kind not in kinds:
-            option = f"--{name.replace('_', '-')}"
-            raise click.UsageError(f"{option} has no effect with --kind {kind}.")
-    step, finest = choices["resolution_deg"], 1e-9  # a turn of 38 bits: more than any sensor has
-    if 0.0 < step < finest:
+        if value not in (None, ()) and kind not in kinds:
+            raise click.UsageError(f"{name} has no effect with --kind {kind}.")
+    finest = 1e-9  # a turn of 38 bits: more than any sensor has
+    if 0.0 < resolution_deg < finest:
         raise click.UsageError(
-            f"--resolution-deg: got {step:g}, expected 0 for none, or at least {finest:g}."
+            f"--resolution-deg: got {resolution_deg:g}, expected 0 for none, or at least "
+            f"{finest:g}."
         )
     (model,) = models_of(run, [joint])
-    centre, rate, duration = (choices[name] for name in ("centre_deg", "rate_hz", "duration_s"))
     usual = 60.0 if kind == "combined" else 20.0
     excitation = make(
         kind.replace("-", "_"),
         limits=(math.radians(low), math.radians(high)),
-        period=model.period if rate is None else 1.0 / rate,
-        duration=usual if duration is None else duration,
-        centre=None if centre is None else math.radians(centre),
-        amplitudes=[math.radians(height) for height in choices["amplitude_deg"]] or None,
-        cycles=choices["cycles"],
-        highest=choices["highest_hz"],
-        seed=choices["seed"],
+        period=model.period if rate_hz is None else 1.0 / rate_hz,
+        duration=usual if duration_s is None else duration_s,
+        centre=None if centre_deg is None else math.radians(centre_deg),
+        amplitudes=[math.radians(height) for height in amplitude_deg] or None,
+        cycles=cycles,
+        highest=highest_hz,
+        seed=seed,
     )
     expected = expect(
         excitation,
         model,
-        noise=math.radians(choices["noise_deg"]),
-        resolution=math.radians(choices["resolution_deg"]),
-        seed=choices["seed"],
+        noise=math.radians(noise_deg),
+        resolution=math.radians(resolution_deg),
+        seed=seed,
     )
     (fit,) = expected.fits
     prefix, log = "" if joint == UNNAMED else f"{joint}_", fit.log

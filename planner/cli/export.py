@@ -9,6 +9,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Answer, BadSetting, marked
+from planner.cli.declared import Source, argument, option
 from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile, InvalidInput
 
@@ -17,21 +18,17 @@ if TYPE_CHECKING:
     from planner.robot.schedule import Schedule
 
 
-@click.command()
-@click.argument("requests", type=options.INPUT)
-@options.settings("export", "path: joints")
-@options.output_or_folder
-@options.option("--period-s", "Time between requests, where the file has no column t_s.", float)
-@options.option(
-    "--model",
-    "csv in ticks: zero, direction and ticks of a turn of each joint's servo, as calibrate "
-    "writes them, instead of --zero-tick, --reverse and --ticks-per-turn.",
-    options.INPUT,
-    metavar="FILE",
-)
-@options.answers()
+@options.command()
 def export(
-    *, run: Run, requests: str, output: str, period_s: float | None, model: str | None
+    *,
+    requests: Source = argument(),
+    run: Run = options.settings("export", "path: joints"),
+    output: str = options.output_or_folder,
+    period_s: float | None = option("Time between requests, where the file has no column t_s."),
+    model: Source | None = option(
+        "csv in ticks: zero, direction and ticks of a turn of each joint's servo, as calibrate "
+        "writes them, instead of --zero-tick, --reverse and --ticks-per-turn."
+    ),
 ) -> Answer:
     """Write REQUESTS, a CSV as `plan` writes it, in a format that robots take; '-' is standard input.
 

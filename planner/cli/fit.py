@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
 from planner.cli import options
 from planner.cli.console import Answer, Progress
+from planner.cli.declared import Positive, Source, argument, option
 from planner.cli.settings import Run
 from planner.exceptions import about
 
@@ -19,50 +20,36 @@ def _knot(text: str) -> tuple[float, float | None]:
     return float(time), math.radians(float(angle)) if equals else None
 
 
-@click.command()
-@click.argument("desired", type=options.INPUT)
-@options.settings(
-    "model: file", "path: joints", "plan: cyclic segments", segments="Lines of the approximation."
-)
-@options.positive(
-    "--max-error", "Use as few lines as stay this close to the path everywhere.", metavar="DEG"
-)
-@options.positive(
-    "--max-rms",
-    "Use as few lines as stay this close to the path in root mean square.",
-    metavar="DEG",
-)
-@options.option(
-    "--knot-s knot_s",
-    "Time of a knot. Repeat the option for each knot. Only their angles are then sought.",
-    float,
-    multiple=True,
-)
-@options.option(
-    "--required-s required_s",
-    "Time at which there must be a knot, and perhaps its angle. Repeat it for more.",
-    options.Parsed(_knot, "S[=DEG]", "seconds (0.4) or seconds=degrees (0.4=12.5)"),
-    multiple=True,
-)
-@options.option("--exact", "Prove that no other knots on samples are better.", bool)
-@options.option(
-    "--knots knots_file",
-    "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json.",
-    options.OUTPUT,
-)
-@options.output
-@options.answers("Write a page (HTML) about the lines, and the error for other numbers of them.")
+KNOT = options.Parsed(_knot, "S[=DEG]", "seconds (0.4) or seconds=degrees (0.4=12.5)")
+
+
+@options.command("Write a page (HTML) about the lines, and the error for other numbers of them.")
 def fit(
     *,
-    run: Run,
-    desired: str,
-    max_error: float | None,
-    max_rms: float | None,
-    knot_s: tuple[float, ...],
-    required_s: tuple[tuple[float, float | None], ...],
-    exact: bool,
-    knots_file: str | None,
-    output: str,
+    desired: Source = argument(),
+    run: Run = options.settings(
+        "model: file",
+        "path: joints",
+        "plan: cyclic segments",
+        segments="Lines of the approximation.",
+    ),
+    max_error: Positive | None = option(
+        "Use as few lines as stay this close to the path everywhere.", form="DEG"
+    ),
+    max_rms: Positive | None = option(
+        "Use as few lines as stay this close to the path in root mean square.", form="DEG"
+    ),
+    knot_s: tuple[float, ...] = option(
+        "Time of a knot. Repeat the option for each knot. Only their angles are then sought."
+    ),
+    required_s: Annotated[tuple[tuple[float, float | None], ...], KNOT] = option(
+        "Time at which there must be a knot, and perhaps its angle. Repeat it for more."
+    ),
+    exact: bool = option("Prove that no other knots on samples are better."),
+    knots: options.Output | None = option(
+        "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json."
+    ),
+    output: str = options.output,
 ) -> Answer:
     """Approximate DESIRED, a CSV of <joint>_deg or <joint>_rad columns, by lines within ±v_max.
 
@@ -83,7 +70,7 @@ def fit(
     path = load_joints(desired, run)
     options.warn_of(path.remarks)
     check_angles(path.names, path.units)
-    if knots_file is not None and len(path.names) > 1:
+    if knots is not None and len(path.names) > 1:
         raise click.UsageError(
             f"--knots writes one joint, got {', '.join(path.names)}; choose one with --joint."
         )
@@ -110,8 +97,8 @@ def fit(
         "joints": {name: fit_results(curve) for name, curve in fits.items()},
     }
     angles = np.column_stack([curve.angles for curve in fits.values()])
-    if knots_file is not None:
-        write_curve(knots_file, next(iter(fits.values())))
+    if knots is not None:
+        write_curve(knots, next(iter(fits.values())))
 
     origins = [("path", desired), ("model", run.model.file)]
     return Answer(

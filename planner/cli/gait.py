@@ -3,54 +3,41 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal, get_args
 
 import click
 
 from planner.cli import options
 from planner.cli.console import Answer, Progress
+from planner.cli.declared import option
 from planner.cli.settings import HalfEllipse, Run
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.report.wording import text_table
 
-if TYPE_CHECKING:
-    from planner.gait.stride import Pattern
-
-PATTERNS = ("walk", "trot", "pace", "bound")
-"""The patterns of ``planner.gait.stride``, which takes longer to import."""
+Pattern = Literal["walk", "trot", "pace", "bound"]  # as of planner.gait.stride, slow to import
 
 
-@click.command()
-@options.settings(
-    "path.half_ellipse",
-    f"leg: {options.LEG}",
-    "model: file",
-    "tolerance: cm",
-    cm="With --fastest: largest distance of the foot from its path.",
-)
-@options.option(
-    "--fastest",
-    "Find the shortest cycle at which the foot of a leg, planned with the joints of --model, "
-    "stays within --tolerance-cm.",
-    bool,
-)
-@options.option(
-    "--pattern",
-    "Four legs, those of the robot that --model describes, in this gait, one of "
-    f"{', '.join(PATTERNS)}: angles of all their joints instead of a foot path.",
-    click.Choice(PATTERNS),
-    metavar="GAIT",
-)
-@options.option("--period", "Time between samples [s].", default=0.008)
-@options.output
-@options.answers()
+@options.command()
 def gait(
     *,
-    run: Run,
-    period: float,
-    fastest: bool,
-    pattern: Pattern | None,
-    output: str,  # noqa: ARG001
+    run: Run = options.settings(
+        "path.half_ellipse",
+        f"leg: {options.LEG}",
+        "model: file",
+        "tolerance: cm",
+        cm="With --fastest: largest distance of the foot from its path.",
+    ),
+    fastest: bool = option(
+        "Find the shortest cycle at which the foot of a leg, planned with the joints of --model, "
+        "stays within --tolerance-cm."
+    ),
+    pattern: Pattern | None = option(
+        "Four legs, those of the robot that --model describes, in this gait, one of "
+        f"{', '.join(get_args(Pattern))}: angles of all their joints instead of a foot path.",
+        form="GAIT",
+    ),
+    period: float = option("Time between samples [s].", default=0.008),
+    output: str = options.output,  # noqa: ARG001
 ) -> Answer:
     """Make the half-ellipse foot path of a walk, in the hip's frame; by default the paper's.
 

@@ -10,6 +10,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Answer, Progress, remark, warn
+from planner.cli.declared import Count, Positive, Source, argument, option
 from planner.exceptions import InvalidFile, PlannerError, about
 from planner.files.text import write_text
 
@@ -21,30 +22,34 @@ FEW_ROWS = 20_000
 """Most rows for which joints are identified in this process: others would start more slowly."""
 
 
-@click.command()
-@click.argument("logs", nargs=-1, required=True, type=options.INPUT, metavar="LOG...")
-@options.log_options
-@options.positive(
-    "--tick-ms", "Time step of the model.  [default: chosen from the rate of the log]"
-)
-@options.option(
-    "--hold",
-    "Ticks for which one request is held.  [default: chosen from the rate of the log]",
-    click.IntRange(min=1),
-)
-@options.option(
-    "--hold-out/--no-hold-out",
-    "Whether to test the model on rows that it was not fitted to.",
-    default=True,
-)
-@options.option(
-    "-o --output",
-    "Where to write the model as TOML; '-' is standard output.",
-    options.OUTPUT,
-    default="-",
-)
-@options.answers("Also write a page with pictures, as HTML.")
-def identify(*, logs: tuple[str, ...], output: str, **choices: Any) -> Answer:
+@options.command("Also write a page with pictures, as HTML.")
+def identify(
+    *,
+    logs: tuple[Source, ...] = argument(form="LOG..."),
+    log: Mapping[str, Any] = options.log_options(
+        joint=(
+            str | None,
+            option("The joint to read where a log has several, or 'all'.", form="NAME"),
+        )
+    ),
+    tick_ms: Positive | None = option(
+        "Time step of the model.", otherwise="chosen from the rate of the log"
+    ),
+    hold: Count | None = option(
+        "Ticks for which one request is held.", otherwise="chosen from the rate of the log"
+    ),
+    hold_out: bool = option(
+        "Whether to test the model on rows that it was not fitted to.",
+        option="--hold-out/--no-hold-out",
+        default=True,
+        otherwise="hold-out",
+    ),
+    output: options.Output = option(
+        "Where to write the model as TOML; '-' is standard output.",
+        option="-o --output",
+        default="-",
+    ),
+) -> Answer:
     """Find the parameters of a joint from LOGs of requested against actual angles.
 
     A LOG is CSV with columns such as t_s, requested_deg and actual_deg, a LeRobot dataset, a JSON
@@ -72,11 +77,12 @@ def identify(*, logs: tuple[str, ...], output: str, **choices: Any) -> Answer:
     except InvalidFile as error:
         words = "remove the file to replace it, or choose another name for the model"
         raise InvalidFile(output, f"is no valid model file ({error}); {words}") from error
-    by_joint = _by_joint(logs, choices)
+    by_joint = _by_joint(logs, log)
+    choices = {"tick": tick_ms and 1e-3 * tick_ms, "hold": hold, "hold_out": hold_out}
     identifications = _identify_joints(by_joint, choices)
     tables, of_joint = identifications, ""
     document: dict[str, Any]
-    if choices["joint"] == "all":
+    if log["joint"] == "all":
         document = {"joints": {joint: each.to_dict() for joint, each in tables.items()}}
     else:
         ((joint, identification),) = identifications.items()
@@ -154,9 +160,7 @@ def _identify_joints(
     """The identification of each joint; of several joints, failed ones are left out."""
     from planner.files.results import Task
 
-    settings = {name: choices[name] for name in ("hold", "hold_out")}
-    settings["tick"] = None if choices["tick_ms"] is None else 1e-3 * choices["tick_ms"]
-    tasks = [Task(joint or "the joint", (tuple(own), settings)) for joint, own in logs.items()]
+    tasks = [Task(joint or "the joint", (tuple(own), choices)) for joint, own in logs.items()]
     rows = sum(len(log.times) for own in logs.values() for log in own)
     several = len(tasks) > 1 and rows > FEW_ROWS
     found: dict[str, Identification | PlannerError] = {}

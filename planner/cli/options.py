@@ -12,23 +12,21 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
-from functools import partial, wraps
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import click
 from click.shell_completion import CompletionItem
 
 from planner.cli.console import MARKED, Answer, BadSetting, SettingsError, warn
-from planner.cli.declared import NUMBER, SOURCE, Declared, Kind, Positive, Span, tables
+from planner.cli.declared import NUMBER, SOURCE, Count, Declared, Kind, Source, option, tables
 from planner.cli.settings import ReplayRun, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
 from planner.files.text import place_of
 
 if TYPE_CHECKING:
     from planner.files.logs.rows import LogOptions
-
-Command = Callable[..., Any]
 
 
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
@@ -128,6 +126,8 @@ FOLDER = Place("dir", "written", check_folder)
 OUTPUT_OR_FOLDER = Place("file", "written")  # checked once the format is known
 REWRITTEN = Place("file", None)
 
+UNITS = ("hz", "s", "ms", "deg", "cm")  # endings of names that are shown as the form of numbers
+
 
 def finite(text: str) -> float:
     """A finite number."""
@@ -143,124 +143,195 @@ def _position(text: str) -> tuple[str, tuple[str, float]]:
     return joint, ("lock_m" if slides else "lock", finite(place.removesuffix("m")))
 
 
-SPAN = of_kind(Span, "LOW:HIGH", "-27:147")
 PARAMETER = of_kind(float, "NAME=VALUE", "length=0.04")
 LOCK = Parsed(
     _position, "JOINT=DEG", "JOINT=DEG, such as wrist=-90, or slide=0.1m of one that slides"
 )
 
 
-def option(names: str, about: str, kind: Any = None, **more: Any) -> Callable[[Command], Command]:
-    """Give a command an option; a number is shown as N, or as the unit that ends its name."""
-    unit = names.split()[0].rpartition("-")[2]
-    form = unit.upper() if unit in ("hz", "s", "ms", "deg", "cm") else "FLOAT"
-    if isinstance(kind, click.IntRange):
-        more.setdefault("metavar", "N")
-    elif kind is bool:
-        more["is_flag"] = "/" not in names or None
-    elif isinstance(kind, Kind) or kind in (int, float, Positive):
-        number = kind if isinstance(kind, Kind) else Kind(kind)
-        kind = of_kind(number, "N" if number.type is int else form)
-    return click.option(*names.split(), type=kind, help=about, **more)
+Output = Annotated[str, OUTPUT]
+Folder = Annotated[str, FOLDER]
 
 
-positive = partial(option, kind=Positive)
-output = option(
-    "-o --output", "Where to write the CSV; '-' is standard output.", OUTPUT, default="-"
+def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
+    """What is declared as an option, or argument, of click, with a help of its own if there is one.
+
+    A number is shown as N, or as the unit that ends its name.
+    """
+    kind, form, text = declared.kind, declared.form, about or declared.help
+    more: dict[str, Any] = {"required": declared.default is ...}
+    several = kind.origin is tuple and kind.count is None and "," not in form
+    more["multiple"] = several or kind.origin is dict or bool(declared.by_joint)
+    unit = name.rpartition("_")[2]
+    each = kind.inner[1] if kind.origin is dict else kind.inner[0] if several else kind
+    if kind.parser is not None:
+        click_type = kind.parser
+        if isinstance(declared.default, str):  # which is checked like any other
+            more |= {"default": declared.default, "show_default": False}
+    elif name == "leg_lock":
+        click_type = LOCK
+    elif SOURCE in each.notes:
+        click_type = INPUT
+    elif each.origin is Literal:
+        click_type = click.Choice(each.inner)
+    elif kind.type is bool:
+        click_type, more["default"] = bool, None
+        more["is_flag"] = "/" not in declared.option or None
+    elif each.type is str and "=" not in form:
+        click_type = Parsed(str, form or "TEXT", "", each.choices)
+    elif " " in form:
+        click_type, more["nargs"] = of_kind(kind.inner[0], form), kind.count
+    else:
+        shown = "N" if each.type is int else unit.upper() if unit in UNITS else "FLOAT"
+        click_type = of_kind(each, form or shown, declared.like)
+    if form and "=" not in form:
+        more["metavar"] = form
+    if not declared.option:
+        own: dict[str, Any] = {"nargs": -1 if several else 1, "metavar": more.get("metavar")}
+        return click.Argument([name], type=click_type, required=not kind.optional, **own)
+    if kind.type is str and kind.choices and not about:
+        text += f" {kind.expected.capitalize()}."
+    if more["multiple"] and not (declared.by_joint or about or "epeat" in text):
+        text += " Repeat the option for several."
+    default = declared.default_in_words.strip('"[]{}')
+    default = default.replace(".0,", "").removesuffix(".0") if "nargs" in more else default
+    if default and "  [" not in text and (kind.type is not bool or "/" in declared.option):
+        text += f"  [default: {default}]"
+    return click.Option([*declared.option.split(), name], help=text, type=click_type, **more)
+
+
+class Group(NamedTuple):
+    """A parameter of a command that is made of several options: these, and its value by theirs."""
+
+    options: list[click.Parameter]
+    value: Callable[[dict[str, Any]], Any]  # takes its options out of all by name
+
+
+def group(**options: tuple[Any, Declared]) -> Any:
+    """Options by name, with type and declaration; together a mapping."""
+    groups = {name: _single(name, *each) for name, each in options.items()}
+    return Group(
+        [each.options[0] for each in groups.values()],
+        lambda values: {name: each.value(values) for name, each in groups.items()},
+    )
+
+
+def _single(name: str, annotation: Any, declared: Declared) -> Group:
+    """The only option, or argument, of a parameter."""
+    declared.bind(name, annotation)
+
+    def value(values: dict[str, Any]) -> Any:
+        own = values.pop(name)
+        return declared.default if own in (None, ()) else own
+
+    return Group([_option(name, declared)], value)
+
+
+output: Any = _single(
+    "output",
+    Output,
+    option("Where to write the CSV; '-' is standard output.", option="-o --output", default="-"),
 )
-output_or_folder = option(
-    "-o --output",
-    "The file, or folder, to write; '-' is standard output.",
-    OUTPUT_OR_FOLDER,
-    metavar="OUT",
-    default="-",
-)
-
-
-def several(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
-    """Give a command several options, in this order."""
-
-    def decorate(command: Command) -> Command:
-        for decorator in reversed(decorators):
-            command = decorator(command)
-        return command
-
-    return decorate
-
-
-parallel = several(
+output_or_folder: Any = _single(
+    "output",
+    Annotated[str, OUTPUT_OR_FOLDER],
     option(
-        "--workers",
-        "Processes on this machine.  [default: one for each usable processor]",
-        click.IntRange(min=1),
-    ),
-    option(
-        "--scheduler",
-        "A Dask scheduler, whose workers are used instead (extra 'cluster').",
-        metavar="tcp://HOST:PORT",
-    ),
-    option(
-        "--resume",
-        "Go on with what a killed command has left, and compute only what is missing.",
-        bool,
+        "The file, or folder, to write; '-' is standard output.",
+        option="-o --output",
+        default="-",
+        form="OUT",
     ),
 )
-"""Of commands that carry out many tasks."""
 
 
-def answers(report: str = "") -> Callable[[Callable[..., Answer | None]], Command]:
-    """Give a command ``--json``, and with the help of it ``--report``, the page of its answer.
+def command(
+    page: str = "", *, answers: bool = True
+) -> Callable[[Callable[..., Answer | None]], click.Command]:
+    """Make a function a command, by its parameters: the default of each declares its options.
 
-    Its answer, if it has one, is written and printed.
+    With ``answers`` what it returns is written and printed, with ``--json`` for machines, and with
+    the help of a ``page`` there is ``--report``, which writes it.
     """
 
-    def decorate(command: Callable[..., Answer | None]) -> Command:
-        @option("--json as_json", "Print JSON for machines.", bool)
-        @wraps(command)
-        def answered(*, as_json: bool, report: str | None = None, **arguments: Any) -> None:
-            places = {"report": report, "expected-log": arguments.get("expected_log")}
+    def decorate(function: Callable[..., Answer | None]) -> click.Command:
+        groups = dict[str, Group]()
+        for name, each in signature(function, eval_str=True).parameters.items():
+            is_group = isinstance(each.default, Group)
+            groups[name] = (
+                each.default if is_group else _single(name, each.annotation, each.default)
+            )
+
+        def run(*, as_json: bool = False, report: str | None = None, **values: Any) -> None:
+            places = {"report": report, "expected-log": values.get("expected_log")}
             for name in [name for name, place in places.items() if as_json and place == "-"]:
                 words = "standard output takes the JSON; name a file."
                 raise click.UsageError(f"--{name}: {words}")
-            if answer := command(**arguments):
-                answer.deliver(arguments.get("output", "-"), report, as_json=as_json)
+            try:
+                own = {name: each.value(values) for name, each in groups.items()}
+                if answer := function(**own):
+                    answer.deliver(own.get("output", "-"), report, as_json=as_json)
+            except BadSetting as error:
+                raise click.UsageError(f"{in_options(error.args[0])}.") from error
+            except SettingsError as error:
+                raise click.ClickException(in_options(error.args[0])) from error
 
-        return option("--report", report, OUTPUT)(answered) if report else answered
+        options = [option for each in groups.values() for option in each.options]
+        if page:
+            options.append(click.Option(["--report"], help=page, type=OUTPUT))
+        if answers:
+            about = "Print JSON for machines."
+            options.append(click.Option(["--json", "as_json"], is_flag=True, help=about))
+        name = function.__name__.replace("_", "-")
+        return click.Command(name, params=options, callback=run, help=function.__doc__)
 
     return decorate
 
 
-recording_options = several(
-    option("--time", "CSV: the column of times; clock:ms says its unit.", metavar="COLUMN"),
-    option("--requested", "CSV: the column of requested angles.", metavar="COLUMN"),
-    option("--actual", "CSV: the column of actual angles.", metavar="COLUMN"),
-    option("--torque", "CSV: the column that is 1 while the torque is on.", metavar="COLUMN"),
-    option(
-        "--unit",
-        "Unit of the angles where the log does not say: rad, deg, ticks, turns, us (pulses of "
-        "a hobby servo), counts (of a sensor whose scale is fitted), range (0..1), percent or "
-        "range_m100_100; 'rad,Jaw=range' where joints differ, 'requested=us,actual=counts' where "
-        "columns do.",
-        metavar="UNIT",
+parallel = group(
+    workers=(
+        Count | None,
+        option("Processes on this machine.", otherwise="one for each usable processor"),
     ),
-    option(
-        "--ticks-per-turn",
-        "Ticks of one turn, such as 4096, for angles in ticks; for pulses the us of one turn, "
-        "by default 4000.",
-        float,
-        metavar="N",
+    scheduler=(
+        str | None,
+        option(
+            "A Dask scheduler, whose workers are used instead (extra 'cluster').",
+            form="tcp://HOST:PORT",
+        ),
     ),
-    option("--topic", "Bags: the topic of actual angles.", metavar="TOPIC"),
-    option("--command-topic", "Bags: the topic of requested angles.", metavar="TOPIC"),
-    option("--episodes", "LeRobot: the episodes to read, such as 0-3,7.", metavar="LIST"),
+    resume=(
+        bool,
+        option("Go on with what a killed command has left, and compute only what is missing."),
+    ),
 )
-"""The options of logs of which every joint is read."""
+"""The options of commands that carry out many tasks."""
 
-log_options = several(
-    option("--joint", "The joint to read where a log has several, or 'all'.", metavar="NAME"),
-    recording_options,
-)
-"""The options that :func:`to_log_options` takes."""
+_RECORDING = {
+    "time": "CSV: the column of times; clock:ms says its unit.",
+    "requested": "CSV: the column of requested angles.",
+    "actual": "CSV: the column of actual angles.",
+    "torque": "CSV: the column that is 1 while the torque is on.",
+    "unit": "Unit of the angles where the log does not say: rad, deg, ticks, turns, us (pulses of "
+    "a hobby servo), counts (of a sensor whose scale is fitted), range (0..1), percent or "
+    "range_m100_100; 'rad,Jaw=range' where joints differ, 'requested=us,actual=counts' where "
+    "columns do.",
+    "ticks_per_turn": "Ticks of one turn, such as 4096, for angles in ticks; for pulses the us of "
+    "one turn, by default 4000.",
+    "topic": "Bags: the topic of actual angles.",
+    "command_topic": "Bags: the topic of requested angles.",
+    "episodes": "LeRobot: the episodes to read, such as 0-3,7.",
+}
+
+
+def log_options(**first: tuple[Any, Declared]) -> Any:
+    """Options of logs, and others before them: what :func:`to_log_options` takes, with a joint."""
+    forms = {"unit": "UNIT", "ticks_per_turn": "N", "episodes": "LIST"}
+    for name, about in _RECORDING.items():
+        form = forms.get(name, "TOPIC" if "topic" in name else "COLUMN")
+        kind = float if name == "ticks_per_turn" else str
+        first[name] = kind | None, option(about, form=form)
+    return group(**first)
+
 
 SETTINGS = {
     ".".join(part for part in (*table.place, name) if part != NUMBER): key
@@ -280,13 +351,13 @@ BY_JOINT = {
 LEG = "name urdf base foot lock near"  # the keys of a leg, for `settings`
 
 
-def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
-    """Give a command options that are settings, and hand them to it as ``run``, a typed Run.
+def settings(*groups: str, path: Declared | None = None, **helps: str) -> Any:
+    """Options that are settings, whose value is a typed Run.
 
     A group is a table of a run file, a colon, and those of its keys that become options, with
-    spaces between them: ``"plan: method cyclic"``; a table alone has all of them. An argument
-    ``path`` of the command is the file of the path. A help in ``helps`` takes the place of a
-    setting's own, by the last part of its key, or by the key with underscores.
+    spaces between them: ``"plan: method cyclic"``; a table alone has all of them. ``path`` declares
+    the argument or option of the path's file. A help in ``helps`` takes the place of a setting's
+    own, by the last part of its key, or by the key with underscores.
     """
     keys = list[str]()
     for table, colon, names in (group.partition(":") for group in groups):
@@ -294,74 +365,30 @@ def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
         keys += [f"{table}.{name}" for name in names.split()] if colon else of_table
     whole = ReplayRun if any(key.startswith("replay.") for key in keys) else Run
 
-    def decorate(command: Command) -> Command:
-        @wraps(command)
-        def with_settings(**arguments: Any) -> Any:
-            content: dict[str, Any] = {}
-            if "path" in arguments:
-                content["path"] = {"file": arguments.pop("path")}
-            for key in keys:
-                if (value := arguments.pop(_parameter(key))) not in (None, ()):
-                    put(content, key, value)
-            if "export" in content:
-                content["export"] = [{"file": "rows", **content["export"]}]
-            try:
-                return command(run=whole.of(content, standard_input=True), **arguments)
-            except BadSetting as error:
-                raise click.UsageError(f"{in_options(error.args[0])}.") from error
-            except SettingsError as error:
-                raise click.ClickException(in_options(error.args[0])) from error
-
-        decorators = []
+    def value(values: dict[str, Any]) -> Run:
+        content: dict[str, Any] = {}
+        if path:
+            content["path"] = {"file": values.pop("path")}
         for key in keys:
-            declared = SETTINGS[key]
-            own = helps.get(_parameter(key)) or helps.get(key.rpartition(".")[2], "")
-            if key.startswith("plan.") and "plan.method" not in keys:  # no choice of methods
-                own = own or declared.purpose
-            decorators.append(_option(key, declared, own))
-        return several(*decorators)(with_settings)
+            if (own := values.pop(key.replace(".", "_"))) not in (None, ()):
+                put(content, key, own)
+        if "export" in content:
+            content["export"] = [{"file": "rows", **content["export"]}]
+        return whole.of(content, standard_input=True)
 
-    return decorate
-
-
-def _parameter(key: str) -> str:
-    return key.replace(".", "_")
-
-
-def _option(key: str, declared: Declared, about: str) -> Callable[[Command], Command]:
-    """A setting as an option of click, with the help of the command if it has one."""
-    kind, form, text = declared.kind, declared.form, about or declared.help
-    more: dict[str, Any] = {"required": declared.default is ...}
-    click_type: Any = of_kind(kind, form, declared.like) if form else kind
-    more["multiple"] = kind.origin is dict or form == "NAME" or bool(declared.by_joint)
-    if key == "leg.lock":
-        click_type = LOCK
-    elif SOURCE in kind.notes:
-        click_type = INPUT
-    elif kind.origin is Literal:
-        click_type = click.Choice(kind.inner)
-    elif kind.origin is dict:
-        click_type = of_kind(kind.inner[1], form, declared.like)
-    elif kind.type is bool:
-        click_type, more["default"] = bool, None
-    elif kind.type is str or form == "NAME":
-        click_type = Parsed(str, form or "TEXT", "", kind.choices)
-    elif kind.origin is tuple and " " in form:
-        click_type, more["nargs"], more["metavar"] = kind.inner[0], kind.count, form
-    if kind.type is str and kind.choices and not about:
-        text += f" {kind.expected.capitalize()}."
-    if more["multiple"] and not declared.by_joint and not about:
-        text += " Repeat the option for several."
-    default = declared.default_in_words.strip('"[]{}')
-    default = default.replace(".0,", "").removesuffix(".0") if "nargs" in more else default
-    if default and "  [" not in text and (kind.type is not bool or "/" in declared.option):
-        text += f"  [default: {default}]"
-    return option(f"{declared.option} {_parameter(key)}", text, click_type, **more)
+    options = [] if path is None else _single("path", Source, path).options
+    for key in keys:
+        name = key.replace(".", "_")
+        own = helps.get(name) or helps.get(key.rpartition(".")[2], "")
+        if key.startswith("plan.") and "plan.method" not in keys:  # no choice of methods
+            own = own or SETTINGS[key].purpose
+        options.append(_option(name, SETTINGS[key], own))
+    return Group(options, value)
 
 
-def check_parallel(workers: int | None, scheduler: str | None) -> None:
+def check_parallel(work: Mapping[str, Any]) -> None:
     """Refuse two places for the tasks."""
-    if workers is not None and scheduler is not None:
+    if work["workers"] is not None and work["scheduler"] is not None:
         raise click.UsageError("--workers are of this machine: leave out --workers or --scheduler.")
 
 

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import click
-
 from planner.cli import options
 from planner.cli.console import Answer, Progress
+from planner.cli.declared import argument
 from planner.cli.settings import SMOOTHING, Run
 
 
-@click.command()
-@click.argument("path", type=options.INPUT)
-@options.settings(
-    f"leg: {options.LEG} unreachable",
-    "model: file",
-    "path: joints rate_hz speed",
-    "plan: cyclic",
-    "start: deg",
-    f"plan: method segments rule load norm solver weights {SMOOTHING} robust",
-    "limits: deg",
-    "tolerance: deg cm",
-)
-@options.output
-@options.answers("Write a page (HTML) about the plan.")
-def plan(*, run: Run, output: str) -> Answer:
+@options.command("Write a page (HTML) about the plan.")
+def plan(
+    *,
+    run: Run = options.settings(
+        f"leg: {options.LEG} unreachable",
+        "model: file",
+        "path: joints rate_hz speed",
+        "plan: cyclic",
+        "start: deg",
+        f"plan: method segments rule load norm solver weights {SMOOTHING} robust",
+        "limits: deg",
+        "tolerance: deg cm",
+        path=argument(),
+    ),
+    output: str = options.output,
+) -> Answer:
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.
 
     PATH holds desired angles (columns <joint>_deg or <joint>_rad), or positions of a foot (x_m,

@@ -3,34 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
-
-import click
 
 from planner.cli import buses, options
 from planner.cli.console import Answer, summarise, warn
+from planner.cli.declared import Count, Positive, Source, argument, option
 from planner.exceptions import InvalidFile
 
 if TYPE_CHECKING:
     from planner.trajectory import Array
 
 
-@click.command()
-@click.argument("requests", type=options.INPUT)
-@buses.bus_options("The servos of the joints, with zeros and ranges, as calibrate writes them.")
-@options.option("--cycles", "How often to play them.", click.IntRange(1), default=1)
-@options.option(
-    "--measured",
-    "Also write the measured angles, a row for each request, as refine takes them.",
-    options.OUTPUT,
-    metavar="FILE",
-)
-@options.option(
-    "-o --output", "The log of requested and actual angles.", options.OUTPUT, default="log.csv"
-)
-@options.answers()
+@options.command()
 def play(
-    *, requests: str, model: str, cycles: int, measured: str | None, output: str, **choices: Any
+    *,
+    requests: Source = argument(),
+    port: Mapping[str, Any] = buses.bus_options(
+        "The servos of the joints, with zeros and ranges, as calibrate writes them."
+    ),
+    cycles: Count = option("How often to play them.", default=1),
+    measured: options.Output | None = option(
+        "Also write the measured angles, a row for each request, as refine takes them."
+    ),
+    output: options.Output = option(
+        "The log of requested and actual angles.", option="-o --output", default="log.csv"
+    ),
 ) -> Answer:
     """Play REQUESTS, as `plan` or `refine` writes them, on servos, and log what the joints do.
 
@@ -61,7 +59,7 @@ def play(
     period, rows = path.step, list["tuple[float, Array]"]()
     log = growing_log(output, path.names)
     advice = f"the log until then is {output}.part"
-    with buses.open_arm(choices, model, path.names, advice=advice) as arm, log as write_row:
+    with buses.open_arm(port, path.names, advice=advice) as arm, log as write_row:
 
         def keep(time: float, row: Array, angles: Array) -> None:
             write_row(time, row, angles)
@@ -100,25 +98,19 @@ def play(
     )
 
 
-@click.command()
-@buses.bus_options("The servos of the joints, as calibrate writes them.")
-@options.positive("--rate-hz", "Rows per second.", default=50.0)
-@options.positive("--duration-s", "How long.  [default: until Ctrl-C]")
-@options.option(
-    "--by-hand",
-    "Switch the torque off first, and write a path of the angles alone, which plan takes; a "
-    "row in which a servo did not answer is left out.",
-    bool,
-)
-@options.option("-o --output", "The log.", options.OUTPUT, default="log.csv")
+@options.command(answers=False)
 def record(
     *,
-    model: str,
-    rate_hz: float,
-    duration_s: float | None,
-    by_hand: bool,
-    output: str,
-    **choices: Any,
+    port: Mapping[str, Any] = buses.bus_options(
+        "The servos of the joints, as calibrate writes them."
+    ),
+    rate_hz: Positive = option("Rows per second.", default=50.0),
+    duration_s: Positive | None = option("How long.", otherwise="until Ctrl-C"),
+    by_hand: bool = option(
+        "Switch the torque off first, and write a path of the angles alone, which plan takes; a "
+        "row in which a servo did not answer is left out."
+    ),
+    output: options.Output = option("The log.", option="-o --output", default="log.csv"),
 ) -> None:
     """Log requested and actual angles while something else moves the servos, or a hand does.
 
@@ -139,13 +131,14 @@ def record(
     kinds = ("",) if by_hand else ("requested", "actual")
     advice = f"the log until then is {output}.part"
     with (
-        buses.open_arm(choices, model, advice=advice) as arm,
+        buses.open_arm(port, advice=advice) as arm,
         growing_log(output, list(arm.servos), kinds=kinds) as write_row,
     ):
         if by_hand:
             for servo in arm.servos.values():
                 arm.bus.write(servo.id, "torque", 0)
-        port, begin, kept = arm.bus.port, arm.bus.port.now(), 0
+        clock, kept = arm.bus.port, 0
+        begin = clock.now()
         last_read = np.full(len(arm.servos), begin)
 
         def keep(_: Array) -> None:
@@ -160,7 +153,7 @@ def record(
 
         rows = None if duration_s is None else math.ceil(duration_s * rate_hz)
         play_at_times(
-            [0.0], period=1.0 / rate_hz, cycles=rows, send=keep, now=port.now, sleep=port.sleep
+            [0.0], period=1.0 / rate_hz, cycles=rows, send=keep, now=clock.now, sleep=clock.sleep
         )
     lost = arm.bus.lost / max(1, arm.bus.asked)
     summarise(

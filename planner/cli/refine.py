@@ -7,12 +7,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import click
+from typing import TYPE_CHECKING, Annotated
 
 from planner.cli import options
 from planner.cli.console import Answer, BadSetting, Progress, warn
+from planner.cli.declared import Count, Source, argument, option
 from planner.cli.settings import SMOOTHING, Run
 from planner.exceptions import about
 
@@ -26,48 +25,38 @@ if TYPE_CHECKING:
 FOOT = "foot"  # name of the plan of a foot
 
 
-@click.command()
-@click.argument("requests", type=options.REWRITTEN)
-@click.argument("measured", type=options.INPUT, nargs=-1, required=True)
-@options.option(
-    "--desired path",
-    "The path that the requests were planned for: of joints, or of a foot with --leg.",
-    options.INPUT,
-    required=True,
-)
-@options.settings(
-    f"leg: {options.LEG} unreachable",
-    "model: file",
-    "path: joints rate_hz",
-    "plan: cyclic",
-    "start: deg",
-    f"plan: method load norm solver weights {SMOOTHING}",
-    "limits: deg",
-)
-@options.option(
-    "--history", "File with the trials so far: read if it exists, then written.", options.OUTPUT
-)
-@options.option("--cycles", "Cycles to take from MEASURED; by default all.", click.IntRange(1))
-@options.option(
-    "--sensor-delay-ms",
-    "How late the measured angles are; 0 to take them as they are.  [default: estimated]",
-    float,
-)
-@options.option(
-    "--reidentify/--no-reidentify", "Whether the cycles may identify the models anew.", default=True
-)
-@options.output
-@options.answers("Write a page (HTML) about what was learnt.")
+@options.command("Write a page (HTML) about what was learnt.")
 def refine(
     *,
-    run: Run,
-    requests: str,
-    measured: tuple[str, ...],
-    history: str | None,
-    cycles: int | None,
-    sensor_delay_ms: float | None,
-    reidentify: bool,
-    output: str,
+    requests: Annotated[str, options.REWRITTEN] = argument(),
+    measured: tuple[Source, ...] = argument(),
+    run: Run = options.settings(
+        f"leg: {options.LEG} unreachable",
+        "model: file",
+        "path: joints rate_hz",
+        "plan: cyclic",
+        "start: deg",
+        f"plan: method load norm solver weights {SMOOTHING}",
+        "limits: deg",
+        path=option(
+            "The path that the requests were planned for: of joints, or of a foot with --leg.",
+            option="--desired",
+        ),
+    ),
+    history: options.Output | None = option(
+        "File with the trials so far: read if it exists, then written."
+    ),
+    cycles: Count | None = option("Cycles to take from MEASURED; by default all."),
+    sensor_delay_ms: float | None = option(
+        "How late the measured angles are; 0 to take them as they are.", otherwise="estimated"
+    ),
+    reidentify: bool = option(
+        "Whether the cycles may identify the models anew.",
+        option="--reidentify/--no-reidentify",
+        default=True,
+        otherwise="reidentify",
+    ),
+    output: str = options.output,
 ) -> Answer:
     """Learn from executed REQUESTS and the angles MEASURED meanwhile: write the next requests.
 

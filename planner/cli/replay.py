@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from planner.cli import options
 from planner.cli.console import Answer, Progress, remark, warn
+from planner.cli.declared import Source, argument
 from planner.cli.settings import SMOOTHING, TOLERANCE, ReplayRun
 
 if TYPE_CHECKING:
@@ -19,50 +18,42 @@ if TYPE_CHECKING:
 NORM = "the plan's norm, or with --fastest the largest error"  # the norm of the tolerances
 
 
-@click.command()
-@click.argument("logs", nargs=-1, required=True, type=options.INPUT, metavar="RECORDING...")
-@options.settings(
-    "model: file",
-    "path: speed",
-    "replay: track",
-    "path: joints",
-    "replay: begin_s end_s",
-    "path: rate_hz",
-    "limits: deg",
-    f"plan: load norm solver {SMOOTHING}",
-    "replay: fastest",
-    "tolerance: deg cm",
-    "replay: retime",
-    f"leg: {options.LEG}",
-    "replay: urdf_joints write_as",
-    speed="How many times as fast as it was recorded.  [default: 1.0]",
-    joints="The joints to plan; the others get their recorded requests. Repeat the option for "
-    "several.  [default: all that have a model, but no grippers]",
-    rate_hz="Requests per second.  [default: that of the recording]",
-    name="A leg or arm of your robot, with --base and --foot, whose joints are recorded; or a "
-    "shipped leg.",
-    file="Joint models as TOML, by the names of the recording's joints; 'from-log' identifies them "
-    "from the recording itself.  [required]",
-    load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics.  "
-    "[default: that of the logs]",
-    deg=TOLERANCE.format("any joint", NORM),
-    cm=TOLERANCE.format("the foot", NORM),
-    limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.  "
-    "[default: none]",
-)
-@options.recording_options
-@options.output_or_folder
-@options.parallel
-@options.answers("Write a page (HTML) about the replay.")
+@options.command("Write a page (HTML) about the replay.")
 def replay(
     *,
-    run: ReplayRun,
-    logs: tuple[str, ...],
-    output: str,
-    workers: int | None,
-    scheduler: str | None,
-    resume: bool,
-    **choices: Any,
+    logs: tuple[Source, ...] = argument(form="RECORDING..."),
+    run: ReplayRun = options.settings(
+        "model: file",
+        "path: speed",
+        "replay: track",
+        "path: joints",
+        "replay: begin_s end_s",
+        "path: rate_hz",
+        "limits: deg",
+        f"plan: load norm solver {SMOOTHING}",
+        "replay: fastest",
+        "tolerance: deg cm",
+        "replay: retime",
+        f"leg: {options.LEG}",
+        "replay: urdf_joints write_as",
+        speed="How many times as fast as it was recorded.  [default: 1.0]",
+        joints="The joints to plan; the others get their recorded requests. Repeat the option for "
+        "several.  [default: all that have a model, but no grippers]",
+        rate_hz="Requests per second.  [default: that of the recording]",
+        name="A leg or arm of your robot, with --base and --foot, whose joints are recorded; or a "
+        "shipped leg.",
+        file="Joint models as TOML, by the names of the recording's joints; 'from-log' identifies "
+        "them from the recording itself.  [required]",
+        load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics.  "
+        "[default: that of the logs]",
+        deg=TOLERANCE.format("any joint", NORM),
+        cm=TOLERANCE.format("the foot", NORM),
+        limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.  "
+        "[default: none]",
+    ),
+    log: Mapping[str, Any] = options.log_options(),
+    output: str = options.output_or_folder,
+    work: Mapping[str, Any] = options.parallel,
 ) -> Answer:
     """Plan requests that repeat RECORDINGs, at their own speed or another one.
 
@@ -92,12 +83,12 @@ def replay(
     from planner.parallel import executor_of
     from planner.recording.episode import left_out
 
-    options.check_parallel(workers, scheduler)
-    recordings = recordings_in(logs, options.to_log_options({**choices, "joint": "all"}))
+    options.check_parallel(work)
+    recordings = recordings_in(logs, options.to_log_options({**log, "joint": "all"}))
     check_writing(run.replay.write_as, recordings, output)
-    if resume and len(recordings) == 1:
+    if work["resume"] and len(recordings) == 1:
         warn("--resume has no effect on one recording, which is planned anew")
-    elif resume and (before := finished(output, ABOUT, origin_of(run, recordings))):
+    elif work["resume"] and (before := finished(output, ABOUT, origin_of(run, recordings))):
         count = len(before["recordings"])
         remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
         return _answer(before, logs)
@@ -108,11 +99,15 @@ def replay(
     if len(tasks) == 1:
         return _replay_one(tasks[0], output)
     with (
-        executor_of(workers, scheduler) as executor,
+        executor_of(work["workers"], work["scheduler"]) as executor,
         Progress(len(tasks), parallel=True) as progress,
     ):
         document, kept = replay_many(
-            tasks, output, executor, resume=resume, progress=lambda task: progress(task.name)
+            tasks,
+            output,
+            executor,
+            resume=work["resume"],
+            progress=lambda task: progress(task.name),
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)

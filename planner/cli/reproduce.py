@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from planner.cli import options
 from planner.cli.console import Answer, Progress, terminal_width
+from planner.cli.declared import option
 from planner.files.staging import list_files, output_folder
 from planner.files.text import to_json, write_bytes, write_text
 from planner.report.wording import fitted_to
@@ -21,18 +22,15 @@ if TYPE_CHECKING:
 STEPS = {"model": 16, "virtual": 27}  # number of steps that are reported, by robot
 
 
-@click.command()
-@options.option(
-    "--out", "Folder for the results; an earlier run's is replaced.", options.FOLDER, required=True
-)
-@options.option(
-    "--robot",
-    "What the joints are: the paper's model, or servos in MuJoCo (extra 'mujoco').",
-    click.Choice(["model", "virtual"]),
-    default="model",
-)
-@options.answers()
-def reproduce(*, out: str, robot: str) -> Answer:
+@options.command()
+def reproduce(
+    *,
+    out: options.Folder = option("Folder for the results; an earlier run's is replaced."),
+    robot: Literal["model", "virtual"] = option(
+        "What the joints are: the paper's model, or servos in MuJoCo (extra 'mujoco').",
+        default="model",
+    ),
+) -> Answer:
     """Run the paper's experiment again and put every figure beside the paper's own.
 
     Writes results.json, report.html, figures (SVG and PNG) and CSVs of the desired angles, the

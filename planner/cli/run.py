@@ -10,7 +10,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Answer, BadSetting, Progress, in_keys, speaking_of, warn
-from planner.cli.declared import flat, understand
+from planner.cli.declared import Source, argument, flat, option, understand
 from planner.cli.declared import template as template_of
 from planner.cli.export import check_export, check_rows, rows_answer, rows_of, write_rows
 from planner.cli.settings import Run
@@ -30,13 +30,14 @@ HEADING = (
 """Comments at the top of a template."""
 
 
-@click.command()
-@click.argument("file", type=options.INPUT, metavar="[RUN.toml]", required=False)
-@options.option("--out", "Folder for the results, whatever the file says.", options.FOLDER)
-@options.option("--check", "Only check the file and the files that it names.", bool)
-@options.option("--template", "Print a file with every key, to begin with.", bool)
-@options.answers()
-def run(*, file: str | None, out: str | None, check: bool, template: bool) -> Answer | None:
+@options.command()
+def run(
+    *,
+    file: Source | None = argument(form="[RUN.toml]"),
+    out: options.Folder | None = option("Folder for the results, whatever the file says."),
+    check: bool = option("Only check the file and the files that it names."),
+    template: bool = option("Print a file with every key, to begin with."),
+) -> Answer | None:
     """Carry out what RUN.toml describes: leg, models, path, method, limits and outputs.
 
     The folder of the results appears whole or not at all, and nothing is written outside it. Every

@@ -33,6 +33,7 @@ Weights = Annotated[
 Tick = Annotated[int, within(ge=1 - 10**9, le=10**9 - 1)]
 Length = Annotated[float, within(gt=0.0, le=2.0, words="a number above 0, up to 2, in metres")]
 Share = Annotated[float, within(ge=0.0, le=1.0, words="a number from 0 to 1, 0.05 for 5 %")]
+Seed = Annotated[int, within(ge=0, le=10**9)]
 Samples = Annotated[int, within(ge=4, le=10**6)]
 
 LEG_NAMES = ("reference", "front-left", "front-right", "hind-left", "hind-right")
@@ -462,7 +463,7 @@ class Search(Settings):
     method: Literal["grid", "cma"] = setting(default="grid")
     steps: Count | None = setting(only=("grid",), otherwise="the values as they are", example=5)
     evaluations: Annotated[int, within(ge=20, le=10**6)] = setting(only=("cma",), default=200)
-    seed: Annotated[int, within(ge=0, le=10**9)] = setting(only=("cma",), default=0)
+    seed: Seed = setting(only=("cma",), default=0)
     at_error_cm: Positive | None = setting(example=1.0)
     at_error_deg: Positive | None = setting(example=2.0)
     at_speed_cm_s: Positive | None = setting(example=20.0)

@@ -2,38 +2,31 @@
 
 from __future__ import annotations
 
-import click
+from typing import Literal
 
 from planner.cli import options
 from planner.cli.console import Answer, warn
+from planner.cli.declared import Source, argument, option
 from planner.cli.settings import Run
 from planner.exceptions import InvalidFile, about
 
 
-@click.command()
-@click.argument("requests", type=options.INPUT)
-@options.settings(
-    "model: file",
-    "path: joints rate_hz",
-    "plan: cyclic",
-    "start: deg",
-    rate_hz="Requests per second, as given to plan: the models take it.",
-)
-@options.option(
-    "--load",
-    "Torque on the joints: columns <joint>_load_Nm of REQUESTS, as plan --load writes them.",
-    click.Choice(["column"]),
-)
-@options.option("--desired", "Joint path to compare the angles with.", options.INPUT)
-@options.output
-@options.answers()
+@options.command()
 def simulate(
     *,
-    run: Run,
-    requests: str,
-    load: str | None,
-    desired: str | None,
-    output: str,  # noqa: ARG001
+    requests: Source = argument(),
+    run: Run = options.settings(
+        "model: file",
+        "path: joints rate_hz",
+        "plan: cyclic",
+        "start: deg",
+        rate_hz="Requests per second, as given to plan: the models take it.",
+    ),
+    load: Literal["column"] | None = option(
+        "Torque on the joints: columns <joint>_load_Nm of REQUESTS, as plan --load writes them."
+    ),
+    desired: Source | None = option("Joint path to compare the angles with."),
+    output: str = options.output,  # noqa: ARG001
 ) -> Answer:
     """Simulate the joints under REQUESTS, a CSV of <joint>_deg or <joint>_rad columns.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
 from planner.cli import options
 from planner.cli.console import Answer, Progress, remark
-from planner.cli.declared import flat
+from planner.cli.declared import Source, argument, flat, option
 from planner.cli.declared import template as template_of
 from planner.cli.run import carried_out, folder_of
 from planner.cli.settings import Sweep
@@ -29,27 +29,16 @@ HEADING = (
 """Comments at the top of a template."""
 
 
-@click.command()
-@click.argument("file", type=options.INPUT, metavar="[SWEEP.toml]", required=False)
-@options.option("--out", "Folder for the results, whatever the file says.", options.FOLDER)
-@options.option(
-    "--at",
-    "Only this point, with all files of `run`: a value of each parameter.",
-    options.PARAMETER,
-    multiple=True,
-)
-@options.option("--template", "Print a file with every key, to begin with.", bool)
-@options.parallel
-@options.answers()
+@options.command()
 def sweep(
     *,
-    file: str | None,
-    out: str | None,
-    at: tuple[tuple[str, float], ...],
-    template: bool,
-    workers: int | None,
-    scheduler: str | None,
-    resume: bool,
+    file: Source | None = argument(form="[SWEEP.toml]"),
+    out: options.Folder | None = option("Folder for the results, whatever the file says."),
+    at: Annotated[tuple[tuple[str, float], ...], options.PARAMETER] = option(
+        "Only this point, with all files of `run`: a value of each parameter.", form=""
+    ),
+    template: bool = option("Print a file with every key, to begin with."),
+    work: Mapping[str, Any] = options.parallel,
 ) -> Answer | None:
     """Plan for ranges of gaits or speeds, and say which are fast at a small error.
 
@@ -68,7 +57,7 @@ def sweep(
         return None
     if file is None:
         raise click.UsageError("name a sweep file, or begin one with --template.")
-    options.check_parallel(workers, scheduler)
+    options.check_parallel(work)
     if file == "-":
         raise click.UsageError("a sweep is read from a file: the commands that it shows name it.")
     from planner.cli.points import planned_points, read_sweep
@@ -86,16 +75,16 @@ def sweep(
     options.warn_of(space.remarks())
     inputs = space.inputs()
     origin = {**inputs, "sweep": space.settings.sweep.values()}
-    if resume and (before := finished(place, MANIFEST, origin)):
+    if work["resume"] and (before := finished(place, MANIFEST, origin)):
         count = len(before["points"])
         remark(f"nothing is missing: {place} holds all {count} points, planned like this")
         return _answer(before, before["verdict"])
-    results = Results(place, inputs, resume=resume)
+    results = Results(place, inputs, resume=work["resume"])
     if results.removed:
         remark(f"{results.removed} results of an earlier sweep removed; --resume keeps them")
     with (
         Progress(space.most_points, parallel=True) as progress,
-        executor_of(workers, scheduler) as executor,
+        executor_of(work["workers"], work["scheduler"]) as executor,
     ):
         swept = planned_points(space, results, executor, progress=lambda task: progress(task.name))
     with output_folder(place) as folder:

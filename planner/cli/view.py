@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import click
 
 from planner.cli import options
 from planner.cli.console import summarise
-from planner.cli.settings import Method, Run
+from planner.cli.declared import Source, argument, option
+from planner.cli.settings import Run
 from planner.files.text import write_text
 
 
-@click.command()
-@click.argument("path", type=options.INPUT)
-@options.settings(f"leg: {options.LEG} unreachable", "model: file", "plan: cyclic")
-@options.option(
-    "--requests",
-    "Requests to show as planned, as `plan` writes them; planned here by default.",
-    options.INPUT,
-)
-@options.option(
-    "--method",
-    "How to plan them here.  [default: foot-optimal for a foot path, else optimal]",
-    click.Choice(["closed-form", "optimal", "foot-optimal"]),
-)
-@options.option("--html", "The page, which needs no server.", options.OUTPUT, required=True)
-def view(*, run: Run, requests: str | None, method: Method | None, html: str) -> None:
+@options.command(answers=False)
+def view(
+    *,
+    run: Run = options.settings(
+        f"leg: {options.LEG} unreachable", "model: file", "plan: cyclic", path=argument()
+    ),
+    requests: Source | None = option(
+        "Requests to show as planned, as `plan` writes them; planned here by default."
+    ),
+    method: Literal["closed-form", "optimal", "foot-optimal"] | None = option(
+        "How to plan them here.", otherwise="foot-optimal for a foot path, else optimal"
+    ),
+    html: options.Output = option("The page, which needs no server."),
+) -> None:
     """Show the robot's leg following PATH, a foot path or joint path as for `plan`, on a page.
 
     Three legs move in real time, with the traces of their feet: the desired motion, the motion with
