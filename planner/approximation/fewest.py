@@ -31,14 +31,6 @@ REACHED = 1e-13
 """Width of a gate that lines are known to reach, so that rounding does not keep them from it."""
 
 
-class Course(NamedTuple):
-    """A curve of few lines."""
-
-    knots: Array  # (K,); of a cycle without the first one again
-    values: Array  # (K,)
-    fewest: int  # lower bound on the segments of any such curve
-
-
 class Gates(NamedTuple):
     """Intervals that a curve must pass, by place."""
 
@@ -65,8 +57,7 @@ class Line(NamedTuple):
         """Its value at a place."""
         return self.value + self.slope * (place - self.place)
 
-    @property
-    def mirrored(self) -> Line:
+    def __neg__(self) -> Line:
         """The line of the opposite values."""
         return Line(self.place, -self.value, -self.slope)
 
@@ -84,8 +75,8 @@ class Link(NamedTuple):
     end: int  # the last gate that it passes
 
 
-def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
-    """The path of fewest segments through all gates; O(number of gates).
+def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> tuple[Array, Array]:
+    """Knots and values of the path of fewest segments through all gates; O(number of gates).
 
     The path must have a knot at the gates whose numbers are ``breaks``, increasing, ends left out:
     it falls into parts there. A part keeps its own fewest segments, since one more would save the
@@ -117,11 +108,11 @@ def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
             knots, values = [end], [final.at(end)]
         knots, values = [start, *places, *knots], [begin, *heights, *values]
         lower[first], upper[first] = begin - REACHED, begin + REACHED
-    return Course(np.array(knots), np.array(values), len(knots) - 1)
+    return np.array(knots), np.array(values)
 
 
-def fewest_links_around(gates: Gates) -> Course | None:
-    """The cycle of fewest segments, from an eave on; None if rounding hides all eaves. O(gates).
+def fewest_links_around(gates: Gates) -> tuple[Array, Array] | None:
+    """Likewise for a cycle, from an eave on; None if rounding hides all eaves.
 
     From the first eave on it is a path to the same line a turn later, which passes both gates that
     the eave touches. Gates are one sample apart, and no constant passes them.
@@ -149,7 +140,7 @@ def fewest_links_around(gates: Gates) -> Course | None:
     again = eave.line._replace(place=eave.line.place + n)
     knots, values = joints(path, links, again)
     shift = first - n * math.floor((first + knots[0]) / n)
-    return Course(np.array(knots) + shift, np.array(values), len(knots))
+    return np.array(knots) + shift, np.array(values)
 
 
 def joints(gates: Gates, links: Sequence[Link], final: Line) -> tuple[list[float], list[float]]:
@@ -200,7 +191,7 @@ def next_link(
         if top < lower:
             return Link(highest.line, True, highest.touched, highest.before, k - 1)
         if bottom > upper:
-            return Link(lowest.line.mirrored, False, lowest.touched, lowest.before, k - 1)
+            return Link(-lowest.line, False, lowest.touched, lowest.before, k - 1)
         if upper < top:
             highest.tighten(k, place, upper)
         if lower > bottom:
@@ -209,7 +200,7 @@ def next_link(
             highest.add(k, place, lower)
         if upper < math.inf:
             lowest.add(k, place, -upper)
-    return highest.line, lowest.line.mirrored
+    return highest.line, -lowest.line
 
 
 class Extreme:

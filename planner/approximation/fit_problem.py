@@ -71,12 +71,6 @@ def residuals(problem: Problem, knots: Array, values: Array) -> Array:
     return np.interp(index, knots, values, period=period) - problem.desired
 
 
-def free_variables(problem: Problem, knots: Array) -> Mask:
-    """Which knots may move, and then which of their values, shape (2K,)."""
-    required, pins = required_knots(problem, knots)
-    return ~np.concatenate([required, np.isfinite(pins)])
-
-
 def required_knots(problem: Problem, knots: Array) -> tuple[Mask, Array]:
     """Which knots are required or the ends of a path, and their pins, NaN where free, each (K,)."""
     required, pins = np.zeros(knots.size, dtype=bool), np.full(knots.size, np.nan)
@@ -122,10 +116,7 @@ def nearest_samples(required: Array) -> Indices:
 
 
 def with_required(problem: Problem, knots: Array) -> Array | None:
-    """Knots on samples, (K,), those of :func:`nearest_samples` replaced by the required knots.
-
-    None if some segment is too short then.
-    """
+    """Knots on samples, (K,), moved to required ones nearby; None if some segment is too short."""
     moved = np.array(knots, dtype=np.float64)
     for node, place in zip(nearest_samples(problem.required), problem.required, strict=True):
         away = knots - node
@@ -147,10 +138,7 @@ def segment_capacity(problem: Problem) -> tuple[Array, Indices]:
 
 
 def even_knots(problem: Problem, segments: int | None = None) -> Array:
-    """Knots as evenly spread as required knots allow, (K,), of a cycle without its end.
-
-    As many ``segments`` as possible by default.
-    """
+    """Knots as evenly spread as required ones allow, by default as many as possible: (K,)."""
     places, most = segment_capacity(problem)
     length, parts = np.diff(places), np.array(most)
     if segments is not None:
@@ -230,10 +218,7 @@ def check_apart(name: str, ends: Array, n: int) -> None:
 
 
 def check_required(problem: Problem, tick: float) -> None:
-    """Raise Infeasible where no curve has the required knots and angles, and name the two.
-
-    The angles are in radians, ``tick`` is the time between samples [s].
-    """
+    """Raise Infeasible where no curve has the required knots and angles [rad], and name the two."""
     n = problem.samples
     check_apart("required knots", segment_capacity(problem)[0], n)
     pinned = np.isfinite(problem.pins)
@@ -254,10 +239,7 @@ def check_required(problem: Problem, tick: float) -> None:
 
 
 def check_room(problem: Problem, segments: int, *, at_most: bool) -> None:
-    """Raise Infeasible where required knots leave no room for so many or so few segments.
-
-    Fewer will do where ``at_most``.
-    """
+    """Raise Infeasible where required knots leave no room for so many or so few segments."""
     most = segment_capacity(problem)[1]
     if segments > np.sum(most) and not at_most:
         raise Infeasible(

@@ -77,9 +77,8 @@ class KnotSearch:
     """Curves of any number of segments through the same samples, each computed once.
 
     The samples are searched in a canonical form, so that shifted, mirrored, reversed and scaled
-    ones give the same curve. Several curves may be equally close, such as those of a sine: samples
-    and largest slope are rounded, so that their last digits, which differ between processors, do
-    not choose.
+    ones give the same curve, and rounded, so that of equally close curves, such as those of a sine,
+    the last digits, which differ between processors, do not choose.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -102,7 +101,6 @@ class KnotSearch:
         self.starts = cache(self._begin)
 
     def _canonical(self, problem: Problem) -> Problem:
-        """A problem in the canonical form."""
         places = self._way * (problem.required - self._first)
         required, pins = in_order(problem, places, problem.pins)
         return problem._replace(desired=problem.desired[self._order], required=required, pins=pins)
@@ -118,7 +116,8 @@ class KnotSearch:
         return exact_curve(self.unrounded)
 
     @cached_property
-    def _ranked(self) -> Array:
+    def ranked(self) -> Array:
+        """Knots on samples, the best first."""
         return ranked_knots(self.problem._replace(desired=self.ideal))
 
     def _curve(self, segments: int) -> Candidate:
@@ -139,7 +138,7 @@ class KnotSearch:
         """Curves a few evaluations from the proposals, the best first."""
         problem = self.problem
         count = segments if problem.cyclic else segments + 1
-        merged = with_required(problem, np.sort(self._ranked[:count]))
+        merged = with_required(problem, np.sort(self.ranked[:count]))
         chains = [] if segments > PROPOSED else proposed_knots(problem, self.ideal, segments)
         proposals = [*chains, *([] if merged is None else [merged]), even_knots(problem, segments)]
         starts = [best_values(problem, knots) for knots in proposals]
@@ -158,9 +157,8 @@ class KnotSearch:
 def canonical_order(problem: Problem, ideal: Array) -> tuple[int, int]:
     """The sample that comes first, and -1 where time runs backwards, else 1.
 
-    They are the same for all shifts and reversals of the same samples: the sharpest corner of a
-    cycle comes first, the larger half last. Sharp is where the ideal bends; of many turns at top
-    speed, where the samples do.
+    The sharpest corner of a cycle comes first, the larger half last. Sharp is where the ideal
+    bends; of many turns at top speed, where the samples do.
     """
     n, cyclic, first = problem.samples, problem.cyclic, 0
     if cyclic:
@@ -194,10 +192,7 @@ def by_error(curve: Candidate) -> float:
 
 
 def improved(problem: Problem, curves: list[Candidate]) -> Candidate:
-    """A curve reached by moving single knots, each move followed by a descent; never a worse one.
-
-    From the first move on only the best of the ``curves`` is followed.
-    """
+    """A curve reached from the best by moving single knots, each followed by a descent."""
     best, bases = curves[0], curves
     for _ in range(TURNS):
         starts = [each for curve in bases for each in (curve, *moved(problem, curve))]
@@ -235,11 +230,10 @@ def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
 
 
 def exact_curve(problem: Problem) -> Candidate | None:
-    """The curve that the samples lie on, if it keeps the slopes and has few segments.
+    """The curve that samples of size one lie on, if it keeps the slopes and has few segments.
 
     A corner on a sample shows in one second difference; a corner between two samples in two, and
-    lies where the lines on its two sides meet. None if the curve of samples of size one is too
-    steep somewhere or has more than one segment in three samples.
+    lies where the lines on its two sides meet.
     """
     d, n = problem.desired, problem.samples
     rise = np.roll(d, -1) - d  # from every sample to the next
@@ -268,47 +262,41 @@ def exact_curve(problem: Problem) -> Candidate | None:
 
 
 def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]:
-    """Knots of the cheapest chains, without duplicates."""
-    n, starts = problem.samples, np.zeros(1, dtype=np.intp)
-    if problem.cyclic:
-        fixed = np.unique(nearest_samples(problem.required) % n)
-        starts = fixed[:ANCHORS] if fixed.size else np.unique(np.arange(ANCHORS) * n // ANCHORS)
-    proposals: dict[bytes, Array] = {}
-    for first in starts.tolist():
-        knots = cheapest_knots(problem, ideal, segments, first)
-        if knots is not None:
-            order = np.sort(knots % n if problem.cyclic else knots)
-            proposals.setdefault(order.tobytes(), knots)
-    return list(proposals.values())
+    """Knots of the cheapest chains of chords of the ideal on a grid, without duplicates.
 
-
-def cheapest_knots(problem: Problem, ideal: Array, segments: int, first: int) -> Array | None:
-    """Knots of the cheapest chain through the ideal on a grid; None if none has so many segments.
-
-    The chain of a cycle begins and ends at sample ``first``, and has no knot at its end.
+    Chains of a cycle begin and end at several samples, one after the other.
     """
     from planner.approximation import inner_loops
 
-    n, cyclic = problem.samples, problem.cyclic
-    last = n if cyclic else n - 1
-    required = nearest_samples(problem.required) - first
-    required = required % n if cyclic else required
+    n, cyclic, starts = problem.samples, problem.cyclic, np.zeros(1, dtype=np.intp)
+    nearest, last = nearest_samples(problem.required), n if cyclic else n - 1
+    if cyclic:
+        fixed = np.unique(nearest % n)
+        starts = fixed[:ANCHORS] if fixed.size else np.unique(np.arange(ANCHORS) * n // ANCHORS)
     even = np.round(np.linspace(0, last, min(last, NODES) + 1)).astype(np.intp)
-    grid, around = np.union1d(even, required), np.arange(first, first + last + 1) % n
-    ideal, stays = ideal[around][grid], np.isin(grid, required)
-    costs = inner_loops.segment_costs(problem.desired[around], problem.step, grid, ideal, stays)
-    way = inner_loops.cheapest_chain(costs, segments)
-    if not way.size:
-        return None
-    knots = grid[way].astype(np.float64) + first
-    return with_required(problem, knots[:-1] if cyclic else knots)
+    proposals: dict[bytes, Array] = {}
+    for first in starts.tolist():
+        required = (nearest - first) % n if cyclic else nearest
+        grid, around = np.union1d(even, required), np.arange(first, first + last + 1) % n
+        stays = np.isin(grid, required)
+        costs = inner_loops.segment_costs(
+            problem.desired[around], problem.step, grid, ideal[around][grid], stays
+        )
+        way = inner_loops.cheapest_chain(costs, segments)
+        if not way.size:
+            continue
+        places = grid[way].astype(np.float64) + first
+        knots = with_required(problem, places[:-1] if cyclic else places)
+        if knots is not None:
+            proposals.setdefault(np.sort(knots % n if cyclic else knots).tobytes(), knots)
+    return list(proposals.values())
 
 
 def ranked_knots(problem: Problem) -> Array:
     """Knots on samples by bottom-up merging, of a cycle without its end: the first ones are best.
 
-    It begins with a segment between any two samples, and merges neighbours one pair at a time. The
-    order of the merges gives the knots for every number of segments in O(n log n) once.
+    The order in which neighbours of all segments between two samples are merged gives the knots for
+    every number of segments at once, in O(n log n).
     """
     n = problem.samples
     every: Array = np.arange(n, dtype=np.float64)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.approximation.fewest import Course, Gates, fewest_links, fewest_links_around
+from planner.approximation.fewest import Gates, fewest_links, fewest_links_around
 from planner.approximation.fit_problem import (
     BARELY,
     SHORTEST,
@@ -54,10 +54,7 @@ def within_largest_error(
 
     Returns the curve, no error above ``bound`` (1 + :data:`BARELY`), and below by as much if that
     takes no more segments; and a lower bound on the segments of any: for paths their number itself.
-    ``most`` are the most segments, ``unit`` is that of the samples [rad], for the messages.
-
-    Raises Infeasible where no curve within the slopes, or none of at most so many segments, is as
-    close.
+    ``most`` are the most segments; messages take the samples times ``unit`` [rad].
     """
     attainable = attainable_error(problem.desired, problem.step, cyclic=problem.cyclic)
     if bound < attainable * (1.0 - BARELY):
@@ -67,22 +64,21 @@ def within_largest_error(
             "v_max"
         )
     widest = max(bound, attainable) * (1.0 + TIE) + 1e-15
-    course = minimum_link(problem, widest)
-    count = problem.segments(course.knots)
+    tight, fewest = minimum_link(problem, widest)
+    count = problem.segments(tight.knots)
     if most is not None and count > most:
-        word = "needed" if course.fewest > most else "found"
+        word = "needed" if fewest > most else "found"
         raise Infeasible(
             f"max_error and the number of segments: got {angle_text(bound * unit)} with at most "
             f"{most} segments, but the fewest {word} are {count}; allow more error or more "
             "segments"
         )
     spare = bound * (1.0 - BARELY)
-    tight = course
     least = float(np.max(error_at_pins(problem), initial=attainable))
     low, high = least * (1.0 + TIE) + 1e-15, widest
     for turn in range(HALVINGS + 1):
         middle = spare if turn == 0 else 0.5 * (low + high)
-        trial = minimum_link(problem, middle) if middle > low else None
+        trial = minimum_link(problem, middle)[0] if middle > low else None
         if trial is not None and problem.segments(trial.knots) == count:
             tight, high = trial, middle
         elif turn > 0:
@@ -92,26 +88,30 @@ def within_largest_error(
         middle = 0.5 * (np.max(problem.desired) + np.min(problem.desired))
         room = max(spare - 0.5 * np.ptp(problem.desired), 0.0)
         value = middle + np.clip(np.mean(problem.desired) - middle, -room, room)
-        return candidate(problem, tight.knots, np.array([value])), course.fewest
-    curve = candidate(problem, tight.knots, tight.values)
-    return least_squares_within(problem, curve, limit), course.fewest
+        return candidate(problem, tight.knots, np.array([value])), fewest
+    return least_squares_within(problem, tight, limit), fewest
 
 
-def minimum_link(problem: Problem, bound: float) -> Course:
-    """The curve of fewest segments with no error above ``bound``; O(n).
+def minimum_link(problem: Problem, bound: float) -> tuple[Candidate, int]:
+    """The curve of fewest segments with no error above ``bound``, and a lower bound on them; O(n).
 
     A cycle with required knots has at most one more. All segments of a path are a sample long or
     longer if required knots lie on samples, and those of a cycle nearly always.
     """
-    if not problem.cyclic:
-        return fewest_links(*gates_of(problem, bound))
-    if problem.required.size:
-        return _cut(problem, bound, float(problem.required[0]))
-    gates, _ = gates_of(problem, bound)
+    gates, breaks = gates_of(problem, bound)
     least, most = max(gates.lower), min(gates.upper)
-    if least <= most:
-        return Course(np.zeros(1), np.array([0.5 * (least + most)]), 1)
-    return fewest_links_around(gates) or _cut(problem, bound, 0.0)
+    curve: tuple[Array, Array] | None
+    if not problem.cyclic:
+        curve = fewest_links(gates, breaks)
+    elif problem.required.size:
+        return _cut(problem, bound, float(problem.required[0]))
+    elif least <= most:
+        curve = np.zeros(1), np.array([0.5 * (least + most)])
+    else:
+        curve = fewest_links_around(gates)
+    if curve is None:
+        return _cut(problem, bound, 0.0)
+    return candidate(problem, *curve), problem.segments(curve[0])
 
 
 def gates_of(problem: Problem, bound: float, start: float | None = None) -> tuple[Gates, list[int]]:
@@ -136,7 +136,7 @@ def gates_of(problem: Problem, bound: float, start: float | None = None) -> tupl
     return gates, sorted(k for k in knots.tolist() if 0 < k < every.size - 1)
 
 
-def _cut(problem: Problem, bound: float, place: float) -> Course:
+def _cut(problem: Problem, bound: float, place: float) -> tuple[Candidate, int]:
     """A cycle with a knot at a place, as a path from there back to it.
 
     A path whose ends are free needs no more segments, so that its number bounds that of a cycle;
@@ -146,19 +146,17 @@ def _cut(problem: Problem, bound: float, place: float) -> Course:
     low, high = gates.reachable()
     least, most = max(low[0], low[-1]), min(high[0], high[-1])
 
-    def path(low: float, high: float) -> Course:
+    def path(low: float, high: float) -> tuple[Array, Array]:
         lower, upper = [low, *gates.lower[1:-1], low], [high, *gates.upper[1:-1], high]
         return fewest_links(gates._replace(lower=lower, upper=upper), breaks)
 
-    free = path(float(least), float(most))
-    first, last = np.clip(free.values[[0, -1]], least, most)
+    knots, values = path(float(least), float(most))
+    fewest = knots.size - 1 - (place not in problem.required)
+    first, last = np.clip(values[[0, -1]], least, most)
     starts = [first, last, 0.5 * (first + last), *np.linspace(least, most, 5)[1:-1]]
     cycles = [path(float(value), float(value)) for value in starts]
-    best = min(
-        cycles, key=lambda each: (each.fewest, -min(float(np.min(np.diff(each.knots))), 1.0))
-    )
-    here = bool(np.any(problem.required == place))
-    return Course(best.knots[:-1], best.values[:-1], free.fewest - (not here))
+    knots, values = min(cycles, key=lambda way: (way[0].size, -min(np.min(np.diff(way[0])), 1.0)))
+    return candidate(problem, knots[:-1], values[:-1]), fewest
 
 
 def least_squares_within(problem: Problem, curve: Candidate, bound: float) -> Candidate:

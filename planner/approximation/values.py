@@ -2,12 +2,11 @@
 
     minimise  Σ_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
 
-Few values are found by the compiled dense QP of the descents (``inner_loops.py``),
-many by OSQP. A descent moves knots and values together by sequential quadratic programming, damped
-as Levenberg and Marquardt do (Nocedal and Wright, Numerical Optimization, 2006, Chapter 18). The
-bounds on slopes and lengths are linear in both, so every iterate keeps them. A fit takes 100 to 600
-steps. No number of the method matters: half and twice each change the errors of 160 fits by less
-than 0.02 % in the mean.
+Few values are found by the compiled dense QP of the descents (``inner_loops.py``), many by OSQP. A
+descent moves knots and values together by sequential quadratic programming, damped as Levenberg and
+Marquardt do (Nocedal and Wright, Numerical Optimization, 2006, Chapter 18). The bounds on slopes
+and lengths are linear in both, so every iterate keeps them. No number of the method matters: half
+and twice each change the errors of 160 fits by less than 0.02 % in the mean.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from planner.approximation.fit_problem import (
     Problem,
     candidate,
     feasible_values,
-    free_variables,
     required_knots,
 )
 from planner.exceptions import SolverFailed
@@ -40,9 +38,9 @@ def solve_qp(
 ) -> tuple[Array, str]:
     """The x that minimises ½ xᵀPx + qᵀx subject to lower <= Ax <= upper, and OSQP's status.
 
-    OSQP begins at 0 and tells the active bounds. Their equations, [P Aᵀ; A 0] x = b, are solved
-    with a touch of regularisation for bounds that repeat one another, which refinements remove. P,
-    shape (k, k), and A, shape (r, k), are sparse. Where it is not solved x is NaN.
+    OSQP tells the active bounds. Their equations, [P Aᵀ; A 0] x = b, are solved with a touch of
+    regularisation for bounds that repeat one another, which refinements remove. P, shape (k, k),
+    and A, shape (r, k), are sparse. Where it is not solved x is NaN.
     """
     import osqp
     from scipy import sparse
@@ -127,10 +125,7 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
 
 
 def within_slopes(problem: Problem, knots: Array, values: Array) -> Array:
-    """Shrink values at knots, (K,), towards a feasible course until every slope keeps its bound.
-
-    Rounding included: none exceeds it by more than one part in 1e13.
-    """
+    """Values at knots, (K,), shrunk towards a feasible course until no slope is beyond 1 + 1e-13."""
     limits, towards = problem.step * np.diff(problem.ends(knots)), feasible_values(problem, knots)
     offset = values - towards
     shrink, shrunk = 1.0, values
@@ -154,13 +149,13 @@ def descend(
 ) -> Candidate:
     """Move knots and values downhill from a curve of at most :data:`WINDOW` knots; never worse.
 
-    See ``descend`` of ``inner_loops.py``. With ``values_only`` all knots stay: a convex
-    QP, of which few evaluations find the optimum.
+    With ``values_only`` all knots stay: a convex QP, of which few evaluations find the optimum.
     """
     from planner.approximation import inner_loops
 
-    size, free = start.knots.size, free_variables(problem, start.knots)
-    free[:size] &= not values_only
+    size = start.knots.size
+    required, pins = required_knots(problem, start.knots)
+    free = np.append(~required & (not values_only), ~np.isfinite(pins))
     curve = np.concatenate([start.knots, start.values])
     curve, error = inner_loops.descend(problem, curve, free, rounds, progress)
     return Candidate(curve[:size], curve[size:], error)
@@ -171,7 +166,8 @@ def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Ca
     from planner.approximation import inner_loops
 
     size, n = start.knots.size, problem.samples
-    free = free_variables(problem, start.knots).reshape(2, size)
+    required, pins = required_knots(problem, start.knots)
+    free = np.stack([~required, ~np.isfinite(pins)])
     knots, values = start.knots.copy(), start.values.copy()
     for first in range(0, size if problem.cyclic else size - 2, WINDOW // 2):
         last = first + WINDOW - 1
@@ -194,11 +190,10 @@ def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Ca
 
 
 def ideal_of(problem: Problem) -> Array:
-    """The ideal of a problem [unit of the samples], shape (n,).
+    """The ideal, (n,), no further from the samples than any curve within the slopes and pins.
 
-    Its squared error is no more than that of any curve within the slopes that keeps the pins: pins
-    on samples have a large weight, so the others are at least as close, and the
-    sequence is the pin's value there. Beside a pin it may exceed ``step`` slightly.
+    Pins on samples have a large weight, so that the others are at least as close, and the sequence
+    is the pin's value there. Beside a pin it may exceed ``step`` slightly.
     """
     desired, weights = problem.desired, np.ones(problem.samples)
     pinned = np.isfinite(problem.pins) & (problem.required == np.floor(problem.required))
@@ -217,9 +212,8 @@ def slope_bounded(
     """Least-squares sequence x with |x[k+1] - x[k]| <= step, by an exact dynamic programme: (n,).
 
     A cycle is cut out of three in a row, or of more where its ends do not meet, as happens when
-    ``step`` is tiny. Where they do not meet in 200,000 samples either, the change across the
-    boundary may be larger than ``step``. ``weights`` are those of the squared errors, (n,). Cost
-    O(n) in practice.
+    ``step`` is tiny; if not in 200,000 samples either, the change across the boundary may be larger
+    than ``step``. ``weights`` are those of the squared errors, (n,). Cost O(n) in practice.
     """
     if float(np.max(np.abs(steps(desired, cyclic=cyclic)), initial=0.0)) <= step:
         return desired.copy()
@@ -239,10 +233,9 @@ def slope_bounded(
 
 
 def attainable_error(desired: Array, step: float, *, cyclic: bool) -> float:
-    """Smallest largest error of any sequence with |x[k+1] - x[k]| <= step.
+    """Half of the most by which two samples are further apart than ``step`` a sample allows.
 
-    Half of the most by which two samples are further apart than ``step`` allows (McShane's
-    extension).
+    It is the smallest largest error of any sequence within the slopes (McShane's extension).
     """
     repeated = np.tile(desired, 3) if cyclic else desired
     ramp = step * np.arange(repeated.size, dtype=np.float64)
