@@ -125,7 +125,7 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
 
 
 def within_slopes(problem: Problem, knots: Array, values: Array) -> Array:
-    """Values at knots, (K,), shrunk towards a feasible course until no slope is beyond 1 + 1e-13."""
+    """Values at knots, (K,), shrunk towards a feasible course until slopes keep the bound."""
     limits, towards = problem.step * np.diff(problem.ends(knots)), feasible_values(problem, knots)
     offset = values - towards
     shrink, shrunk = 1.0, values
