@@ -105,21 +105,21 @@ def refine(
         )
     period = desired.period
     executed = read_executed(requests, desired.names, len(desired.angles), period)
-    angles = read_measured(
+    names, angles, unused = read_measured(
         measured, executed, period=period, cyclic=desired.cyclic, units=desired.units, cycles=cycles
     )
-    columns = [desired.names.index(name) for name in angles.names]
+    columns = [desired.names.index(name) for name in names]
     sent = executed.values[:, columns]
     if not desired.cyclic and repeats(sent, None)[0]:
         starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
-        if in_a_cycle([desired.models[j] for j in columns], sent, angles.angles, starts):
+        if in_a_cycle([desired.models[j] for j in columns], sent, angles, starts):
             warn(
                 "the measured angles begin as in a cycle that repeats, and --no-cyclic is for a "
                 "motion from rest: if the requests were repeated, leave it out, here and in plan"
             )
-    if angles.unused:
-        warn(f"{angles.unused} measured rows after the last whole cycle are not used")
-    every = executed_plans(desired, executed.values, by_joint=angles.names != desired.names)
+    if unused:
+        warn(f"{unused} measured rows after the last whole cycle are not used")
+    every = executed_plans(desired, executed.values, by_joint=names != desired.names)
     states: dict[str, LearningState] = {}  # others stay in the history: of the foot, or of joints
     if history is not None and begun:
         of_foot = [FOOT] * (run.plan.method == "foot-optimal")
@@ -130,20 +130,20 @@ def refine(
             every[name] = replace(every[name], learning=(learning,), task=task)
     delay = None if sensor_delay_ms is None else 1e-3 * sensor_delay_ms
     with Progress(len(desired.names)) as progress, desired.units_in_messages():
-        for name in [each for each in every if each in (FOOT, *angles.names)]:
+        for name in [each for each in every if each in (FOOT, *names)]:
             progress(name if name == FOOT else f"the {name}")
-            own = slice(None) if name == FOOT else [angles.names.index(name)]
-            cycles_of_plan = angles.angles[:, :, own]
+            own = slice(None) if name == FOOT else [names.index(name)]
+            cycles_of_plan = angles[:, :, own]
             with about(", ".join(desired.names) if name == FOOT else ""):
                 every[name] = learn(
                     every[name], cycles_of_plan, sensor_delay=delay, reidentify=reidentify
                 )
     about_missing = ""
-    if missing := [name for name in desired.names if name not in angles.names]:
+    if missing := [name for name in desired.names if name not in names]:
         about_missing = f"no measured angles of {', '.join(missing)}: requests kept as they are"
         if run.plan.method == "foot-optimal":
             learnt_by = "learnt by the angles of the plan for the foot, joint by joint"
-            about_missing += f"; {', '.join(angles.names)} {learnt_by}"
+            about_missing += f"; {', '.join(names)} {learnt_by}"
         warn(about_missing)
     if history is not None:
         states |= {
@@ -158,7 +158,7 @@ def refine(
         about_learning = learning_page(
             plans[0] if len(plans) == 1 else joined(plans),
             executed=sent,
-            measured=angles.angles.mean(axis=0),
+            measured=angles.mean(axis=0),
             progress=trials,
             about_others=about_missing,
             title=leg_title(run.leg) or ", ".join(desired.names),
@@ -174,7 +174,7 @@ def refine(
         for plan in every.values()
         for k, name in enumerate(plan.names)
     }
-    count = f"{len(angles.angles)} measured cycle{'s' * (len(angles.angles) > 1)}"
+    count = f"{len(angles)} measured cycle{'s' * (len(angles) > 1)}"
     return Answer(
         {
             "cyclic": desired.cyclic,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
@@ -22,14 +22,6 @@ from planner.model.joint import JointModel
 from planner.trajectory import LARGEST, Array
 
 MOST_LOST = 3  # measured rows in sequence that may be missing, and are interpolated
-
-
-class Measured(NamedTuple):
-    """Measured angles of some joints [rad], (cycles, n, joints), and how many rows are unused."""
-
-    names: tuple[str, ...]
-    angles: Array
-    unused: int
 
 
 def read_executed(path: str, names: Sequence[str], samples: int, period: float) -> SampledPath:
@@ -54,12 +46,13 @@ def read_measured(
     *,
     period: float,
     cyclic: bool,
-    units: Sequence[str] | None = None,
-    cycles: int | None = None,
-) -> Measured:
-    """Measured angles of the joints that are in all files, which begin at the start of a cycle.
+    units: Sequence[str],
+    cycles: int | None,
+) -> tuple[tuple[str, ...], Array, int]:
+    """The joints that are in all files, their angles, and how many rows are unused.
 
-    Files may end within a cycle if the path is ``cyclic`` and the ``cycles`` to take are known.
+    The angles [rad], (cycles, n, joints), begin at the start of a cycle, and may end within one if
+    the path is ``cyclic`` and the ``cycles`` to take are known.
     """
     blocks, unused_rows = [], 0
     joints, samples = executed.names, len(executed.values)
@@ -73,7 +66,7 @@ def read_measured(
         log = joint_path(table, joints=names or joints, even=False)
         angles = rows_by_request(table, log, period)
         for name, got in zip(log.names, log.units, strict=True):
-            expected = got if units is None else units[joints.index(name)]
+            expected = units[joints.index(name)]
             if got != expected and {got, expected} - {"deg", "rad"}:
                 words = f"'{name}' is in {got}, expected {expected} as in the path"
                 raise InvalidFile(path, words, line=1)
@@ -98,7 +91,7 @@ def read_measured(
     if cycles is not None and cycles > len(angles):
         words = f"got {len(angles)} of {samples} rows, expected {cycles} cycles"
         raise InvalidFile(paths[0], words)
-    return Measured(names or joints, angles[: cycles or len(angles)], unused_rows)
+    return names or joints, angles[: cycles or len(angles)], unused_rows
 
 
 def _check_requests(table: Table, log: SampledPath, executed: SampledPath, period: float) -> None:
