@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from planner.files.text import read_json, to_json, write_text
 from planner.identification.grid import mean_period
 from planner.learning.trials import Learning, SensorDelay, Trial
 from planner.model.joint import JointModel
-from planner.trajectory import LARGEST, Array
+from planner.trajectory import Array, as_path
 
 MOST_LOST = 3  # measured rows in sequence that may be missing, and are interpolated
 
@@ -175,43 +174,18 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InvalidFile(path, "not a file that 'request-planner refine --history' wrote")
     try:
-        angles = np.array(content["desired_rad"], dtype=np.float64)
-        states = {
-            name: (
-                tuple(JointModel(**model) for model in state["models"]),
-                _learning(state["learning"]),
-            )
-            for name, state in content["plans"].items()
-        }
+        angles, plans = np.array(content["desired_rad"], dtype=np.float64), content["plans"]
+        if not set(plans) <= set(names) or len(angles) != len(desired):
+            expected = f"{len(desired)} of {', '.join(names)}; begin another file for another path"
+            problem = f"{len(angles)} requests of {', '.join(plans)}, expected {expected}"
+        # files carry rounded angles
+        elif angles.shape != desired.shape or not np.allclose(angles, desired, rtol=0.0, atol=1e-6):
+            problem = "another desired path; begin another file for this one"
+        else:
+            return {name: _state(name, state, desired.shape) for name, state in plans.items()}
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InvalidFile(path, f"damaged ({error}); begin another file") from error
-    problem = ""
-    if not set(states) <= set(names) or len(angles) != len(desired):
-        problem = (
-            f"{len(angles)} requests of {', '.join(states)}, expected {len(desired)} of "
-            f"{', '.join(names)}; begin another file for another path"
-        )
-    # files carry rounded angles
-    elif angles.shape != desired.shape or not np.allclose(angles, desired, rtol=0.0, atol=1e-6):
-        problem = "another desired path; begin another file for this one"
-    if problem:
-        raise InvalidFile(path, f"got the trials of {problem}")
-    for name, (models, learning) in states.items():
-        expected = (len(desired), desired.shape[1] if len(models) > 1 else 1)
-        for number, trial in enumerate(learning.trials, start=1):
-            requests, measured = trial.requests, trial.measured
-            if requests.shape != expected or measured.shape[1:] != expected:
-                problem = (
-                    f": got requests and angles of shapes {requests.shape} and {measured.shape}, "
-                    f"expected {expected[0]} rows of {expected[1]}"
-                )
-            elif all(np.all(np.abs(each) <= LARGEST) for each in (requests, measured)):
-                continue
-            else:
-                problem = " has angles that are not finite"
-            place = f"trial {number} of {name}{problem}"
-            raise InvalidFile(path, f"damaged ({place}); begin another file")
-    return states
+    raise InvalidFile(path, f"got the trials of {problem}")
 
 
 def write_history(path: str, desired: Array, states: Mapping[str, LearningState]) -> None:
@@ -234,21 +208,30 @@ def _renamed(value: Any, names: Mapping[str, str]) -> Any:
     return [_renamed(each, names) for each in value] if isinstance(value, list | tuple) else value
 
 
-def _learning(content: Mapping[str, Any]) -> Learning:
-    fields = _renamed(content, {f"{key}_rad": key for key in IN_RADIANS})
+def _state(name: str, content: Mapping[str, Any], shape: tuple[int, ...]) -> LearningState:
+    models = tuple(JointModel(**model) for model in content["models"])
+    columns = shape[1] if len(models) > 1 else 1
+    fields = _renamed(content["learning"], {f"{key}_rad": key for key in IN_RADIANS})
     numbers = (*fields["floor"], fields.get("next_error"))
     speed, noise, next_error = (math.nan if each is None else float(each) for each in numbers)
-    array = partial(np.array, dtype=np.float64)
-    return Learning(
+
+    def rows(values: Any, number: int) -> Array:
+        trial, numbers = f"trial {number} of {name}", np.array(values, dtype=np.float64)
+        array = as_path(numbers, name=trial, columns=columns, unit="rad")
+        if len(array) != shape[0]:
+            raise ValueError(f"{trial}: got {len(array)} rows, expected {shape[0]}")
+        return array
+
+    learning = Learning(
         trials=tuple(
             Trial(
-                requests=array(each["requests"]),
-                measured=array(each["measured"]),
+                requests=rows(each["requests"], number),
+                measured=np.stack([rows(cycle, number) for cycle in each["measured"]]),
                 error=float(each["error"]),
             )
-            for each in fields["trials"]
+            for number, each in enumerate(fields["trials"], start=1)
         ),
-        noise=array(fields["noise"]),
+        noise=np.array(fields["noise"], dtype=np.float64),
         gain=float(fields["gain"]),
         reidentified=tuple(fields["reidentified"]),
         delays=tuple(SensorDelay(**each) for each in fields["delays"]),
@@ -258,3 +241,4 @@ def _learning(content: Mapping[str, Any]) -> Learning:
         stopped=str(fields["stopped"]),
         remarks=tuple(fields["remarks"]),
     )
+    return models, learning
