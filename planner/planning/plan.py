@@ -38,8 +38,8 @@ class RequestMotion(NamedTuple):
     largest_step: float  # largest change from one request to the next [rad]
     reversals_per_s: float  # how often the requests change direction [1/s]
     path_length: float  # sum of the changes of the requests [rad]
-    desired_length: float  # sum of the changes of the desired angles [rad]
-    beyond: float  # how far the requests go beyond the range of the desired angles [rad]
+    desired_path_length: float  # sum of the changes of the desired angles [rad]
+    beyond_desired: float  # how far the requests go beyond the range of the desired angles [rad]
 
 
 def request_motion(
@@ -56,8 +56,8 @@ def request_motion(
         largest_step=float(np.max(np.abs(changes), initial=0.0)),
         reversals_per_s=reversals(requests, cyclic=cyclic) / (len(requests) * period),
         path_length=float(np.sum(np.abs(changes))),
-        desired_length=float(np.sum(np.abs(desired_changes))),
-        beyond=float(beyond),
+        desired_path_length=float(np.sum(np.abs(desired_changes))),
+        beyond_desired=float(beyond),
     )
 
 
@@ -606,7 +606,7 @@ class Inversion(_View):
     @property
     def excess(self) -> float:
         """How far the requests go beyond the range of the desired angles [rad]."""
-        return self.plan.motions[self.column].beyond
+        return self.plan.motions[self.column].beyond_desired
 
 
 @final

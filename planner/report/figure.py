@@ -1,8 +1,4 @@
-"""A figure, described once: Plotly draws it on pages, Matplotlib in files.
-
-A figure is a column of panels over one horizontal axis. A panel holds curves, spans and words; a
-curve is a role, which gives its looks, and two arrays.
-"""
+"""A figure, described once: panels of curves over one axis. Pages and Matplotlib draw it."""
 
 from __future__ import annotations
 
@@ -197,12 +193,7 @@ class Timeline:
         ground: float | None = None,
         hidden: Collection[str] = (),
     ) -> Figure:
-        """A leg that moves under a slider; it may stand on the ground [m].
-
-        It moves as desired and in other ways, by role; later ones lie over earlier ones, and some
-        are ``hidden`` at first. Points are the positions of its joints and, last, its foot [m], all
-        of shape (n, joints + 1, 3).
-        """
+        """A leg that moves as desired and by role in other ways; points [m], (n, joints + 1, 3)."""
         motions = []
         for role, points in ((DESIRED, desired), *others):
             far = np.linalg.norm(points[:: self.stride, -1] - desired[:: self.stride, -1], axis=1)
@@ -257,12 +248,7 @@ def joint_figure(
     clock: bool = True,
     title: str = "predicted",
 ) -> Figure:
-    """A joint: its angles, their errors and its requests, a panel for each that is there.
-
-    All are drawn in one unit, with its factor. Limits of the last requests are drawn where they
-    are near; ``spans`` are shades behind the angles, other panels may follow ``below``. ``clock``:
-    whether it follows the moving leg, or slider, of its page.
-    """
+    """A joint's angles, errors and requests in one unit, a sign and a factor; those given."""
     sign, factor = unit
 
     def curves(drawn: Traces, *, held: bool = False) -> list[Curve]:

@@ -21,12 +21,12 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identification_text import (
     errors_table,
     explained,
-    figure,
     joints_table,
     of_several,
     parameters,
     parameters_table,
     profile,
+    rounded_by,
     verdict,
 )
 from planner.report.page import Page, parameters_of
@@ -183,10 +183,7 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
 
 
 def intervals_figure(identification: Identification, prefix: str = "") -> Figure:
-    """Every estimate and its 95 % interval, on a scale from nothing to twice the estimate.
-
-    The strip of a lag covers at least a period; those of sags lie about zero.
-    """
+    """Every estimate and its 95 % interval, on a scale from or about nothing to twice as much."""
     model, names = identification.model, dict[float, str]()
     curves, words = list[Curve](), list[Words]()
     sag = 1.5 * model.most_pose_sag or 1.0
@@ -209,7 +206,7 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
             y = np.array([k - height, k + height])
             curves.append(Curve(looks, np.array(x), y, name, legend=bool(name)))
         shown = Interval(*(row.factor * end for end in row.ends))
-        numbers = [figure(row.factor * mark, shown) if mark else "0" for mark in marks.tolist()]
+        numbers = [rounded_by(row.factor * mark, shown) if mark else "0" for mark in marks.tolist()]
         words += [
             Words(numbers[0], 0.0, k + 0.18, "left", "top"),
             Words(numbers[1], 50.0, k + 0.18, "center", "top"),
@@ -223,10 +220,7 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
 
 
 def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figure:
-    """A log: the whole of it, with a button for the part to look at closely.
-
-    Above are requests, angles and prediction, below them the residuals.
-    """
+    """A log: requests, angles and prediction, its residuals, and a button for a part of it."""
     units, log, held_out = UNITS[identification.unit], fit.log, fit.held_out
     factor, times = units.factor, log.times - log.times[0]
     angles = factor * log.angles
@@ -287,15 +281,11 @@ def close_up(fit: LogFit) -> tuple[float, float]:
 
 
 def _log_curve(role: Role, label: str, times: Array, values: Array, *, held: bool = False) -> Curve:
-    """A curve without the rows before its first and after its last value.
-
-    Of a log of more than 20,000 rows, over three minutes at 100 Hz, the least and the largest value
-    of every part are drawn, NaN where it has none.
-    """
+    """A curve without the rows before its first and after its last value."""
     finite = np.flatnonzero(np.isfinite(values))
     span = slice(finite[0], finite[-1] + 1) if len(finite) else slice(0)
     times, values = times[span], values[span]
-    if len(values) > 20_000:
+    if len(values) > 20_000:  # the least and the largest value of every part
         starts = np.linspace(0, len(values), 10_000, endpoint=False).astype(int)
         ends = [extreme.reduceat(values, starts) for extreme in (np.fmin, np.fmax)]
         times, values = np.repeat(times[starts], 2), np.column_stack(ends).ravel()

@@ -1,7 +1,4 @@
-"""An identification in numbers and words: for the terminal, the page and the model file.
-
-Parameters, errors, verdict and the next step; a test signal too.
-"""
+"""An identification, or a test signal, in numbers and words: text, page and model file."""
 
 from __future__ import annotations
 
@@ -110,7 +107,7 @@ def parameters(identification: Identification) -> list[Parameter]:
             factor, unit = 1e3, "ms"
         elif "rad" in unit:
             if units.words == "deg":
-                si = (f"{figure(estimate, ends)} {unit}", between(ends))
+                si = (f"{rounded_by(estimate, ends)} {unit}", between(ends))
             angle = units.words if unit == "rad" else units.sign
             factor, unit = units.factor, unit.replace("rad", angle)
         shown, half = Interval(*(factor * end for end in ends)), 0.5 * (ends.upper - ends.lower)
@@ -126,7 +123,7 @@ def parameters(identification: Identification) -> list[Parameter]:
             known += f"± {two_figures(factor * half)} {unit}"
         else:
             known = HARDLY if half > abs(estimate) else f"{known}± {percent_of(half, estimate)}"
-        brief, value = PARAMETERS[name][1], figure(factor * estimate, shown)
+        brief, value = PARAMETERS[name][1], rounded_by(factor * estimate, shown)
         rows.append(
             Parameter(name, brief, estimate, ends, factor, unit, value, interval, si, rough, known)
         )
@@ -200,10 +197,7 @@ def profile(identification: Identification) -> str:
 
 
 def joints_table(identifications: Mapping[str, Identification], *, page: bool = False) -> Table:
-    """Every joint in a row: its verdict, the parameters that some joint has, and its errors.
-
-    On a page a unit that all cells of a column have stands in its title.
-    """
+    """Every joint in a row; on a page a unit that a whole column has stands in its title."""
     every, shown = list[dict[str, tuple[str, str]]](), set[str]()
     for each in identifications.values():
         sized, estimates = UNITS[each.unit].sized, parameters(each)
@@ -234,11 +228,8 @@ def explained(identifications: Mapping[str, Identification]) -> str:
     return "; ".join(": ".join(reversed(PARAMETERS[name])) for name in rare)
 
 
-def figure(value: float, interval: Interval) -> str:
-    """A number with two figures of its interval's half width, or more where nothing is left of it.
-
-    Where the interval is infinite, with three figures of its own.
-    """
+def rounded_by(value: float, interval: Interval) -> str:
+    """A number with two figures of its interval's half width; or three, if that is infinite."""
     decimals = 2 - math.floor(math.log10(abs(value))) if value else 1
     half = 0.5 * (interval.upper - interval.lower)
     if math.isfinite(half) and half > 0.0:
@@ -252,10 +243,10 @@ def between(interval: Interval) -> str:
     """An interval in words."""
     lower, upper = (math.isfinite(end) for end in interval)
     if lower and upper:
-        return f"{figure(interval.lower, interval)} to {figure(interval.upper, interval)}"
+        return f"{rounded_by(interval.lower, interval)} to {rounded_by(interval.upper, interval)}"
     if lower and interval.lower != 0.0:
-        return f"at least {figure(interval.lower, interval)}"
-    return f"at most {figure(interval.upper, interval)}" if upper else NOT_KNOWN
+        return f"at least {rounded_by(interval.lower, interval)}"
+    return f"at most {rounded_by(interval.upper, interval)}" if upper else NOT_KNOWN
 
 
 def percent_of(part: float, whole: float) -> str:
@@ -271,10 +262,7 @@ def two_figures(number: float) -> str:
 def identification_text(
     identifications: Mapping[str, Identification], model: str = "joint.toml"
 ) -> str:
-    """The results, the verdict first and the next step last.
-
-    Several joints share a table, and warnings; "" is one without a name.
-    """
+    """The results, the verdict first and the next step last; "" is a joint without a name."""
     if len(identifications) > 1:
         table, more = joints_table(identifications).text(), explained(identifications)
         lines = [of_several(identifications), table, more, *_shared_warnings(identifications)]

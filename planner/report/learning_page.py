@@ -43,10 +43,7 @@ def learning_page(
     about_others: str = "",
     title: str,
 ) -> Page:
-    """The page about the next plan; the last requests and their mean cycle are (n, k) [rad].
-
-    ``progress`` has the numbers of each joint, or of the foot, that learns, by name.
-    """
+    """The page about the next plan; the last requests and their mean cycle are (n, k) [rad]."""
     worst = max(progress, key=lambda name: min(progress[name]["errors"]))
     rest = {name: each for name, each in progress.items() if name != worst}
     return Page(

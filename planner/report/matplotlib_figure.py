@@ -22,17 +22,14 @@ V_MAX = r"$v_\mathrm{max}$"
 
 
 def pictures_of(figure: Figure) -> tuple[str, bytes]:
-    """The figure as an SVG file, text as text, and as a PNG file, laid out once and not dated.
-
-    Printed by canvases: ``savefig`` draws everything once before, for the layout alone.
-    """
+    """The figure as an SVG file, text as text, and as a PNG file, laid out once and not dated."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     svg, png = io.StringIO(), io.BytesIO()
     with mpl.rc_context(fname=Path(__file__).with_name("paper.mplstyle")):
-        picture = draw(figure)
+        picture = draw(figure)  # printed by canvases: `savefig` draws it once before
         canvas: Any = FigureCanvasSVG(picture)
         canvas.print_svg(svg, metadata={"Date": None, "Creator": None})
         picture.set_layout_engine("none")

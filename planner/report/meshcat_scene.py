@@ -42,10 +42,7 @@ def import_meshcat() -> Any:
 
 
 class Recording:
-    """A window for a ``meshcat.Visualizer`` that records its commands, packed for the viewer.
-
-    Random names are numbered: the same scene is the same file.
-    """
+    """A window for a ``meshcat.Visualizer`` that records commands, with random names numbered."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
@@ -76,8 +73,7 @@ def scene_page(
     """The page with the robot and its leg's motions, played for ever in real time.
 
     For each of :data:`LOOKS` the angles [rad], (n, k), and the foot in the base frame [m], (n, 3).
-    The same scene makes the same page. Meshcat's own ``static_html`` needs a server process and two
-    ports, and gives the viewer its commands in no certain order; here it takes them one by one.
+    Meshcat's own ``static_html`` needs a server, and has no certain order of commands.
     """
     meshcat, recording = import_meshcat(), Recording()
     viewer = meshcat.Visualizer(window=recording)
@@ -158,10 +154,7 @@ def _look(viewer: Any, points: Array) -> None:
 
 
 def tube(points: Array, radius: float, *, closed: bool) -> tuple[Array, npt.NDArray[np.uint32]]:
-    """A straight prism of this radius around every step of a path (n, 3) that goes anywhere [m].
-
-    Returns vertices, shape (v, 3), and triangles as rows of three vertices, shape (f, 3).
-    """
+    """Prisms around the steps of a path (n, 3) [m]: vertices, (v, 3), and triangles, (f, 3)."""
     ends = np.roll(points, -1, axis=0) if closed else points[1:]
     starts = points if closed else points[:-1]
     moving = np.any(ends != starts, axis=1)

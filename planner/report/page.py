@@ -1,8 +1,4 @@
-"""A page: one HTML file that needs nothing else, from a template and the values that it shows.
-
-Figures are plain data, of which the page's scripts make Plotly's terms. Colours are written as the
-page's own, ``var(--direct)``; the script looks them up: a plot is light or dark with the page.
-"""
+"""A page: one HTML file that needs nothing else, from a template and the values that it shows."""
 
 from __future__ import annotations
 
@@ -102,10 +98,7 @@ class Page:
 
 
 def plain(value: Any) -> Any:
-    """A description as plain data, with every role as it looks, and pairs of a mapping.
-
-    Arrays are base64 of single precision, little-endian, the fewest bytes that Plotly takes.
-    """
+    """A description as plain data, with every role as it looks, and the pairs of mappings."""
     if isinstance(value, np.ndarray):
         return base64.b64encode(value.astype("<f4").tobytes()).decode()
     if isinstance(value, Role):
@@ -128,10 +121,7 @@ def plot(figure: Figure) -> dict[str, Any]:
 
 
 def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
-    """The elements at the end of a page's body that bring its figures, by identifier, to life.
-
-    Plotly is packed, which makes a page of 5 MB one of 2 MB.
-    """
+    """The elements at the end of a page's body that bring its figures, by identifier, to life."""
     # Within a script no "<" may stand that could end it.
     data = json.dumps(figures, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     parts = [f'<script type="application/json" id="live-figures">{data}</script>']
@@ -187,10 +177,7 @@ def versions(*more: str) -> dict[str, str]:
 def sources_of(
     page: Path | str, origins: Iterable[tuple[str, str]] = (), files: Written = ()
 ) -> list[tuple[str, list[tuple[str, Any]]]]:
-    """The lists at the end of a page: its inputs, the files of its run by role, and versions.
-
-    Each is a title with pairs of a name and its content; lists without any are left out.
-    """
+    """Title and pairs of name and content of the lists at the end of a page; none is empty."""
     folder, links = Path(page).resolve().parent, dict[str, tuple[str, Markup]]()
     for role, file in files:
         if file and str(file) != "-":

@@ -124,10 +124,7 @@ def timeline_of(planned: PlannedWalk) -> Timeline:
 def with_cycles(
     draw: Callable[[Array], Curve], values: Array, *, axes: int = 1
 ) -> tuple[Curve, ...]:
-    """A curve; of several cycles, along a further axis, their mean and each of them as a thin line.
-
-    Dashes of many would fill one another's gaps.
-    """
+    """A curve; of cycles, along a further axis, their mean and each of them as a thin line."""
     if values.ndim == axes:
         return (draw(values),)
     mean, *each = map(draw, (values.mean(axis=0), *values))
@@ -156,11 +153,7 @@ def direct_foot_figure(planned: PlannedWalk) -> Figure:
 def foot_paths_figure(
     name: str, planned: PlannedWalk, feet: Mapping[str, Array], legs: Mapping[str, Array]
 ) -> Figure:
-    """The foot's paths by method, with the leg at one instant; on the page the leg moves.
-
-    ``feet`` [m] are of shape (n, 3), or (cycles, n, 3); ``legs`` are joints and foot under each
-    method [m], each of shape (n, joints + 1, 3).
-    """
+    """Paths of the foot, (n, 3) or (cycles, n, 3), and legs, (n, joints + 1, 3) [m], by method."""
     # The leg is drawn in files in the middle of the time on the ground, at sample 22.
     foot, joints = planned.walk.desired_foot, 100.0 * planned.legs["desired"][22]
     timeline, ground = timeline_of(planned), float(foot[:, 2].min())
@@ -200,11 +193,7 @@ def by_method_figure(
     *more: tuple[Array, Role],
     words: str = "",
 ) -> Figure:
-    """The joints under the methods but the best time shift, and the foot's distances [cm].
-
-    Angles [rad] and paths of the foot [m], (n, 3), are of a cycle or of several; with ``more``
-    curves of the joints, which are hidden at first.
-    """
+    """Angles [rad] and paths of the foot [m], of a cycle or several, by method; more are hidden."""
     timeline, curves = timeline_of(planned), list[Curve]()
     for method, role in ROLES.items():
         distances = 100.0 * np.linalg.norm(paths[method] - planned.walk.desired_foot, axis=-1)
@@ -228,12 +217,7 @@ def joints_figure(
     more: Callable[[int], Sequence[Curve]] = lambda _: (),
     hidden: Collection[str] = (),
 ) -> Figure:
-    """A panel per joint over one step of the walk, as ``desired`` and as drawn.
-
-    Values [rad] are of shape (n, k), or of several cycles (cycles, n, k); some are ``hidden`` at
-    first, by label. There are ``more`` curves of a joint by its index. With panels ``below`` the
-    figure follows the moving leg. ``words`` stand before its name in that of its caption.
-    """
+    """A panel per joint: values [rad], (n, k) or (cycles, n, k), and ``more`` by its index."""
     timeline, panels = timeline_of(planned), list[Panel]()
     wanted = (planned.walk.desired, style.DESIRED._replace(label=desired))
     for j, joint in enumerate(planned.walk.joint_names):

@@ -1,7 +1,4 @@
-"""``results.json`` of the paper's experiment, on its model and on the virtual robot; its tables.
-
-Every figure stands beside the paper's own.
-"""
+"""``results.json`` of the paper's experiment, on its model and on the virtual robot; its tables."""
 
 from __future__ import annotations
 
@@ -117,8 +114,6 @@ VIRTUAL_NOTE = (
 def paper_results(planned: PlannedWalk) -> dict[str, Any]:
     """The document that ``reproduce`` writes and prints, in degrees, centimetres and seconds.
 
-    Every distance is a pair of plain numbers with the paper's own beside it, or None where the
-    paper has none. ``comparisons`` and ``methods`` explain the keys, spelt as the paper does it.
     The paper's closed form stands beside both of ours: ``closed_form_plain`` (``Plain`` in Table 2)
     is its method, ``closed_form`` (``MB``) has its knots refined by simulating the joint.
     """
@@ -244,10 +239,9 @@ def _entry(published: OverCycles | None, over: OverCycles, *robot: OverCycles) -
 def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     """The document that ``reproduce --robot virtual`` writes and prints.
 
-    Every distance is the mean over the cycles by the true angles, in degrees or centimetres. Beside
-    it stand its standard deviation (``std``), the same by the sensors (``sensed``) and by the plan
-    on the identified models (``predicted``), the relative excess over that (``loss``), and the
-    paper's own.
+    Every distance is the mean over the cycles by the true angles, beside its standard deviation
+    (``std``), the same by the sensors (``sensed``) and by the plan on the identified models
+    (``predicted``), the relative excess over that (``loss``), and the paper's own.
     """
     planned, constants = outcome.planned, outcome.constants
     identified = zip(planned.walk.joint_names, outcome.identifications, strict=True)

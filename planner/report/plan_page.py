@@ -23,11 +23,7 @@ DIRECT = style.DIRECT._replace(label="without a plan")
 def plan_page(
     answer: PlanAnswer, *, title: str, foot_given: Array | None = None, notes: Sequence[str] = ()
 ) -> Page:
-    """The whole page.
-
-    ``foot_given`` [m], (n, 3), is the desired path of the foot before it was clamped to what the
-    leg reaches.
-    """
+    """The whole page; ``foot_given`` [m], (n, 3), is what the leg may not reach."""
     plan, role, timeline = answer.plan, style.ROLES[answer.method], Timeline.of(answer.plan)
     requests = [
         (f"{timeline.step * k:.6g}", angles)

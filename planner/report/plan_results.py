@@ -89,14 +89,8 @@ def sizes_of(errors: Array, factor: float = DEGREE) -> Numbers:
 
 def motion_of(plan: Plan, j: int, factor: float = DEGREE) -> Numbers:
     """How the requests to a joint move, with the factor to its unit."""
-    motion = plan.motions[j]
-    return {
-        "largest_step": factor * motion.largest_step,
-        "reversals_per_s": motion.reversals_per_s,
-        "path_length": factor * motion.path_length,
-        "desired_path_length": factor * motion.desired_length,
-        "beyond_desired": factor * motion.beyond,
-    }
+    motion = plan.motions[j]._asdict()
+    return {name: value * (factor if name in MOTION else 1.0) for name, value in motion.items()}
 
 
 def foot_numbers(feet: Sequence[Plan]) -> Numbers:
@@ -429,10 +423,8 @@ def no_bound(plan: Plan) -> str:
 def start_words(plan: Plan) -> str:
     """How to bring joints to the start of a plan from rest; "" where it makes no difference.
 
-    The first request holds a joint at its start in the middle of its dead band. A joint that comes
-    to rest under it stops short of its start by that band, on either side. An integral term
-    overcomes the friction. It is said where that is more than the error to expect, and than a step
-    of an encoder.
+    The first request holds a joint in the middle of its dead band; one that comes to rest under it
+    stops short by that band. An integral term overcomes the friction.
     """
     if plan.cyclic:
         return ""
@@ -482,10 +474,7 @@ def simulation_answer(
     cyclic: bool,
     loads: Array | None,
 ) -> tuple[dict[str, Any], str]:
-    """Angles [rad], (n, k), beside the desired ones if there are any, for machines and people.
-
-    ``units`` are "deg" or "percent" of each joint; the text begins with a new line.
-    """
+    """Angles [rad], (n, k), beside the desired ones if there are any, for machines and people."""
     joints, expected, text = dict[str, Numbers](), list[Expectation](), ""
     for j, (name, model, unit) in enumerate(zip(names, models, units, strict=True)):
         angles, load, numbers = predicted[:, j], None if loads is None else loads[:, j], Numbers()
@@ -509,10 +498,7 @@ def simulation_answer(
 def against_tolerances(
     plan: Plan, units: Sequence[str], *, degrees: float | None, centimetres: float | None
 ) -> tuple[list[str], list[str]]:
-    """Tolerances that a plan misses, in its norm, and those that it keeps by the models alone.
-
-    The latter are of errors to expect on the robot, which are root mean squares.
-    """
+    """Tolerances that a plan misses, in its norm, and those that only its models keep, in rms."""
     missed, doubted, norm = [], [], plan.task.norm
     judged: list[tuple[str, str, float, float, float, str]] = []
     if degrees is not None:

@@ -23,7 +23,6 @@ from planner.report.wording import (
     Columns,
     Row,
     Table,
-    phrase,
     rendered_text,
     table_of,
     words_of,
@@ -93,11 +92,7 @@ def replay_page(
     missed: Sequence[str] = (),
     remarks: Sequence[str] = (),
 ) -> Page:
-    """The page about a replay, and about the search for the fastest one.
-
-    ``models`` is their origin; an ``arm``, whose joints are all recorded, moves on the page.
-    ``missed`` are the tolerances that it misses.
-    """
+    """The page about a replay, or the fastest; an ``arm``, whose joints are all recorded, moves."""
     there = [joint.path.unit for joint in replay.planned]
     units = {"rad": "degrees", "1": "% of the range"}
     joints = {
@@ -107,10 +102,9 @@ def replay_page(
     expected = {name: each["expected_on_robot_rms"] for name, each in joints.items()}
     known = {name: error for name, error in expected.items() if math.isfinite(error)}
     fast = {each.name: sum(b - a for a, b in each.too_fast) for each in replay.planned}
-    proof, spoken = fastest and fastest.impossible, _spoken(replay, models, fastest)
     return Page(
         "replay",
-        replay=replay,
+        **_spoken(replay, models, fastest),
         title=title,
         planned=joints,
         unit=" or ".join(words for each, words in units.items() if each in there),
@@ -118,31 +112,19 @@ def replay_page(
             kind: max(each[kind]["max"] for each in joints.values())
             for kind in ("planned", "direct", "resent")
         },
-        first_line=phrase("replay.txt", "line", **spoken),
         good=not missed,
-        fastest=fastest and phrase("replay.txt", "fastest", **spoken),
         missed=missed,
         fast={name: seconds for name, seconds in fast.items() if seconds},
-        unknown=spoken["unknown"],
-        said=proof and proof.of_model_only,
-        open=OPEN_TOP_SPEED,
-        untested=fastest is None and replay.untested,
-        unplanned=[each for each in replay.joints if each.inversion is None],
-        resent=spoken["resent"] and phrase("replay.txt", "resent", **spoken),
         remarks=remarks,
         farthest=max(joints, key=lambda name: float(joints[name]["planned"]["rms"])),
         expected=max(known, key=lambda name: known[name], default=None),
         moving=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         speeds=[] if fastest is None else speeds_figures(fastest),
-        of_foot=fastest is not None and fastest.foot,
         open_speeds=sorted(replay.path.open_top_speeds),
         joints=joints_table(replay),
         pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
-        models=models_table([*joints], [each.plan.models[0] for each in replay.planned]),
+        parameters=models_table([*joints], [each.plan.models[0] for each in replay.planned]),
     )
-
-
-# The text.
 
 
 def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
@@ -430,7 +412,11 @@ def episodes_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
 
     few = range(1, len(rows) + 1) if len(rows) <= 12 else ()  # more have round numbers on the axis
     numbers = {float(k): str(k) for k in few} or None
-    looks = {"direct_rms": style.DIRECT, "shifted_rms": style.SHIFT, "planned_rms": style.OPTIMAL}
+    looks = {
+        "direct_rms": style.DIRECT,
+        "shifted_rms": style.SHIFT,
+        "planned_rms": style.OPTIMAL,
+    }
     curves = []
     for kind, role in looks.items():
         marks: Literal["rings", "dots"] = "rings" if role is style.SHIFT else "dots"

@@ -7,11 +7,7 @@ from typing import Any, NamedTuple
 
 
 class Role(NamedTuple):
-    """The meaning of a curve, and how it is drawn everywhere.
-
-    Its colour on white is from Okabe and Ito's palette for all kinds of colour vision, or darker;
-    ``dark`` is that on a dark page. The width of the line is in points.
-    """
+    """A curve's meaning and looks: a colour of Okabe and Ito's or darker, its width in points."""
 
     label: str
     light: str

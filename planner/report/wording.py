@@ -1,7 +1,4 @@
-"""The words of pages, figures and terminals: templates, tables, numbers and names.
-
-A table is described once: plain text for a terminal, and a page draws it by its template.
-"""
+"""The words of pages, figures and terminals: templates, tables, numbers and names."""
 
 from __future__ import annotations
 
@@ -97,11 +94,7 @@ class Table:
         *,
         apart: bool = False,
     ) -> None:
-        """Begin rows with a column titled ``about``.
-
-        The label is for screen readers. ``apart``: whether a terminal shows the subject of rows in
-        a column of its own, once.
-        """
+        """Label it for screen readers; ``apart``: whether subjects have a column of their own."""
         self.about, self.rows, self.label, self.apart = about, [*rows], label, apart
         self.columns = [Column(each) if isinstance(each, str) else each for each in columns]
 
@@ -173,10 +166,8 @@ def table_of(
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: int = 1) -> str:
     """Columns as wide as their widest cell, two blanks apart, under a header line.
 
-    Where the terminal is not wide enough (:func:`fitted_to`), columns that do not fit follow right
-    below, under a header of theirs that begins with the ``about`` columns that identify a row.
-    Cells of a column that does not fit even alone are broken between words. The first column is on
-    the left, the rest on the right. A blank line belongs between two tables.
+    Columns that do not fit the terminal (:func:`fitted_to`) follow right below, under a header that
+    begins with the ``about`` columns that identify a row, with words broken where one is too wide.
     """
     most, first = _WIDTH.get() or math.inf, list(range(about))
     stub = sum(max(len(row[j]) + 2 for row in (header, *rows)) for j in first)
@@ -211,11 +202,6 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
 def number(value: float | None, digits: int = 2) -> str:
     """A number with fixed decimals; a dash for none, and for NaN."""
     return NOTHING if value is None or math.isnan(value) else f"{value:.{digits}f}"
-
-
-def thousandths(values: Iterable[float]) -> tuple[str, ...]:
-    """Numbers with three decimals."""
-    return tuple(f"{value:.3f}" for value in values)
 
 
 def two_digits(value: float) -> str:
@@ -258,10 +244,7 @@ def _with_note(words: str) -> str:
 
 @cache
 def environment(*, plain: bool = False) -> jinja2.Environment:
-    """Environment of the templates: their folder, filters and, of pages, macros; it draws tables.
-
-    ``plain`` text is not escaped.
-    """
+    """Environment of the templates: filters and, unless ``plain`` text, macros; it draws tables."""
     import jinja2
 
     def drawn(value: Any) -> Any:
@@ -294,6 +277,9 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
     templates.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
     if not plain:
         templates.globals |= vars(templates.get_template("macros.html").module)
+        templates.globals["say"] = jinja2.pass_context(
+            lambda context, template, block: phrase(template, block, **context.get_all())
+        )
     return templates
 
 

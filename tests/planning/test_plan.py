@@ -93,7 +93,7 @@ def test_the_ways_of_requests_and_of_desired_angles_are_counted_apart_back_and_f
     requests = np.array([0.0, 0.3, 0.1, 0.4])
     motion = request_motion(requests, 0.5 * requests, period=0.1, cyclic=False)
     assert motion.path_length == pytest.approx(0.3 + 0.2 + 0.3)
-    assert motion.desired_length == pytest.approx(0.5 * motion.path_length)
+    assert motion.desired_path_length == pytest.approx(0.5 * motion.path_length)
 
 
 def test_desired_angles_requested_as_they_are_meet_the_load_and_the_rest_of_the_plan():

@@ -54,7 +54,12 @@ def joints(instances: Sequence[Instance]) -> Table:
         for name, plan in plans.items():
             motion = motion_of(plan)
             step, length, wished, beyond = np.degrees(
-                [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
+                [
+                    motion.largest_step,
+                    motion.path_length,
+                    motion.desired_path_length,
+                    motion.beyond_desired,
+                ]
             )
             errors = math.degrees(plan.rms), 100.0 * (plan.rms / least - 1.0)
             lengths = motion.reversals_per_s, length, length / wished, beyond
