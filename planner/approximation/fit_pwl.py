@@ -1,14 +1,10 @@
 """Automated piecewise-linear approximation with bounded slopes: paper, Section 4.1.
 
 The values at the knots are those of least squares, a convex QP ((5) of docs/math.md). The knots are
-sought, not proved best (:mod:`planner.approximation.knot_search`), in O(n) up to 32 segments and
-O(n log n) beyond; at n = 88, in 5 to 25 ms for 2 to 12 segments. One segment more is hardly ever
-worse: of 840 pairs at n = 60 and 88 seven were, by 0.2 to 0.4 %, all of a single impulse. The same
-samples shifted, mirrored, reversed or scaled give the same curve.
-
-With ``exact`` the answer is proved best of all with knots on samples, by ``exact_fit.py``:
-exponential at worst, 0.06 s in the median and less than 1.5 s at most over 300 random instances at
-n = 88 with up to 7 segments.
+sought, not proved best (:mod:`planner.approximation.knot_search`); at n = 88, in 5 to 25 ms for 2
+to 12 segments. One segment more is hardly ever worse: of 840 pairs seven were, by 0.2 to 0.4 %, all
+of a single impulse. The same samples shifted, mirrored, reversed or scaled give the same curve.
+With ``exact`` the answer is proved best of all with knots on samples, by ``exact_fit.py``.
 """
 
 from __future__ import annotations
@@ -204,11 +200,11 @@ def fit_pwl(
 def _check(problem: Problem, question: Question, tick: float) -> None:
     """Raise an error where arguments exclude each other, or no curve meets them all."""
     segments, max_error, max_rms, knots, exact = question
-    if max_error is not None and max_rms is not None:
-        raise InvalidInput("max_error, max_rms: got both, expected one; leave one out")
-    for name, value in (("segments", segments), ("max_error", max_error), ("max_rms", max_rms)):
-        if knots is not None and value is not None:
-            raise InvalidInput(f"knots, {name}: got both, expected one; leave one out")
+    named = {"segments": segments, "max_error": max_error, "max_rms": max_rms, "knots": knots}
+    for first, *others in (("max_error", "max_rms"), ("knots", "segments", "max_error", "max_rms")):
+        both = [name for name in others if named[first] is not None and named[name] is not None]
+        if both:
+            raise InvalidInput(f"{first}, {both[0]}: got both, expected one; leave one out")
     if exact:
         if max_error is not None:
             raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
@@ -236,10 +232,7 @@ def _check(problem: Problem, question: Question, tick: float) -> None:
 
 
 def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]:
-    """The curve, slopes within ±v_max but for rounding, in the unit of the samples.
-
-    With a largest error, the second is a lower bound on the segments of any curve that keeps it.
-    """
+    """The curve, its slopes within ±v_max but for rounding, and with a largest error the fewest."""
     angles = np.append(problem.desired, problem.pins[np.isfinite(problem.pins)])
     middle = 0.5 * (float(angles.max()) + float(angles.min()))
     unit = float(np.max(np.abs(angles - middle)))
@@ -319,8 +312,8 @@ def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candid
 def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) -> Candidate | None:
     """The curve of fewest segments whose squared error is ``enough``, if there is one.
 
-    Numbers of segments are tried from the least on; beyond :data:`ONE_BY_ONE` they grow until one
-    suffices, and are bisected: fewer segments are assumed to be no better.
+    Beyond :data:`ONE_BY_ONE` numbers of segments grow until one suffices, and are bisected: fewer
+    are assumed to be no better.
     """
     if exact_curve and search.exact is not None and search.exact.error <= enough:
         return search.exact

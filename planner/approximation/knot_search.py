@@ -39,11 +39,6 @@ change for a fifth more evaluations."""
 
 MANY = 8  # most evaluations of the descent of a curve that was chosen
 
-CLOSE = 1.00001
-"""Squared error over the ideal's up to which a curve is not improved any more. 1.002: curves of a
-joint that its top speed holds back are the first ones found, up to 0.01 % worse, and the closed
-form's foot of the reference walk 2 %, in two thirds of the time."""
-
 MOVES = (-0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
 """Moves of a knot [samples]; without half a sample 0.3 % more of the fits are worse by 0.1 %."""
 
@@ -129,7 +124,7 @@ class KnotSearch:
         best = starts[0]
         if best.knots.size > WINDOW or best.error <= 1e-22 * problem.samples:
             return best
-        if best.error > CLOSE * self.ideal_error:
+        if best.error > 1.00001 * self.ideal_error:  # else nothing is left to gain
             begun = [descend(problem, each, rounds=MANY, progress=1e-2) for each in starts[:3]]
             best = improved(problem, sorted(begun, key=by_error)[:2])
         return descend(problem, best, rounds=MANY)

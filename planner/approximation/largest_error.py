@@ -35,8 +35,7 @@ TIE = 0.25 * BARELY
 HALVINGS = 12
 """Bisections for the smallest error that so many segments keep, as the curve in the middle of its
 bounds is where least squares begin. 48 paths and cycles: 6: 1 % larger rms errors in the mean; 24:
-no change for a quarter more time. 4 series of 12,000: 3: half the time, but up to 75 % larger
-errors."""
+no change for a quarter more time."""
 
 MOST_LINES = 4000
 """Lines in all rounds of least squares together from which on there is none after the first, so
@@ -73,9 +72,8 @@ def within_largest_error(
             f"{most} segments, but the fewest {word} are {count}; allow more error or more "
             "segments"
         )
-    spare = bound * (1.0 - BARELY)
     least = float(np.max(error_at_pins(problem), initial=attainable))
-    low, high = least * (1.0 + TIE) + 1e-15, widest
+    low, high, spare = least * (1.0 + TIE) + 1e-15, widest, bound * (1.0 - BARELY)
     for turn in range(HALVINGS + 1):
         middle = spare if turn == 0 else 0.5 * (low + high)
         trial = minimum_link(problem, middle)[0] if middle > low else None
@@ -83,13 +81,12 @@ def within_largest_error(
             tight, high = trial, middle
         elif turn > 0:
             low = middle
-    limit = spare if high <= spare else high
     if tight.knots.size == 1:
         middle = 0.5 * (np.max(problem.desired) + np.min(problem.desired))
         room = max(spare - 0.5 * np.ptp(problem.desired), 0.0)
         value = middle + np.clip(np.mean(problem.desired) - middle, -room, room)
         return candidate(problem, tight.knots, np.array([value])), fewest
-    return least_squares_within(problem, tight, limit), fewest
+    return least_squares_within(problem, tight, max(spare, high)), fewest
 
 
 def minimum_link(problem: Problem, bound: float) -> tuple[Candidate, int]:
@@ -278,9 +275,6 @@ def _best_lines(
     index = np.arange(lines.first[0], lines.last[-1] + 1)
     desired = problem.desired[index % problem.samples]
     passed = lines.at(np.repeat(np.arange(size), lines.last - lines.first + 1), index)
-    starts = lines.first - lines.first[0]
-    parts = zip(starts, np.split(desired, starts[1:]), strict=True)
-    hull = np.concatenate([start + _corners(part) for start, part in parts])
     rises: Any = sparse.eye(size, 2 * size, size) - sparse.eye(size, 2 * size)
     slopes = rises @ lines.values / np.diff(lines.ends)
     convex = np.where(slopes[lines.joints] >= slopes[lines.joints - 1], 1.0, -1.0)
@@ -290,11 +284,11 @@ def _best_lines(
     ]
     stay = np.flatnonzero(np.isfinite(pins))
     pinned = lines.at(np.minimum(stay, size - 1), curve.knots[stay])
-    conditions = sparse.vstack([passed[hull], rises, *ordered, pinned])
+    conditions = sparse.vstack([passed, rises, *ordered, pinned])
     room, steepest = bound * (1.0 - MARGIN), problem.step * (1.0 - MARGIN) * np.diff(lines.ends)
     free = np.full(2 * lines.joints.size, np.inf)
-    lower = np.concatenate([desired[hull] - room, -steepest, np.zeros(free.size), pins[stay]])
-    upper = np.concatenate([desired[hull] + room, steepest, free, pins[stay]])
+    lower = np.concatenate([desired - room, -steepest, np.zeros(free.size), pins[stay]])
+    upper = np.concatenate([desired + room, steepest, free, pins[stay]])
     present = conditions @ lines.values
     present[present.size - stay.size :] = pins[stay]
     change, _ = solve_qp(
@@ -307,19 +301,3 @@ def _best_lines(
         iterations=2_000,
     )
     return np.asarray(lines.values + bound * change)
-
-
-def _corners(samples: Array) -> Indices:
-    """Numbers of the samples at the corners of their convex hull, which bound a line."""
-    kept: set[int] = set()
-    for ends in (samples.tolist(), (-samples).tolist()):
-        hull: list[int] = []
-        for k, end in enumerate(ends):
-            while len(hull) >= 2:
-                i, j = hull[-2:]
-                if (ends[j] - ends[i]) * (k - j) > (end - ends[j]) * (j - i):
-                    break
-                hull.pop()
-            hull.append(k)
-        kept.update(hull)
-    return np.array(sorted(kept))
