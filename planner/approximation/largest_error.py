@@ -275,6 +275,9 @@ def _best_lines(
     index = np.arange(lines.first[0], lines.last[-1] + 1)
     desired = problem.desired[index % problem.samples]
     passed = lines.at(np.repeat(np.arange(size), lines.last - lines.first + 1), index)
+    starts = lines.first - lines.first[0]
+    parts = zip(starts, np.split(desired, starts[1:]), strict=True)
+    hull = np.concatenate([start + _corners(part) for start, part in parts])
     rises: Any = sparse.eye(size, 2 * size, size) - sparse.eye(size, 2 * size)
     slopes = rises @ lines.values / np.diff(lines.ends)
     convex = np.where(slopes[lines.joints] >= slopes[lines.joints - 1], 1.0, -1.0)
@@ -284,11 +287,11 @@ def _best_lines(
     ]
     stay = np.flatnonzero(np.isfinite(pins))
     pinned = lines.at(np.minimum(stay, size - 1), curve.knots[stay])
-    conditions = sparse.vstack([passed, rises, *ordered, pinned])
+    conditions = sparse.vstack([passed[hull], rises, *ordered, pinned])
     room, steepest = bound * (1.0 - MARGIN), problem.step * (1.0 - MARGIN) * np.diff(lines.ends)
     free = np.full(2 * lines.joints.size, np.inf)
-    lower = np.concatenate([desired - room, -steepest, np.zeros(free.size), pins[stay]])
-    upper = np.concatenate([desired + room, steepest, free, pins[stay]])
+    lower = np.concatenate([desired[hull] - room, -steepest, np.zeros(free.size), pins[stay]])
+    upper = np.concatenate([desired[hull] + room, steepest, free, pins[stay]])
     present = conditions @ lines.values
     present[present.size - stay.size :] = pins[stay]
     change, _ = solve_qp(
@@ -301,3 +304,22 @@ def _best_lines(
         iterations=2_000,
     )
     return np.asarray(lines.values + bound * change)
+
+
+def _corners(samples: Array) -> Indices:
+    """Numbers of the samples at the corners of their convex hull, which bound a line.
+
+    With all samples as bounds of a QP it may not be solved, as many are active at once.
+    """
+    kept: set[int] = set()
+    for ends in (samples.tolist(), (-samples).tolist()):
+        hull: list[int] = []
+        for k, end in enumerate(ends):
+            while len(hull) >= 2:
+                i, j = hull[-2:]
+                if (ends[j] - ends[i]) * (k - j) > (end - ends[j]) * (j - i):
+                    break
+                hull.pop()
+            hull.append(k)
+        kept.update(hull)
+    return np.array(sorted(kept))
