@@ -181,23 +181,20 @@ def run_period(
 
 @compiled
 def moved_along_lines(
-    law: Law, weights: Array, steps: Indices, slopes: Array, offsets: Array, faster: Array
+    law: Law, weights: Array, youngest: int, slopes: Array, ahead: Array, faster: Array
 ) -> Array:
-    """How far a joint without inertia moves in a period behind each line, S of (6) [rad]: (s,).
+    """How far a joint moves in a period behind each line, S of (6) [rad]: (s,).
 
-    The request of each age has a weight, (m,), and the held line is ``steps`` ticks along at each
-    tick and age, (hold, m). Slopes and ``faster`` are in rad/tick, requests ahead by the offsets.
+    Requests, the youngest of which has an age, are on lines of ``slopes`` [rad/tick], by ``ahead``
+    [rad] before the joint.
     """
-    distances = np.empty(len(slopes))
+    distances, (hold, width) = np.empty(len(slopes)), weights.shape
+    history = np.empty(width)
     for i in range(len(slopes)):
-        angle = 0.0
-        for tick in range(len(steps)):
-            demand = 0.0
-            for j in range(len(weights)):
-                error = offsets[i] + slopes[i] * steps[tick, j] - angle
-                demand += weights[j] * drive(law, error, faster[i])[0]
-            angle += shrunk(demand, law.friction)
-        distances[i] = angle
+        for j in range(width):
+            history[width - 1 - j] = ahead[i] + slopes[i] * (hold * (1 - youngest - j))
+        state = State(0.0, 0.0, 0.0)
+        distances[i] = run_period(law, weights, history, 0, 0.0, faster[i], state, 0).angle
     return distances
 
 
@@ -217,47 +214,31 @@ def rounded_clip(
 @inner
 def rounded_moved(
     law: Law, demand: float, speed: float, rounded: float
-) -> tuple[float, float, float, float]:
-    """:func:`moved` with rounded corners; derivatives by demand and speed, the second by demand."""
-    now, by_demand, by_speed, bend = demand, 1.0, 0.0, 0.0
+) -> tuple[float, float, float, float, float, float]:
+    """:func:`moved` with rounded corners; derivatives by demand and speed, the second by demand.
+
+    Further the first and second derivative of the limited acceleration by the unlimited one.
+    """
+    now, by_demand, by_speed, bend, slope, bent = demand, 1.0, 0.0, 0.0, 1.0, 0.0
     rounded = rounded * law.share * law.share
     friction = law.share * law.friction
     if law.share == 1.0 and friction > 0.0:
-        kept, slope, bent = rounded_clip(now, -friction, friction, rounded)
-        now, by_demand, bend, friction = now - kept, 1.0 - slope, -bent, 0.0
+        kept, held, more = rounded_clip(now, -friction, friction, rounded)
+        now, by_demand, bend, friction = now - kept, 1.0 - held, -more, 0.0
     if law.share < 1.0 or law.acceleration < np.inf:
-        change, slope, bent = law.share * (now - speed), 1.0, 0.0
+        change = law.share * (now - speed)
         if law.acceleration < np.inf:
             change, slope, bent = rounded_clip(change, -law.acceleration, law.acceleration, rounded)
         now = speed + change
         bend = law.share * (slope * bend + law.share * bent * by_demand * by_demand)
         by_demand, by_speed = law.share * slope * by_demand, 1.0 - law.share * slope
     if friction > 0.0:
-        kept, slope, bent = rounded_clip(now, -friction, friction, rounded)
+        kept, held, more = rounded_clip(now, -friction, friction, rounded)
         now -= kept
-        bend = (1.0 - slope) * bend - bent * by_demand * by_demand
-        by_demand *= 1.0 - slope
-        by_speed *= 1.0 - slope
-    return now, by_demand, by_speed, bend
-
-
-@inner
-def rounded_integral(
-    law: Law, demand: float, by_sags: float, before: State, speed: float, rounded: float
-) -> tuple[float, float, float]:
-    """The integral after a tick with a rounded limit of the acceleration: :func:`moved`.
-
-    Further the share of its change that the limit leaves [-], and its derivative by the difference
-    between the speed that is aimed at and the one before.
-    """
-    change = law.integral_share * (demand - by_sags - fed_back(law, speed, before.integral))
-    opened, closing = 1.0, 0.0
-    if law.acceleration < np.inf:
-        faster = law.share * (aimed(law, demand, before.integral) - before.speed)
-        rounded = rounded * law.share * law.share
-        _, opened, bent = rounded_clip(faster, -law.acceleration, law.acceleration, rounded)
-        closing = law.share * bent * change
-    return before.integral + opened * change, opened, closing
+        bend = (1.0 - held) * bend - more * by_demand * by_demand
+        by_demand *= 1.0 - held
+        by_speed *= 1.0 - held
+    return now, by_demand, by_speed, bend, slope, bent
 
 
 @compiled
@@ -322,15 +303,16 @@ def periods(
             driven = demand[k] + gain * by_pose
             raising[k] = inside * restoring[k] / gain
             restoring[k] -= turning[k]
-            before = State(angles[k], speeds[k], integrals[k] if size == 3 else 0.0)
-            speeds[k], by_demand[k], by_speed[k], bend[k] = rounded_moved(
-                law, aimed(law, driven, before.integral), before.speed, rounded[k]
+            integral = integrals[k] if size == 3 else 0.0
+            speeds[k], by_demand[k], by_speed[k], bend[k], opened[k], bent_limit = rounded_moved(
+                law, aimed(law, driven, integral), speeds[k], rounded[k]
             )
             angles[k] += speeds[k]
-            if size == 3:
-                integrals[k], opened[k], closing[k] = rounded_integral(
-                    law, driven, gain * (sags[k] + by_pose), before, speeds[k], rounded[k]
-                )
+            if size == 3:  # the integral is held by the share by which the limit is active
+                fed = driven - gain * (sags[k] + by_pose) - fed_back(law, speeds[k], integral)
+                change = law.integral_share * fed
+                integrals[k] = integral + opened[k] * change
+                closing[k] = law.share * bent_limit * change
         for c in range(derivatives.shape[1]):
             # A state before has no part in the drive, and a first derivative no second one.
             part, second = flat[width + c - size] if c >= size else zero, zero

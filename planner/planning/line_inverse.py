@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, OutsideEquation13, angle_text
-from planner.model.joint import JointModel, checked_model
+from planner.model.joint import JointModel, acting_requests, checked_model
+from planner.model.law import Law
 from planner.model.response import checked_load
 from planner.trajectory import Array
 from planner.validation import check_choice, shown
@@ -241,11 +242,8 @@ def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
     """
     from planner.model import kernel
 
-    ages = model.window.first + np.arange(len(model.window.weights))
-    ticks = np.arange(model.hold)  # the ticks between two requests
-    # The held line at each tick and age, relative to the angle of the line there.
-    steps = np.floor_divide(ticks[:, np.newaxis] + 1 - ages, model.hold) * model.hold
-    behind = float(np.max(ticks[:, np.newaxis] - steps))
+    acting = acting_requests(model)
+    law = Law(model.law.gain, model.law.top, model.law.friction)  # without inertia
     target = slope * model.hold
     faster = np.broadcast_to(np.asarray(excess, dtype=np.float64), slope.shape).copy()
     forth, back = model.v_max_per_tick + faster, model.v_max_per_tick - faster
@@ -253,12 +251,13 @@ def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
     # until the next request.
     low = -model.theta_0 * (back / model.v_max_per_tick) - model.dead_band
     low = low - (back + slope) * (model.hold - 1)
+    behind = model.window.last + model.hold - 2  # ticks by which the oldest request is, at most
     high = model.theta_0 * (forth / model.v_max_per_tick) + model.dead_band + slope * behind
     high = high + (forth - slope) * (model.hold - 1)
-    weights = model.window.weights.copy()
 
     def moved_by(offset: Array) -> Array:
-        return kernel.moved_along_lines(model.law, weights, steps, slope, offset, faster)
+        lines = (slope, offset, faster)
+        return kernel.moved_along_lines(law, acting.weights[0], acting.youngest, *lines)
 
     moved_low, moved_high = moved_by(low), moved_by(high)
     solution = high.copy()
