@@ -24,25 +24,17 @@ The command line turns ``InvalidInput`` into exit status 2 and the others into e
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from planner.trajectory import Array, Indices
 
 LONGEST = 1500
 """Characters of a message; of a longer one the middle is left out."""
-
-AngleUnit = Literal["rad", "deg", "percent"]
-
-ANGLE_UNIT: ContextVar[AngleUnit] = ContextVar("ANGLE_UNIT", default="rad")
-"""Unit of the angles in messages: radians, as in Python; degrees on the command line."""
-
-JOINT_UNITS: ContextVar[Mapping[str, AngleUnit] | None] = ContextVar("JOINT_UNITS", default=None)
-"""The same of single joints, by name, where units differ from joint to joint."""
 
 
 class PlannerError(Exception):
@@ -172,20 +164,26 @@ class OutsideEquation13(UserWarning):
     """The paper's rule for lines is used for a joint that breaks Equation 13."""
 
 
-def angle_text(*radians: float, digits: int = 6, spelt: bool = False) -> str:
-    """An angle [rad], or one to another, in a message, in the unit in which the user writes.
+def angle_text(*radians: float, digits: int = 6) -> str:
+    """An angle, or one to another, in a message [rad]."""
+    return f"{' to '.join(f'{each:.{digits}g}' for each in radians)} rad"
 
-    Args:
-        *radians: The angles.
-        digits: Digits of their numbers.
-        spelt: Whether degrees are called so, not "deg".
+
+def in_unit(error: BaseException, unit: str = "deg") -> str:
+    """An error's message in degrees, or in percent where one is scaled as a degree.
+
+    Messages about models and files stay as they are: their parameters are in radians.
     """
-    unit = ANGLE_UNIT.get()
-    angles = (each if unit == "rad" else math.degrees(each) for each in radians)
-    numbers = " to ".join(f"{each:.{digits}g}" for each in angles)
-    if spelt and unit == "deg":
-        return f"{numbers} degree{'s' * (numbers != '1')}"
-    return f"{numbers} {unit}"
+    message = str(error)
+    if not isinstance(error, PlannerError) or isinstance(error, InvalidFile | InvalidModel):
+        return message
+    number = r"-?\d[\d.e+-]*"
+    message = re.sub(rf"({number}) to (?={number} rad\b)", r"\1 rad to ", message)
+    return re.sub(
+        rf"({number}) rad\b( to)?",
+        lambda each: f"{math.degrees(float(each[1])):.5g}{each[2] or f' {unit}'}",
+        message,
+    )
 
 
 def nearest(name: str, names: Sequence[str]) -> str:
@@ -198,16 +196,13 @@ def nearest(name: str, names: Sequence[str]) -> str:
 
 @contextmanager
 def about(joint: str) -> Iterator[None]:
-    """Let errors inside the block name a joint, as a note, and use its unit; "" is no joint."""
-    token = ANGLE_UNIT.set((JOINT_UNITS.get() or {}).get(joint, ANGLE_UNIT.get()))
+    """Let errors inside the block name a joint, as a note; "" is no joint."""
     try:
         yield
     except PlannerError as error:
         if joint:
             error.add_note(joint)
         raise
-    finally:
-        ANGLE_UNIT.reset(token)
 
 
 @contextmanager

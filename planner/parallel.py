@@ -33,7 +33,7 @@ from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
 from planner._version import __version__
-from planner.exceptions import ANGLE_UNIT, InvalidInput, PlannerError, importing
+from planner.exceptions import InvalidInput, PlannerError, importing, in_unit
 from planner.files.results import Results, Task
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def outcomes(
     function: Callable[[Any], bytes], tasks: Sequence[Task], executor: Executor
 ) -> Iterator[tuple[Task, Outcome]]:
     """Run tasks; outcomes come in any order, and their warnings with them."""
-    attempt = partial(_attempt, function, ANGLE_UNIT.get())
+    attempt = partial(_attempt, function)
     running, waiting = dict[Future[Outcome], Task](), iter(tasks)
     while True:
         for task in islice(waiting, AHEAD - len(running)):
@@ -261,24 +261,21 @@ def _version() -> str:
     return __version__
 
 
-def _attempt(function: Callable[[Any], bytes], unit: Any, argument: Any) -> Outcome:
+def _attempt(function: Callable[[Any], bytes], argument: Any) -> Outcome:
     """In a worker: do a task. Whatever it raises becomes a reason, which can always be pickled."""
     with _ONE_AT_A_TIME, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", UserWarning)
-        before = ANGLE_UNIT.set(unit)
         try:
             result, reason = function(argument), ""
         except (Exception, SystemExit) as error:
             result, reason = None, reason_of(error)
-        finally:
-            ANGLE_UNIT.reset(before)
     return Outcome(result, reason, tuple((str(each.message), each.category) for each in caught))
 
 
 def reason_of(error: BaseException) -> str:
     """Why a task failed, in a line: our own errors by their message, others with their kind."""
-    message = ": ".join([*getattr(error, "__notes__", ()), str(error)])
+    message = ": ".join([*getattr(error, "__notes__", ()), in_unit(error)])
     if isinstance(error, PlannerError):
         return message
     return " ".join(f"{type(error).__name__}: {message}".split())

@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile, InvalidModel, nearest
+from planner.exceptions import InvalidFile, InvalidModel, PlannerError, in_unit, nearest
 from planner.files.columns import LEAST_DEG, SHARES
 from planner.files.joint_model import LegPlace, read_legs, read_model_file, read_servos
 from planner.files.paths import (
@@ -85,12 +85,14 @@ class Desired:
 
     @contextmanager
     def units_in_messages(self) -> Iterator[None]:
-        """Let messages about single joints inside the block use their units."""
-        token = JOINT_UNITS.set(None if ANGLE_UNIT.get() == "rad" else self.shown_units)
+        """Let errors about single joints inside the block use their units."""
         try:
             yield
-        finally:
-            JOINT_UNITS.reset(token)
+        except PlannerError as error:
+            for name in getattr(error, "__notes__", ()):
+                if self.shown_units.get(name) == "percent":
+                    error.args = (in_unit(error, "percent"),)
+            raise
 
     def of_leg(self, leg: Leg) -> Desired:
         """The joints of a leg in its order, under a load of their desired poses."""

@@ -27,7 +27,6 @@ from planner.cli.console import (
     warn,
 )
 from planner.exceptions import (
-    ANGLE_UNIT,
     InvalidFile,
     InvalidInput,
     OutsideEquation13,
@@ -109,16 +108,13 @@ class Commands(click.Group):
         run: Any = super().main
         if not standalone_mode:
             return run(*args, standalone_mode=False, **extra)
-        unit, name = ANGLE_UNIT.set("deg"), extra.pop("prog_name", None) or "request-planner"
-        try:
-            with warnings.catch_warnings(), fitted_to(terminal_width(sys.stderr)):
-                warn_once = cache(warn)  # for the same warning from several places
-                warnings.showwarning = lambda message, *_where: warn_once(str(message))
-                warnings.simplefilter("default", OutsideEquation13)
-                status = self._status(*args, prog_name=name, **extra)
-                _flush(sys.stdout)
-        finally:  # also if an unexpected error goes on to the caller
-            ANGLE_UNIT.reset(unit)
+        name = extra.pop("prog_name", None) or "request-planner"
+        with warnings.catch_warnings(), fitted_to(terminal_width(sys.stderr)):
+            warn_once = cache(warn)  # for the same warning from several places
+            warnings.showwarning = lambda message, *_where: warn_once(str(message))
+            warnings.simplefilter("default", OutsideEquation13)
+            status = self._status(*args, prog_name=name, **extra)
+            _flush(sys.stdout)
         sys.exit(status)
 
     def _status(self, *args: Any, **extra: Any) -> int:

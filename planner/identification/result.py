@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from planner.exceptions import ANGLE_UNIT
 from planner.identification.log import Log, pieces_of
 from planner.model.evidence import (
     ACCEPTED,
@@ -106,12 +105,11 @@ def _sentences() -> jinja2.Environment:
 
 
 def angle_in(unit: str, value: float, per: str = "", *, digits: int = 3) -> str:
-    """An angle of a log, or what it is ``per`` second, in the unit in which the user writes."""
+    """An angle of a log [rad or share of a range], or what it is ``per`` second, in degrees."""
     if math.isinf(value):
         return "any amount"
     if unit == "rad":
-        unit = ANGLE_UNIT.get()
-        value = math.degrees(value) if unit == "deg" else value
+        unit, value = "deg", math.degrees(value)
     return f"{plain(value, digits)} {'' if unit == '1' else unit}{per}".rstrip()
 
 

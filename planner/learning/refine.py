@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import ANGLE_UNIT, InvalidInput, NoSteadyCycle, PlannerError, about
+from planner.exceptions import InvalidInput, NoSteadyCycle, PlannerError, about
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.learning.measurements import (
@@ -394,8 +394,7 @@ def _remaining(joints: Plan, error: float, bound: float, noise: float) -> str:
     def text(error: float) -> str:
         if joints.task.goal == "foot":
             return f"{100.0 * error:.3f} cm"
-        unit = ANGLE_UNIT.get()
-        return f"{error:.5f} rad" if unit == "rad" else f"{math.degrees(error):.3f} {unit}"
+        return f"{math.degrees(error):.3f} deg"
 
     remaining = f"remaining error {text(error)}"
     if noise > error:

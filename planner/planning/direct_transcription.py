@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.exceptions import SolverFailed, angle_text
+from planner.exceptions import SolverFailed
 from planner.model.symbolic import period_function
 from planner.planning.problem import Problem
 from planner.trajectory import Array
@@ -122,7 +122,7 @@ def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
         solved = True
         answer = problem.admissible(unit * sent_now[:, np.newaxis])
         error = problem.exact_error(answer)
-        logging.getLogger(__name__).debug("%s, exact error %s", outcome, angle_text(error))
+        logging.getLogger(__name__).debug("%s, exact error %.4g deg", outcome, math.degrees(error))
         if error < least:
             best, least = answer, error
     if not solved:

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.exceptions import SolverFailed, about, angle_text
+from planner.exceptions import SolverFailed, about
 from planner.model.evidence import ENCODER_STEP, UNFORESEEN, Evidence
 from planner.model.joint import JointModel
 from planner.planning.closed_form import below_top_speed, best_closed_form, initial_guess
@@ -217,7 +217,7 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
             best = other
     answer, least = best
     if LOGGER.isEnabledFor(logging.DEBUG):
-        text = angle_text(least)
+        text = f"{math.degrees(least):.4g} deg"
         LOGGER.debug("joint: best of the searches from %d start(s) %s", len(starts), text)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
@@ -649,7 +649,7 @@ def smoother(
         if 0.5 < used <= 1.0 and abs(now / before - 1.0) < 0.1:
             break
     if LOGGER.isEnabledFor(logging.DEBUG):
-        LOGGER.debug("smoothing: second differences %s", angle_text(math.sqrt(least)))
+        LOGGER.debug("smoothing: second differences %.4g deg", math.degrees(math.sqrt(least)))
     return best
 
 

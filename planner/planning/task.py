@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import (
-    ANGLE_UNIT,
     Infeasible,
     InvalidInput,
     InvalidTrajectory,
@@ -223,8 +222,7 @@ class Task(ReadOnly):
                 continue
             with about(names[j]):
                 starts[j] = checked_start(rest, cyclic=cyclic)
-                far = abs(starts[j] - angles[0, j]) > MOST_TURNS * TURN
-                if far and ANGLE_UNIT.get() == "rad":  # else it is degrees
+                if abs(starts[j] - angles[0, j]) > MOST_TURNS * TURN:
                     raise InvalidInput(
                         f"start: {turns_words(starts[j])}, where the path begins at "
                         f"{angles[0, j]:.3g} rad; if this is in degrees, convert it with "
@@ -453,9 +451,9 @@ class Task(ReadOnly):
                 what, remedy = f"desired: sample {worst}", "clip the trajectory"
             with about(self.names[j]):
                 raise Infeasible(
-                    f"{what} is {angle_text(angles[worst], spelt=True)}, "
-                    f"{angle_text(beyond[worst], spelt=True)} beyond the angles "
-                    f"{angle_text(least, most, spelt=True)} where the limits on the requests let "
+                    f"{what} is {angle_text(angles[worst])}, "
+                    f"{angle_text(beyond[worst])} beyond the angles "
+                    f"{angle_text(least, most)} where the limits on the requests let "
                     f"the joint rest; {remedy}, or widen the limits"
                 )
 

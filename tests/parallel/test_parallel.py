@@ -14,7 +14,6 @@ from types import SimpleNamespace
 import pytest
 
 from planner import InvalidInput, MissingExtra, PlannerError, __version__, parallel
-from planner.exceptions import ANGLE_UNIT
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
 from tests.parallel import work
@@ -39,11 +38,10 @@ def test_every_task_has_its_result_and_an_empty_list_of_tasks_none(results):
     assert run(work.square, [], results) == {}
 
 
-def test_reasons_come_in_the_order_of_the_tasks_in_words_and_units_of_the_caller(results):
-    executor, unit = work.LastFirst(5), ANGLE_UNIT.set("deg")
+def test_reasons_come_in_the_order_of_the_tasks_in_words_and_degrees(results):
+    executor = work.LastFirst(5)
     with pytest.warns(UserWarning, match="odd") as warned:
         failures = carry_out(work.fail_in_many_ways, work.tasks(5), results, executor)
-    ANGLE_UNIT.reset(unit)
     assert list(failures.items()) == [
         ("task 0", "foot: frame 'paw' is not in the URDF; frames: ball"),
         ("task 1", "ValueError: two lines"),
