@@ -169,7 +169,7 @@ def angle_text(*radians: float, digits: int = 6) -> str:
     return f"{' to '.join(f'{each:.{digits}g}' for each in radians)} rad"
 
 
-def in_unit(error: BaseException, unit: str = "deg") -> str:
+def in_degrees(error: BaseException, unit: str = "deg") -> str:
     """An error's message in degrees, or in percent where one is scaled as a degree.
 
     Messages about models and files stay as they are: their parameters are in radians.

@@ -33,7 +33,7 @@ from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
 from planner._version import __version__
-from planner.exceptions import InvalidInput, PlannerError, importing, in_unit
+from planner.exceptions import InvalidInput, PlannerError, importing, in_degrees
 from planner.files.results import Results, Task
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ def _attempt(function: Callable[[Any], bytes], argument: Any) -> Outcome:
 
 def reason_of(error: BaseException) -> str:
     """Why a task failed, in a line: our own errors by their message, others with their kind."""
-    message = ": ".join([*getattr(error, "__notes__", ()), in_unit(error)])
+    message = ": ".join([*getattr(error, "__notes__", ()), in_degrees(error)])
     if isinstance(error, PlannerError):
         return message
     return " ".join(f"{type(error).__name__}: {message}".split())

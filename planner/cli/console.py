@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, TextIO
 
 import click
 
-from planner.exceptions import InvalidFile, InvalidInput, PlannerError, in_unit, printable
+from planner.exceptions import InvalidFile, InvalidInput, PlannerError, in_degrees, printable
 from planner.files.staging import staged
 from planner.files.text import (
     STANDARD_STREAM,
@@ -322,7 +322,7 @@ ADVICE = {
 
 def advised(error: PlannerError, spelt: Callable[[str], str] = in_keys) -> str:
     """The message of the library's error, with settings in place of arguments that it advises."""
-    message = in_unit(error)
+    message = in_degrees(error)
     for argument, setting in ADVICE.items():
         message = message.replace(argument, spelt(setting))
     return message

@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.exceptions import InvalidFile, InvalidModel, PlannerError, in_unit, nearest
+from planner.exceptions import InvalidFile, InvalidModel, PlannerError, in_degrees, nearest
 from planner.files.columns import LEAST_DEG, SHARES
 from planner.files.joint_model import LegPlace, read_legs, read_model_file, read_servos
 from planner.files.paths import (
@@ -91,7 +91,7 @@ class Desired:
         except PlannerError as error:
             for name in getattr(error, "__notes__", ()):
                 if self.shown_units.get(name) == "percent":
-                    error.args = (in_unit(error, "percent"),)
+                    error.args = (in_degrees(error, "percent"),)
             raise
 
     def of_leg(self, leg: Leg) -> Desired:

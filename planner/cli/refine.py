@@ -230,8 +230,9 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers
             whose = f" of {', '.join(changed)}" if foot else ""
             anew = "is not that of the file: earlier trials identified it anew"
             remarks.append(f"the model{whose} {anew}")
+        unit = "cm" if foot else desired.shown_units[name]
         trials[name] = {
-            "unit": "cm" if foot else desired.shown_units[name],
+            "unit": unit,
             "trials": len(learning.errors),
             "errors": (factor * learning.errors).tolist(),
             "predicted": factor * learning.next_error,
@@ -239,7 +240,7 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers
             "noise": factor * noise,
             "gain": learning.gain,
             "best_trial": learning.best + 1,
-            "stopped": learning.stopped or None,
+            "stopped": learning.stopped.replace(" deg", f" {unit}") or None,
             "remarks": remarks,
             "sensor_delay_ms": [1e3 * each.removed for each in learning.delays],
         }
