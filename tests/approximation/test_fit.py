@@ -95,17 +95,6 @@ def test_a_constant_is_one_segment(cyclic):
     assert (bounded.segments, bounded.fewest_segments) == (1, 1)
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("scale", [1e-13, 1e-28])
-def test_tiny_samples_have_the_fit_of_large_ones_that_slopes_do_not_bound(scale, cyclic):
-    desired = samples_of("sines", 60, np.random.default_rng(7))
-    large, tiny = (
-        fit_pwl(size * desired, v_max=1e3, tick=1.0, cyclic=cyclic, segments=5)
-        for size in (1.0, scale)
-    )
-    assert tiny.rms / scale == pytest.approx(large.rms, rel=SAME)
-
-
 @settings(max_examples=40, deadline=None)
 @given(
     st.sampled_from(KINDS),

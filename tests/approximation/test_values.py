@@ -5,17 +5,13 @@ from __future__ import annotations
 import cvxpy as cp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from planner.approximation import inner_loops
 from planner.approximation.fit_problem import Problem, candidate
 from planner.approximation.values import (
     attainable_error,
     best_values,
-    descend,
     slope_bounded,
-    within_slopes,
 )
 from planner.trajectory import steps
 from tests.approximation.samples import KINDS, samples_of
@@ -52,49 +48,7 @@ def test_values_at_given_knots_are_those_of_an_independent_solver(cyclic, step, 
     assert best_values(problem, knots).error == pytest.approx(expected, rel=1e-6)
 
 
-@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=8), st.floats(1e-9, 1e3), st.booleans())
-def test_repaired_values_keep_every_limit_in_floating_point(values, limit, cyclic):
-    values, knots = np.array(values), 2.0 * np.arange(len(values))
-    problem = Problem(desired=np.zeros(2 * values.size), step=limit, cyclic=cyclic)
-    repaired = within_slopes(problem, knots, values)
-    rises = np.diff(np.append(repaired, repaired[0]) if cyclic else repaired)
-    assert np.all(np.abs(rises) <= 2.0 * limit * (1.0 + 1e-12))
-
-
-constraints = from_python(inner_loops.constraints)
 evaluate = from_python(inner_loops.evaluate)
-
-SAME = 1e-9  # rounding of sums over some 60 samples of unit size, and of a few steps of Newton's
-
-
-def problem_of(rng, *, cyclic):
-    n = 60
-    desired = np.sin(np.arange(n) / 7.0) + 0.1 * rng.normal(size=n)
-    return Problem(desired=desired, step=0.08, cyclic=cyclic)
-
-
-def knots_of(rng, *, size, cyclic):
-    knots = np.linspace(0.0, 54.0, size) + rng.uniform(0.0, 3.0, size=size)
-    if cyclic:
-        return np.sort(knots) + rng.uniform(-20.0, 30.0)
-    return np.r_[0.0, knots[1:-1], 59.0]
-
-
-def slacks_of(problem, curve):
-    rows, limits = constraints(problem, curve.knots.size)
-    return limits - rows @ np.append(curve.knots, curve.values)
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_a_descent_keeps_the_slopes_and_is_never_worse(cyclic):
-    rng = np.random.default_rng(3)
-    problem = problem_of(rng, cyclic=cyclic)
-    for _ in range(6):
-        start = best_values(problem, knots_of(rng, size=5, cyclic=cyclic))
-        end = descend(problem, start, rounds=6)
-        assert end.error <= start.error * (1.0 + SAME)
-        assert end.error == pytest.approx(candidate(problem, end.knots, end.values).error, rel=SAME)
-        assert np.min(slacks_of(problem, end)) >= -SAME
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

@@ -11,7 +11,6 @@ from benchmark.plants import MadeJoint, random_joint, random_path
 
 import planner
 from planner.learning import refine as refining
-from planner.learning.trials import Trial
 from planner.trajectory import Array, rms
 from tests.instances import ERS210A
 
@@ -148,35 +147,6 @@ def test_a_fifth_of_what_the_next_requests_change_is_in_the_error_predicted(atta
     after = planner.refine(attained, attained.predicted + off, reidentify=False, sensor_delay=0.0)
     np.testing.assert_allclose(after.requests, attained.requests - off, atol=0.02 * off)
     assert after.learning.next_error == pytest.approx(off / 5.0, rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("missed", "noise", "share"),
-    [
-        (0.5, 0.0, 0.5),
-        (-0.5, 0.0, 0.5),
-        (0.1, 0.0, 0.2),
-        (0.5, 0.2, math.sqrt(0.5**2 - 1.25 * 0.2**2)),
-        (0.5, 0.88, 0.2),  # of which the last trial has 0.88, and the one before a half
-        (1.5, 0.88, math.sqrt(1.5**2 - 1.25 * 0.88**2)),
-        (1.5, 0.9, 0.2),
-    ],
-)
-def test_what_the_last_change_of_the_requests_did_not_do_is_expected_of_the_next_too(
-    missed, noise, share, attained
-) -> None:
-    """In shares of the change of the angles by the model, without what noise explains of it."""
-    requests = [attained.requests, attained.requests + 0.02 * np.sin(3.0 * PHASE)]
-    first, second = (planner.simulate(ERS210A, each) for each in requests)
-    third = second - missed * (second - first)
-    trials = [
-        Trial(requests=sent[:, None], measured=np.stack([angles[:, None]] * cycles), error=0.1)
-        for sent, angles, cycles in zip(requests, (first, third), (4, 1), strict=True)
-    ]
-    deviation = noise * np.array([rms(second - first)])
-    of_one = attained.plan.joint(attained.column)
-    assert refining._unforeseen(of_one, trials, deviation) == pytest.approx(share, rel=1e-6)
-    assert refining._unforeseen(of_one, trials[1:], deviation) == 0.2
 
 
 @pytest.mark.parametrize(("unforeseen", "shorter"), [(0.2, False), (1.5, True), (3.0, True)])

@@ -162,15 +162,6 @@ def test_an_axis_without_a_weight_is_let_go_for_the_others(axis):
     np.testing.assert_array_equal(plan.plan.task.weights, weights)
 
 
-def test_a_point_out_of_reach_is_pointed_at():
-    point = [0.3, 0.1, -0.1]
-    solution = WALK.leg.inverse([point], unreachable="nearest")
-    assert solution.distance[0] > 0.1
-    for cyclic in (True, False):
-        plan = invert_foot(ERS210A, WALK.leg, [point] * 12, cyclic=cyclic)
-        np.testing.assert_allclose(plan.distances, solution.distance[0], rtol=0.0, atol=1e-7)
-
-
 @NORMS
 def test_a_path_partly_out_of_reach_is_followed_as_closely_as_the_rest_of_it(norm):
     plan = invert_foot(ERS210A, WALK.leg, WALK.half_ellipse, norm=norm)

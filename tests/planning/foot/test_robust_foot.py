@@ -8,13 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from planner import invert_foot, invert_optimal, reference_walk
+from planner import invert_foot, reference_walk
 from planner.model.evidence import Evidence
 from planner.planning.candidate_models import drawn_models
 from planner.planning.task import models_of_joints
 from planner.trajectory import error_norm
 from tests.instances import ERS210A
-from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
 from tests.plans import foot_distances
 
 LEG = reference_walk().leg
@@ -71,22 +70,6 @@ def test_the_foots_errors_over_several_models_are_smaller_than_under_a_plan_for_
     if cyclic:
         assert mean.over_models.mean <= 0.95 * mean.nominal.over_models.mean
         assert worst.over_models.worst <= 0.85 * worst.nominal.over_models.worst
-
-
-def test_of_a_single_joint_the_foots_plan_is_as_good_as_the_joints(tmp_path):
-    radius, phase = 0.1, 2.0 * np.pi * np.arange(60) / 60
-    leg = made_up_leg(tmp_path, [Joint((0.0, 0.0, 0.0), Y)], (0.0, 0.0, -radius))
-    desired = 0.3 * np.sin(phase)
-    feet = leg.foot_positions(desired[:, np.newaxis])
-    for robust in ("mean", "worst"):
-        joint = invert_optimal(SLOWER, desired, robust=robust)
-        foot = invert_foot(SLOWER, leg, feet, robust=robust)
-        assert foot.plan.task.scenarios == tuple((each,) for each in joint.plan.task.models[0])
-        flat = invert_foot(joint.plan.task.models[0], leg, feet, robust=robust)
-        np.testing.assert_array_equal(flat.requests, foot.requests)
-        # A foot turned by e is 2 r sin(e / 2) away; two searches end apart by a per cent or so.
-        after = [getattr(each.over_models, robust) for each in (foot, joint)]
-        assert after[0] == pytest.approx(radius * after[1], rel=0.03)
 
 
 def test_every_model_is_judged_under_the_load_that_it_feels():
