@@ -15,7 +15,7 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.identification_page import cloud_figure
 from planner.report.identification_text import explained, joints_table, next_step
 from planner.report.page import Page
-from planner.report.wording import Row, Table, number, words_of
+from planner.report.wording import Row, Table, number, phrase, words_of
 from planner.robot.arm import SETTINGS, Servo
 from planner.robot.calibration import WORDS, Check, Compared, Recheck, Way
 
@@ -31,14 +31,7 @@ ROLES: Mapping[Way, style.Role] = {
 
 def servos_text(check: Check, period: float) -> str:
     """The state of the servos before they move, of requests every ``period`` [s]."""
-    answering = f"{len(check.angles)} servo{'s answer' if len(check.angles) > 1 else ' answers'}"
-    tick = f"a tick takes {1e3 * check.tick_time:.2g} ms of {1e3 * period:g} ms"
-    lines = [f"{answering}; {tick}, {100.0 * check.lost:.1f} % of the answers are lost"]
-    for name, angle in check.angles.items():
-        settings = (f"{SETTINGS[key]} {value}" for key, value in check.settings[name].items())
-        noise = f"noise {math.degrees(check.noise[name]):.2f}"
-        lines.append(f"  {name}: at {math.degrees(angle):.1f} deg, {noise}; {', '.join(settings)}")
-    return "\n".join(lines)
+    return phrase("calibration.txt", "servos", check=check, period=period, settings=SETTINGS)
 
 
 def calibration_results(
@@ -106,14 +99,7 @@ def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
 
 def recommendation(joint: str, each: Compared) -> str:
     """The recommendation for a joint, in a line."""
-    best, other = each.recommended, math.degrees(each.named("shift").error)
-    beside = f" (best shift: {number(other)} deg)"
-    how = {
-        "shift": "; plan with --method shift",
-        "direct": "; send the path as it is",
-        "closed_form": f"{beside}; plan with --method closed-form",
-    }.get(best.way, beside)
-    return f"{joint}: {WORDS[best.way]}, {number(math.degrees(best.error))} deg rms{how}"
+    return phrase("calibration.txt", "recommendation", joint=joint, of=each, words=WORDS)
 
 
 def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:

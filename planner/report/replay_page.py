@@ -23,6 +23,7 @@ from planner.report.wording import (
     Columns,
     Row,
     Table,
+    phrase,
     rendered_text,
     table_of,
     words_of,
@@ -365,22 +366,20 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
     worst = max(rows, key=lambda row: float(row["planned_rms"]))
     return Page(
         "episodes",
+        **document,
         total=total,
         title=title,
-        rows=rows,
         median={
             kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
             for kind in ("direct", "shifted", "planned")
         },
         unit=SIGNS[units[0]] if len(units) == 1 else "deg, or % of a range,",
-        line=episodes_line(document),
         good=not failures,
-        remarks=document["remarks"],
         worst={**worst, "recording": _short(worst["recording"]), "sign": SIGNS[worst["unit"]]},
         errors=[episodes_figure(rows, unit) for unit in units],
-        recordings=episodes_table(shown, fastest=document["speed"] is None),
+        table=episodes_table(shown, fastest=document["speed"] is None),
         rest=max(len(rows) - MOST_ROWS, 0),
-        left_out=reasons if failures else None,
+        reasons=reasons if failures else None,
     )
 
 
@@ -436,33 +435,15 @@ def _short(recording: str) -> str:
     return PurePath(recording).name
 
 
-def episodes_line(document: Mapping[str, Any]) -> str:
-    """One line about the replay: track, number of recordings, speed and models."""
-    rows, speed = document["recordings"], document["speed"]
-    requests = sum(row["requests"] for row in rows)
-    how = "as fast as the tolerance allows" if speed is None else f"at {speed:.4g} times the speed"
-    return (
-        f"follows {document['why']}; {len(rows)} recordings, {requests} requests {how}; "
-        f"{document['models']}"
-    )
-
-
 def episodes_text(document: Mapping[str, Any]) -> str:
     """Many recordings for people: a line each, about the joint with the largest planned error."""
     table = episodes_table(document["recordings"], fastest=document["speed"] is None)
-    words = resent_words(document["recordings"])
-    return "\n".join([episodes_line(document), table.text(), *words])
+    return rendered_text("episodes.txt", **document, table=table, better=RESENT)
 
 
 def resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """The number of recordings whose own requests may be better, with the errors of one example."""
-    of = [row for row in rows if row["recorded_requests_may_serve"]]
-    if not of:
-        return []
-    first = of[0]
-    errors = f"{first['expected_on_robot_rms']:.3f} and {first['resent_rms']:.3f} {first['unit']}"
-    where = f"such as {errors} rms in {first['recording']}"
-    return [f"in {len(of)} of {len(rows)} recordings {RESENT}, {where}"]
+    return list(filter(None, [phrase("episodes.txt", "resent", recordings=rows, better=RESENT)]))
 
 
 def episode_results(replay: Replay) -> dict[str, Any]:

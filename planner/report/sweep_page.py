@@ -12,7 +12,16 @@ from planner.evaluation.pareto_front import Outcome, Swept
 from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
-from planner.report.wording import Column, Columns, Row, Table, table_of, words_of
+from planner.report.wording import (
+    Column,
+    Columns,
+    Row,
+    Table,
+    phrase,
+    rendered_text,
+    table_of,
+    words_of,
+)
 from planner.validation import finite
 
 WORDS = {
@@ -44,7 +53,6 @@ def sweep_page(swept: Swept) -> Page:
         good=not missed(swept),
         verdict=verdict(swept),
         commands=[(each.number, command(swept, each)) for each in swept.front],
-        planned=sum(each.planned for each in swept.outcomes),
         figure=front_figure(swept) if swept.front else None,
         points=points_table(swept),
         failures=failures if rows else None,
@@ -85,41 +93,16 @@ def sweep_results(swept: Swept) -> list[dict[str, Any]]:
 
 def sweep_text(swept: Swept) -> str:
     """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
-    lines = [verdict(swept)]
-    if swept.front:
-        planned = sum(each.planned for each in swept.outcomes)
-        lines.append(f"{planned} of {len(swept.outcomes)} points have a plan; the front:")
-        lines.append(points_table(swept).text())
-        lines.append(f"again: {command(swept, swept.best or swept.front[-1])}")
-    for reason, outcomes in list(swept.failures.items())[:10]:
-        more = f" and {len(outcomes) - 1} more" if len(outcomes) > 1 else ""
-        lines.append(f"point {outcomes[0].number}{more}: {reason}")
-    if (rest := len(swept.failures) - 10) > 0:
-        lines.append(f"{rest} more reasons in points.csv")
-    return "\n".join(lines)
+    again = command(swept, swept.best or swept.front[-1]) if swept.front else ""
+    words = parameters(swept, swept.best) if swept.best else ""
+    points = points_table(swept)
+    return rendered_text("sweep.txt", swept=swept, parameters=words, points=points, again=again)
 
 
 def verdict(swept: Swept) -> str:
     """The answer in a few words."""
-    if not swept.front:
-        return f"None of {len(swept.outcomes)} points has a plan"
-
-    def sizes(outcome: Outcome) -> str:
-        speed = f"{outcome.speed:.3g} {swept.speed_unit}"
-        return f"{speed} at {outcome.error:.3g} {swept.error_unit}"
-
-    slow, fast = swept.front[0], swept.front[-1]
-    if swept.requirement is not None:
-        value, best = swept.requirement.value, swept.best
-        nearest, limit = slow, f"at most {value:g} {swept.error_unit}"
-        if swept.requirement.of == "speed":
-            nearest, limit = fast, f"at least {value:g} {swept.speed_unit}"
-        if best is None:
-            return f"No point has {limit}: the nearest has {sizes(nearest)}"
-        return f"The best point with {limit} has {sizes(best)}: {parameters(swept, best)}"
-    if len(swept.front) == 1:
-        return f"One point is best in both: {sizes(slow)}"
-    return f"{len(swept.front)} points on the front: from {sizes(slow)} to {sizes(fast)}"
+    words = parameters(swept, swept.best) if swept.best else ""
+    return phrase("sweep.txt", "verdict", swept=swept, parameters=words)
 
 
 def missed(swept: Swept) -> str:
