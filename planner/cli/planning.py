@@ -144,27 +144,24 @@ def search_options(
     return {"max_step": by_joint or math.radians(step), **set_keys}
 
 
-def task_of(desired: Desired, *, by_joint: bool = False, in_limits: bool = True) -> Task:
+def task_of(desired: Desired) -> Task:
     """The task of the settings; without the torques of a load that depends on the pose.
 
-    ``by_joint`` a plan for a foot is one for its joints. A path of a leg's joints has leg and foot,
-    too, and the limits of a closed form, which ignores them, or of a plan that is not ``in_limits``
+    A path of a leg's joints has leg and foot, too. The limits of a closed form, which ignores them,
     are not checked.
     """
-    chosen, leg = desired.settings.plan, desired.leg
-    options = search_options(chosen, desired.period)
-    options |= {"cyclic": desired.cyclic, "limits": desired.limits}
+    chosen, leg, limits = desired.settings.plan, desired.leg, desired.limits
+    options = search_options(chosen, desired.period) | {"cyclic": desired.cyclic}
     options["load"] = None if callable(desired.load) else desired.load
-    if chosen.method == "foot-optimal" and desired.foot is not None and not by_joint:
+    if chosen.method == "foot-optimal" and desired.foot is not None:
         leg, options["weights"] = checked_leg(leg), chosen.weights
-        return Task.of(desired.models, desired.foot, leg=leg, **options)
-    if not in_limits or chosen.method == "closed-form":
-        options["limits"] = None
+        return Task.of(desired.models, desired.foot, leg=leg, limits=limits, **options)
+    options["limits"] = None if chosen.method == "closed-form" else limits
     options |= {"start": desired.starts, "names": desired.names}
     task = Task.of(desired.models, desired.angles, **options)
     if leg is not None and leg.joint_names == desired.names:
         task = replace(task, leg=leg, foot=desired.foot)
-    lower, upper = desired.limits or (task.lower, task.upper)
+    lower, upper = limits or (task.lower, task.upper)
     return replace(task, lower=lower, upper=upper)
 
 

@@ -189,7 +189,7 @@ def refine(
     )
 
 
-def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False) -> dict[str, Plan]:
+def executed_plans(desired: Desired, requests: Array, *, by_joint: bool) -> dict[str, Plan]:
     """The plans whose requests [rad], (n, k), were executed, planned by any method.
 
     ``by_joint``: each joint of a plan for the foot is to follow its predicted angles in that plan.
@@ -201,11 +201,9 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False)
     of_foot = chosen.method == "foot-optimal"
     if of_foot and (desired.leg is None or desired.foot is None):
         raise BadSetting('‹plan.method = "foot-optimal"› plans for a foot path of a leg')
-    by_joint = by_joint or not of_foot
-    setup = replace(desired, load=desired.torques)
-    task = task_of(setup, by_joint=by_joint, in_limits=not of_foot)
+    task = task_of(replace(desired, load=desired.torques))
     task = replace(task, load_of_pose=callable(desired.load) and task.load is not None)
-    if not by_joint:
+    if of_foot and not by_joint:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
     if of_foot:  # what its joints were to do there, not the executed requests
         task = replace(task, desired=plan_of(desired, bounded=False).predicted)
