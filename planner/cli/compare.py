@@ -44,7 +44,7 @@ def compare(
         request-planner gait -o foot.csv
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
-    from planner.cli.desired import check_angles, desired_of, leg_title, model_words
+    from planner.cli.desired import check_angles, desired_of, model_words
     from planner.cli.planning import inputs_of, notes_of, origins_of
     from planner.evaluation.cross_check import cross_check
     from planner.report.comparison_page import comparison_page, comparison_text, verdict_line
@@ -74,7 +74,7 @@ def compare(
     def page(place: str) -> str:
         about = comparison_page(
             check,
-            title=leg_title(run.leg) or ", ".join(desired.names),
+            title=desired.title,
             leg=whole,
             unreachable=unreachable,
             notes=notes_of(desired),

@@ -73,6 +73,11 @@ class Desired:
         return self.models[0].period
 
     @property
+    def title(self) -> str:
+        """What is planned: the leg, the legs or the joints."""
+        return leg_title(self.settings.leg) or ", ".join(self.legs or self.names)
+
+    @property
     def shown_units(self) -> dict[str, Literal["deg", "percent"]]:
         """The unit of each joint's degrees, by joint: "deg", or "percent" of its range."""
         pairs = zip(self.names, self.units, strict=True)
@@ -189,9 +194,9 @@ def _path_of(run: settings.Run) -> tuple[SampledPath, Leg | None, bool]:
     return foot_path(table, even=even), leg, True
 
 
-def load_joints(file: str, run: settings.Run) -> Desired:
+def load_joints(run: settings.Run) -> Desired:
     """Read a joint path whose rate is that of the models."""
-    path = read_joint_path(file, joints=run.path.joints)
+    path = read_joint_path(str(run.path.file), joints=run.path.joints)
     models = models_of(run, path.names, units=path.units)
     path.check_period(models[0].period)
     cyclic, closing = repeats(path.values, run.plan.cyclic)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -51,7 +52,6 @@ def export(
     from planner.validation import as_positive
 
     (export,) = run.export
-    check_export(export)
     path = read_joint_path(requests, joints=run.path.joints)
     check_angles(path.names, path.units)
     period = path.step
@@ -66,10 +66,8 @@ def export(
     schedule = Schedule(path.names, path.values, period)
     servos = None if model is None else _servos_in(model, export, schedule)
     check_place("export.format", export.format, output)
-    rows, skipped = rows_of(export, schedule)
-    check_rows(export, rows, servos)
-    answer = rows_answer(export, rows, skipped)
-    return Answer(*answer, lambda file: write_rows(file, export, rows, servos))
+    rows = Rows.of(export, schedule, servos)
+    return Answer(*rows.answer(), rows.write)
 
 
 def _servos_in(model: str, export: Export, schedule: Schedule) -> dict[str, Servo]:
@@ -101,96 +99,95 @@ def check_place(setting: str, form: str, output: str) -> None:
         raise BadSetting(f"{marked(setting, form)} is a folder: name it with --output")
 
 
-def check_export(export: Export) -> None:
-    """Refuse settings that have no effect on the format."""
-    export.check_effect("export", "format")
-    for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
-        if getattr(export, name) not in (None, {}) and export.unit not in COUNTED:
-            raise BadSetting(f'‹export.{name}› needs ‹export.unit = "ticks"›')
-    if export.between is not None and export.rate_hz is None:
-        words = "without it there is a row per request"
-        raise BadSetting(f"‹export.between› needs ‹export.rate_hz›: {words}")
+@dataclass(frozen=True)
+class Rows:
+    """What an export writes, as its settings say."""
 
+    export: Export
+    schedule: Schedule
+    skipped: int  # requests that are not among the rows
+    servos: Mapping[str, Servo] | None  # that count the angles; None if the rows are angles
 
-def rows_of(export: Export, schedule: Schedule) -> tuple[Schedule, int]:
-    """The rows to write, and the number of requests that are not among them."""
-    from planner.robot.schedule import repeated, resampled
+    @classmethod
+    def of(
+        cls, export: Export, schedule: Schedule, servos: Mapping[str, Servo] | None = None
+    ) -> Rows:
+        """The rows of requests; refuses what has no effect, and what the format cannot hold."""
+        from planner.files.exports import check_format
+        from planner.robot.schedule import repeated, resampled
 
-    if (names := export.joint_names) is not None:
-        if len(names) != len(schedule.names) or len({*names}) < len(names):
-            raise InvalidInput(
-                f"joint names: got {', '.join(names) or 'none'}, expected {len(schedule.names)} "
-                "different names, one per column of the requests"
+        export.check_effect("export", "format")
+        for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
+            if getattr(export, name) not in (None, {}) and export.unit not in COUNTED:
+                raise BadSetting(f'‹export.{name}› needs ‹export.unit = "ticks"›')
+        if export.between is not None and export.rate_hz is None:
+            words = "without it there is a row per request"
+            raise BadSetting(f"‹export.between› needs ‹export.rate_hz›: {words}")
+        if (names := export.joint_names) is not None:
+            if len(names) != len(schedule.names) or len({*names}) < len(names):
+                raise InvalidInput(
+                    f"joint names: got {', '.join(names) or 'none'}, expected "
+                    f"{len(schedule.names)} different names, one per column of the requests"
+                )
+            schedule = schedule._replace(names=names)
+        schedule, skipped = repeated(schedule, export.cycles), 0
+        if export.rate_hz is not None:
+            between = export.between or "hold"
+            schedule, skipped = resampled(schedule, export.rate_hz, between=between)
+        check_format(export.format, schedule, lead=export.lead_s, topic=export.topic)
+        if export.unit in COUNTED and servos is None:
+            servos = _servos_of(export, schedule.names)
+        return cls(export, schedule, skipped, servos)
+
+    def answer(self) -> tuple[dict[str, Any], str]:
+        """The rows for machines and for people."""
+        rows = self.schedule
+        document = {
+            "format": self.export.format,
+            "joints": list(rows.names),
+            "rows": len(rows.requests),
+            "period_s": rows.period,
+            "duration_s": rows.duration,
+            "requests_never_sent": self.skipped,
+        }
+        rate = f"{1.0 / rows.period:.6g} Hz, {rows.duration:.6g} s"
+        summary = f"{len(rows.requests)} rows of {', '.join(rows.names)} at {rate}"
+        if self.skipped:
+            summary += (
+                f"\n{self.skipped} requests fall between the rows and are not among them: the "
+                "joints will not move as planned; plan at this rate, with --rate-hz"
             )
-        schedule = schedule._replace(names=names)
-    schedule = repeated(schedule, export.cycles)
-    if export.rate_hz is None:
-        return schedule, 0
-    return resampled(schedule, export.rate_hz, between=export.between or "hold")
+        return document, summary
 
+    def write(self, file: str) -> None:
+        """Write the rows; to a folder where the format is one."""
+        from planner.files import exports
 
-def check_rows(export: Export, rows: Schedule, servos: Mapping[str, Servo] | None = None) -> None:
-    """Refuse rows that the format cannot hold, as far as that does not depend on the angles."""
-    from planner.files.exports import check_format
-
-    check_format(export.format, rows, lead=export.lead_s, topic=export.topic)
-    if servos is None:
-        servos_of(export, rows)
-
-
-def rows_answer(export: Export, rows: Schedule, skipped: int) -> tuple[dict[str, Any], str]:
-    """The written rows, for machines and for people."""
-    joints, count = list(rows.names), len(rows.requests)
-    document = {
-        "format": export.format,
-        "joints": joints,
-        "rows": count,
-        "period_s": rows.period,
-        "duration_s": rows.duration,
-        "requests_never_sent": skipped,
-    }
-    rate = f"{1.0 / rows.period:.6g} Hz, {rows.duration:.6g} s"
-    summary = f"{count} rows of {', '.join(joints)} at {rate}"
-    if skipped:
-        summary += (
-            f"\n{skipped} requests fall between the rows and are not among them: the joints will "
-            "not move as planned; plan at this rate, with --rate-hz"
-        )
-    return document, summary
-
-
-def write_rows(
-    file: str, export: Export, rows: Schedule, servos: Mapping[str, Servo] | None = None
-) -> None:
-    """Write rows in the chosen format; a folder where the format is one."""
-    from planner.files import exports
-
-    if export.format == "csv":
-        servos = servos or servos_of(export, rows)
-        exports.write_controller_csv(file, rows, unit=export.unit, servos=servos)
-    elif export.format == "lerobot":
-        rate = exports.frame_rate(rows.period)
-        layout = exports.Layout(features={"action": rows.names}, rate=rate)
-        with exports.lerobot_dataset(file, layout) as add:
-            add({"action": rows.requests}, export.task)
-    else:
-        message = exports.joint_trajectory(rows, lead=export.lead_s, velocities=export.velocities)
-        if export.format == "yaml":
-            exports.write_trajectory_yaml(file, message)
+        export, rows = self.export, self.schedule
+        if export.format == "csv":
+            exports.write_controller_csv(file, rows, unit=export.unit, servos=self.servos)
+        elif export.format == "lerobot":
+            rate = exports.frame_rate(rows.period)
+            layout = exports.Layout(features={"action": rows.names}, rate=rate)
+            with exports.lerobot_dataset(file, layout) as add:
+                add({"action": rows.requests}, export.task)
         else:
-            storage: Literal["mcap", "sqlite3"] = "mcap" if export.format == "mcap" else "sqlite3"
-            exports.write_bag(file, message, storage=storage, topic=export.topic)
+            lead, velocities = export.lead_s, export.velocities
+            message = exports.joint_trajectory(rows, lead=lead, velocities=velocities)
+            if export.format == "yaml":
+                exports.write_trajectory_yaml(file, message)
+            else:
+                storage: Any = "mcap" if export.format == "mcap" else "sqlite3"
+                exports.write_bag(file, message, storage=storage, topic=export.topic)
 
 
-def servos_of(export: Export, rows: Schedule) -> dict[str, Servo] | None:
-    """The servos that count the angles by the settings; None if the rows are angles."""
-    if export.unit not in COUNTED:
-        return None
+def _servos_of(export: Export, names: Sequence[str]) -> dict[str, Servo]:
+    """Servos that count the angles by the settings."""
     from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
     from planner.robot import arm
 
     zero, per_turn = (PULSE_ZERO, PULSES_PER_TURN) if export.unit == "us" else (2048, 4096)
     zero = zero if export.zero_tick is None else export.zero_tick
     like = arm.Servo(zero_tick=zero, ticks_per_turn=export.ticks_per_turn or per_turn)
-    ids = dict.fromkeys(rows.names, 0)
+    ids = dict.fromkeys(names, 0)
     return arm.servos_of(ids, like, export.zero_ticks or {}, export.reverse or ())

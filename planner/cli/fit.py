@@ -9,7 +9,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Answer, Progress
-from planner.cli.declared import Positive, Source, argument, option
+from planner.cli.declared import Positive, argument, option
 from planner.cli.settings import Run
 from planner.exceptions import about
 
@@ -26,11 +26,11 @@ KNOT = options.Parsed(_knot, "S[=DEG]", "seconds (0.4) or seconds=degrees (0.4=1
 @options.command("Write a page (HTML) about the lines, and the error for other numbers of them.")
 def fit(
     *,
-    desired: Source = argument(),
     run: Run = options.settings(
         "model: file",
         "path: joints",
         "plan: cyclic segments",
+        path=argument(form="DESIRED"),
         segments="Lines of the approximation.",
     ),
     max_error: Positive | None = option(
@@ -63,11 +63,11 @@ def fit(
 
     from planner.approximation.fit_pwl import choices, fit_pwl
     from planner.cli.desired import check_angles, load_joints, model_words
-    from planner.cli.planning import files_of
+    from planner.cli.planning import inputs_of, origins_of
     from planner.files.paths import write_curve
     from planner.report.fit_page import fit_page, fit_results, fits_table
 
-    path = load_joints(desired, run)
+    path = load_joints(run)
     options.warn_of(path.remarks)
     check_angles(path.names, path.units)
     if knots is not None and len(path.names) > 1:
@@ -99,14 +99,12 @@ def fit(
     angles = np.column_stack([curve.angles for curve in fits.values()])
     if knots is not None:
         write_curve(knots, next(iter(fits.values())))
-
-    origins = [("path", desired), ("model", run.model.file)]
     return Answer(
         document,
         f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits).text()}",
         lambda file: path.write(file, angles),
         lambda place: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}).html(
-            place, origins, [*files_of(origins), ("lines", output)]
+            place, origins_of(run), [*inputs_of(path), ("lines", output)]
         ),
     )
 

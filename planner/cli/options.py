@@ -392,15 +392,15 @@ def check_parallel(work: Mapping[str, Any]) -> None:
         raise click.UsageError("--workers are of this machine: leave out --workers or --scheduler.")
 
 
-def warn_of(remarks: Iterable[str]) -> None:
-    """Print remarks on a path or an answer, with settings as options."""
-    for remark in filter(None, remarks):
-        warn(in_options(remark))
-
-
 def in_options(text: str) -> str:
     """A message with its settings as options: ``--no-cyclic``, ``--limits-deg knee``."""
     return MARKED.sub(lambda mark: _as_option(mark[1]), text)
+
+
+def warn_of(remarks: Iterable[str], spelt: Callable[[str], str] = in_options) -> None:
+    """Print remarks on a path or an answer, with settings as options."""
+    for remark in filter(None, remarks):
+        warn(spelt(remark))
 
 
 def _as_option(text: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ import numpy as np
 from planner.cli import settings
 from planner.cli.console import BadSetting, SettingsError, marked
 from planner.cli.declared import flat
-from planner.cli.desired import Desired, desired_of, leg_title, model_words, own_robot
+from planner.cli.desired import Desired, desired_of, model_words, own_robot
 from planner.files.text import toml_value
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
@@ -195,7 +195,7 @@ def plan_report(
 
     about = plan_page(
         answer,
-        title=leg_title(desired.settings.leg) or ", ".join(desired.legs or desired.names),
+        title=desired.title,
         foot_given=desired.foot_given,
         notes=notes_of(desired),
     )
@@ -216,15 +216,11 @@ def notes_of(desired: Desired) -> list[str]:
 
 
 def inputs_of(desired: Desired) -> list[tuple[str, str]]:
-    """The files that the settings name: role and path of each."""
+    """The files that the settings name, not standard input or a shipped model: role and path."""
     run = desired.settings
     named = [("path", run.path.file), ("model", run.model.file), ("robot", own_robot(run.leg))]
-    return files_of((role, run.place(name)) for role, name in named if name)
-
-
-def files_of(named: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Those that are files, not standard input or a shipped model."""
-    return [(role, place) for role, place in named if Path(place).is_file()]
+    places = [(role, run.place(name)) for role, name in named if name]
+    return [(role, place) for role, place in places if Path(place).is_file()]
 
 
 def origins_of(run: settings.Run) -> list[tuple[str, str]]:

@@ -17,7 +17,7 @@ import numpy as np
 from planner.cli import desired as loading
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.cli.export import FOLDERS, check_place, check_rows, write_rows
+from planner.cli.export import FOLDERS, Rows, check_place
 from planner.cli.planning import search_options
 from planner.exceptions import PlannerError
 from planner.files.exports import check_installed, lerobot_dataset
@@ -259,8 +259,7 @@ def write(file: str, task: ReplayTask, replay: Replay) -> None:
         return
     export = settings.Export(format=form, file=file)
     schedule = Schedule(replay.names, replay.requests, replay.period)
-    check_rows(export, schedule)
-    write_rows(file, export, schedule)
+    Rows.of(export, schedule).write(file)
 
 
 ABOUT = "replay.json"  # the file of a planned dataset with its settings and errors

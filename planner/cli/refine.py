@@ -75,8 +75,8 @@ def refine(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import leg_title, model_words, repeats
-    from planner.cli.planning import files_of, prepare
+    from planner.cli.desired import model_words, repeats
+    from planner.cli.planning import inputs_of, origins_of, prepare
     from planner.files.executed import (
         read_executed,
         read_history,
@@ -161,11 +161,10 @@ def refine(
             measured=angles.mean(axis=0),
             progress=trials,
             about_others=about_missing,
-            title=leg_title(run.leg) or ", ".join(desired.names),
+            title=desired.title,
         )
-        origins = [("path", str(run.path.file)), ("model", run.model.file)]
-        files = [*files_of(origins), ("requests", output), ("history", history)]
-        return about_learning.html(place, origins, files)
+        files = [*inputs_of(desired), ("requests", output), ("history", history)]
+        return about_learning.html(place, origins_of(run), files)
 
     rows = np.hstack([plan.requests for plan in every.values()])
     loads = load_columns([load for plan in every.values() for load in plan.task.loads], len(rows))

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, BadSetting, Progress, in_keys, speaking_of, warn
+from planner.cli.console import Answer, BadSetting, Progress, in_keys, speaking_of
 from planner.cli.declared import Source, argument, flat, option, understand
 from planner.cli.declared import template as template_of
-from planner.cli.export import check_export, check_rows, rows_answer, rows_of, write_rows
+from planner.cli.export import Rows
 from planner.cli.settings import Run
 from planner.exceptions import InvalidInput
 from planner.files.staging import MANIFEST, list_files, output_folder
@@ -57,7 +56,7 @@ def run(
     desired = read_run(file)
     if not check:
         return carried_out(desired, folder_of(file, out, desired.settings.out))
-    _warn_of(desired.remarks)
+    options.warn_of(desired.remarks, in_keys)
     samples, method = len(desired.angles), desired.settings.plan.method
     content = {"holds": True, "samples": samples, "period_s": desired.period}
     return Answer(
@@ -93,8 +92,7 @@ def read_run(path: str) -> Desired:
         schedule = Schedule(desired.names, desired.angles, desired.period)
         for number, export in enumerate(run.export):
             try:
-                check_export(export)
-                check_rows(export, rows_of(export, schedule)[0])
+                Rows.of(export, schedule)
             except BadSetting as error:
                 raise BadSetting(
                     error.args[0].replace("‹export.", f"‹export[{number}].")
@@ -143,9 +141,9 @@ def carried_out(desired: Desired, out: str) -> Answer:
         exports, words = [], ""
         for export in run.export:
             schedule = Schedule(desired.names, plan.requests, desired.period)
-            rows, skipped = rows_of(export, schedule)
-            write_rows(str(folder / export.file), export, rows)
-            document, summary = rows_answer(export, rows, skipped)
+            rows = Rows.of(export, schedule)
+            rows.write(str(folder / export.file))
+            document, summary = rows.answer()
             exports.append({"file": export.file, **document})
             words += f"\n{export.file}: {summary}"
         if run.output.report:
@@ -162,13 +160,8 @@ def carried_out(desired: Desired, out: str) -> Answer:
             "files": list_files(folder),
         }
         write_text(folder / MANIFEST, to_json(results))
-    _warn_of([*desired.remarks, *remarks])
+    options.warn_of([*desired.remarks, *remarks], in_keys)
     if answer.missed:
         failure = f"{'; '.join(answer.missed)}; the files are written all the same"
     words += f"\n{len(results['files']) + 1} files in {out}"
     return Answer(results, answer.text() + words, failure=failure)
-
-
-def _warn_of(remarks: Iterable[str]) -> None:
-    for remark in filter(None, remarks):
-        warn(in_keys(remark))

@@ -14,12 +14,12 @@ from planner.exceptions import InvalidFile, about
 @options.command()
 def simulate(
     *,
-    requests: Source = argument(),
     run: Run = options.settings(
         "model: file",
         "path: joints rate_hz",
         "plan: cyclic",
         "start: deg",
+        path=argument(form="REQUESTS"),
         rate_hz="Requests per second, as given to plan: the models take it.",
     ),
     load: Literal["column"] | None = option(
@@ -41,7 +41,7 @@ def simulate(
     from planner.model.response import simulate as simulate_joint
     from planner.report.plan_results import simulation_answer
 
-    inputs = load_joints(requests, run)
+    inputs = load_joints(run)
     path = None if desired is None else read_joint_path(desired, joints=inputs.names)
     if path is not None and len(path.values) != len(inputs.angles):
         raise InvalidFile(
@@ -57,7 +57,9 @@ def simulate(
     rest = starts_of(run.start, inputs.names, cyclic=cyclic)
     loads = None if load is None else inputs.loads
     if load is not None and loads is None:
-        raise InvalidFile(requests, "no columns <joint>_load_Nm, which --load column takes", line=1)
+        raise InvalidFile(
+            str(run.path.file), "no columns <joint>_load_Nm, which --load column takes", line=1
+        )
     if load is None and inputs.loads is not None:
         warn("the load in the columns is not used: ask for it with --load column")
     columns = []
