@@ -37,11 +37,8 @@ def calibrate(
     joint: tuple[str, ...] = option(
         "Calibrate this joint only. Repeat the option for several joints.",
         otherwise="all",
-        form="NAME",
     ),
-    reverse: tuple[str, ...] = option(
-        "The servo of this joint is mounted the other way round.", form="NAME"
-    ),
+    reverse: tuple[str, ...] = option("The servo of this joint is mounted the other way round."),
     zero_tick: Annotated[tuple[tuple[str, int], ...], TICKS] = option(
         "Count of the servo at angle 0.", otherwise="the middle, 2048, or 512 of an XL-320"
     ),
@@ -229,7 +226,7 @@ def check(
     port: Mapping[str, Any] = buses.bus_options(
         "The models and servos of the joints, as calibrate writes them."
     ),
-    joint: tuple[str, ...] = option("Check this joint only.", otherwise="all", form="NAME"),
+    joint: tuple[str, ...] = option("Check this joint only.", otherwise="all"),
     duration_s: Positive = option("How long each joint moves.", default=20.0),
     rate_hz: Positive | None = option("Requests per second.", otherwise="those of the model"),
 ) -> Answer:

@@ -126,8 +126,7 @@ class Declared:
     example: Any = None  # a value, if there is no default
     set_to: Any = None  # its value in a template, if that is not the default
     option: str = ""  # its option, such as "--cyclic/--no-cyclic"; "--" for one named like it
-    form: str = ""  # of the text of the option in its help, such as JOINT=DEG
-    like: str = ""  # an example of that text
+    form: str = ""  # the text of the option in its help, where it does not follow from the type
     by_joint: str = ""  # the key of its table that takes the option's values for single joints
     only: tuple[str, ...] = ()  # the methods, or formats, on which it has an effect; () for all
 

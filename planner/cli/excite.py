@@ -27,7 +27,7 @@ def excite(
         "the tests of Equation 1.",
         default="combined",
     ),
-    limits_deg: Span = option("Range of the requests.", form="LOW:HIGH", like="-27:147"),
+    limits_deg: Span = option("Range of the requests.", example=[-27, 147]),
     centre_deg: float | None = option(
         "Where the signal begins and ends.", otherwise="the middle of the limits"
     ),

@@ -156,14 +156,22 @@ Folder = Annotated[str, FOLDER]
 def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
     """What is declared as an option, or argument, of click, with a help of its own if there is one.
 
-    A number is shown as N, or as the unit that ends its name.
+    By default its form is N or the unit that ends its name, LOW:HIGH, or NAME=VALUE for joints.
     """
-    kind, form, text = declared.kind, declared.form, about or declared.help
+    kind, text = declared.kind, about or declared.help
     more: dict[str, Any] = {"required": declared.default is ...}
-    several = kind.origin is tuple and kind.count is None and "," not in form
+    several = kind.origin is tuple and kind.count is None and "," not in declared.form
     more["multiple"] = several or kind.origin is dict or bool(declared.by_joint)
-    unit = name.rpartition("_")[2]
     each = kind.inner[1] if kind.origin is dict else kind.inner[0] if several else kind
+    joint, unit = "", name.rpartition("_")[2]
+    if kind.origin is dict or declared.by_joint:
+        joint, unit = "JOINT=" if kind.origin is dict else "[JOINT=]", "deg"
+    form = unit.upper() if unit in UNITS else "FLOAT"
+    if each.type is str:
+        form = "NAME" if several or joint else "TEXT"
+    elif each.origin is tuple or each.type is int:
+        form = "LOW:HIGH" if each.origin is tuple else "N"
+    form = declared.form or joint + form
     if kind.parser is not None:
         click_type = kind.parser
         if isinstance(declared.default, str):  # which is checked like any other
@@ -177,14 +185,14 @@ def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
     elif kind.type is bool:
         click_type, more["default"] = bool, None
         more["is_flag"] = "/" not in declared.option or None
-    elif each.type is str and "=" not in form:
-        click_type = Parsed(str, form or "TEXT", "", each.choices)
+    elif each.type is str and not joint:
+        click_type = Parsed(str, form, "", each.choices)
     elif " " in form:
         click_type, more["nargs"] = of_kind(kind.inner[0], form), kind.count
     else:
-        shown = "N" if each.type is int else unit.upper() if unit in UNITS else "FLOAT"
-        click_type = of_kind(each, form or shown, declared.like)
-    if form and "=" not in form:
+        like = _like(joint, declared.example) if joint or ":" in form else ""
+        click_type = of_kind(each, form, like)
+    if declared.form:
         more["metavar"] = form
     if not declared.option:
         own: dict[str, Any] = {"nargs": -1 if several else 1, "metavar": more.get("metavar")}
@@ -198,6 +206,14 @@ def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
     if default and "  [" not in text and (kind.type is not bool or "/" in declared.option):
         text += f"  [default: {default}]"
     return click.Option([*declared.option.split(), name], help=text, type=click_type, **more)
+
+
+def _like(joint: str, example: Any) -> str:
+    """An example as the text of an option, of a ``joint`` or of a span."""
+    name, value = next(iter(example.items())) if isinstance(example, dict) else ("knee", example)
+    values = value if isinstance(value, list) else [value]
+    text = ":".join(each if isinstance(each, str) else f"{each:g}" for each in values)
+    return f"{name}={text}" if joint else text
 
 
 class Group(NamedTuple):

@@ -81,7 +81,7 @@ class Leg(Settings):
     lock_m: Annotated[dict[str, float] | None, Expected("a table of positions by joint")] = setting(
         example={"slide": 0.1}
     )
-    near: Angles | None = option(example={"knee": 30.0}, form="JOINT=DEG", like="wrist=-90")
+    near: Angles | None = option(example={"wrist": -90.0})
     unreachable: Literal["raise", "nearest", "clamp"] = option(default="raise", set_to="clamp")
 
 
@@ -147,9 +147,7 @@ class Path(Settings):
     """
 
     file: Source | None = setting(example="path.csv")
-    joints: JointNames = setting(
-        default=(), otherwise="every column", option="--joint", form="NAME"
-    )
+    joints: JointNames = setting(default=(), otherwise="every column", option="--joint")
     rate_hz: Positive | None = option(otherwise="the models' own", example=50.0)
     speed: Positive | None = option(otherwise="as it is", example=1.5, form="FACTOR")
     half_ellipse: HalfEllipse | None = setting(set_to=HalfEllipse())
@@ -224,8 +222,6 @@ class Limits(Settings):
         example=[-120.0, 150.0],
         option="--limits-deg",
         by_joint="joints",
-        form="[JOINT=]LOW:HIGH",
-        like="knee=-27:147",
     )
     joints: dict[str, Span] = setting(example=[-27.0, 147.0])
 
@@ -240,12 +236,7 @@ class Start(Settings):
     """
 
     deg: float | None = setting(
-        otherwise="where the path begins",
-        example=0.0,
-        option="--start-deg",
-        by_joint="joints",
-        form="[JOINT=]DEG",
-        like="knee=30",
+        otherwise="where the path begins", example=0, option="--start-deg", by_joint="joints"
     )
     joints: dict[str, float] = setting(example=30.0)
 
@@ -325,19 +316,12 @@ class Export(Settings):
         only=("csv",), otherwise="4096, or 4000 us", example=4096
     )
     zero_tick: Tick | None = option(
-        only=("csv",),
-        otherwise="2048, or 1500 us",
-        example=2048,
-        by_joint="zero_ticks",
-        form="[JOINT=]N",
-        like="knee=2048",
+        only=("csv",), otherwise="2048, or 1500 us", example=2048, by_joint="zero_ticks"
     )
     zero_ticks: Annotated[dict[str, Tick] | None, Expected("a table of ticks by joint")] = setting(
         only=("csv",), example={"knee": 2048}
     )
-    reverse: JointNames | None = option(
-        only=("csv",), otherwise="none", example=["knee"], form="NAME"
-    )
+    reverse: JointNames | None = option(only=("csv",), otherwise="none", example=["knee"])
     lead_s: NotNegative = option(only=ROS, default=0.0, example=2.0)
     velocities: bool = option(only=ROS, default=False)
     topic: Annotated[Text, Expected("the name of a topic")] = option(
@@ -368,10 +352,7 @@ class Replay(Settings):
     fastest: bool = option(default=False)
     retime: Literal["constant", "varying"] = option(default="constant")
     urdf_joints: Annotated[dict[str, Text], Expected("a table of names by joint")] = setting(
-        example={"Rotation": "shoulder_pan"},
-        option="--urdf-joint",
-        form="JOINT=NAME",
-        like="Rotation=shoulder_pan",
+        example={"Rotation": "shoulder_pan"}, option="--urdf-joint"
     )
     write_as: ReplayFormat = setting(default="csv", option="--as")
 
