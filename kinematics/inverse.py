@@ -243,9 +243,8 @@ def choose(
 def jumps(chain: Chain, angles: Array) -> Indices:
     """Samples after which a path of the joints [rad], (n, k), changes to a pose of another kind.
 
-    Half way between two poses of a smooth path the foot is half way between its two places, up to
-    the square of the step. At a jump it is further from there than the two places are from each
-    other.
+    Half way between two such poses the foot is further from the middle of its two places than they
+    are from each other; on a smooth path it is there, up to the square of the step.
     """
     half_way = 0.5 * (angles[1:] + angles[:-1])
     feet, middle = chain.feet(angles), chain.feet(half_way)

@@ -43,9 +43,9 @@ class Scene:
         """The scene of the leg between two frames of the robot that a URDF describes.
 
         If no link of the leg has a shape that can be drawn, bones from joint to joint replace
-        them. Missing or unreadable meshes are omitted: they are sought below the folder of the
-        URDF and its parents; ``package://a/b`` is ``a/b`` below one of them, or below a folder of
-        ROS packages. Arguments and errors are those of :meth:`kinematics.Leg.from_urdf`.
+        them. Missing or unreadable meshes are omitted: they are sought beside the URDF, and
+        ``package://a/b`` as ``a/b`` above it or in a folder of ROS packages. Arguments and errors
+        are those of :meth:`kinematics.Leg.from_urdf`.
         """
         import pinocchio
 
@@ -65,19 +65,12 @@ class Scene:
         to_world = data.oMi[robot.base.parentJoint] * robot.base.placement
         return cls(robot, still, moving, read_only(to_world.inverse().homogeneous))
 
-    def configurations(self, angles: Array) -> list[Any]:
-        """Pinocchio's coordinates along a path of the leg [rad], (n, k), other joints at rest."""
-        return [self.robot.configuration(row) for row in angles]
-
     def places(self, angles: Array) -> Array:
-        """Middles of all shapes, the moving ones last, in the base frame [m], (shapes, 3).
-
-        The leg's joints are at these angles [rad], shape (k,).
-        """
+        """Middles of all shapes, the moving ones last, in the base frame [m], at angles (k,)."""
         import pinocchio
 
         data = self.robot.model.createData()
-        pinocchio.forwardKinematics(self.robot.model, data, self.configurations(angles[None])[0])
+        pinocchio.forwardKinematics(self.robot.model, data, self.robot.configuration(angles))
         to_world = [
             (data.oMi[shape.parentJoint] * shape.placement).translation
             for shapes in (self.still, self.moving)
@@ -119,10 +112,7 @@ def _read_shapes(path: Path, model: Any) -> Any:
 
 
 def _find_mesh(path: Path, name: str) -> Path | None:
-    """The file of a mesh, or None where none has a readable format and size.
-
-    ROS keeps packages in ``ROS_PACKAGE_PATH``, ROS 2 in ``AMENT_PREFIX_PATH``.
-    """
+    """The file of a mesh, or None where none has a readable format and size."""
     relative, folders = name.removeprefix("file://"), [path.resolve().parent]
     if name.startswith("package://"):
         relative = name.removeprefix("package://")

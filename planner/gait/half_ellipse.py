@@ -88,11 +88,9 @@ def half_ellipse(
 def walking_speed(
     foot: Array, period: float, *, ground_fraction: float = 0.5, heading: float = 0.0
 ) -> float:
-    """Mean speed at which the ground passes under the body [m/s].
+    """Mean speed of a foot along the heading, backward, while it is on the ground [m/s].
 
-    That of the foot along the heading, backward, while it is on the ground. For a half ellipse
-    it is twice the length in that time. The foot's positions are a cycle [m], (n, 3), that begins
-    on the ground, with a period between them [s].
+    Its positions are a cycle [m], (n, 3), that begins on the ground, a period apart [s].
     """
     along = foot[:, 0] * math.cos(heading) + foot[:, 1] * math.sin(heading)
     grounded = math.ceil(ground_fraction * len(foot) - 1e-9)

@@ -197,14 +197,10 @@ def check_legs(names: Mapping[str, Any]) -> None:
 def standing_pose(leg: Leg) -> Array:
     """A bent leg with its foot below the hip, z of the base frame pointing up.
 
-    Of the poses with nearly the best dexterity the one nearest to the middle of the limits, with
-    the foot then moved to below the joint before the last. Where that is impossible, as for an arm,
-    the pose stays. If the leg has ``near``, a pose to start from, this is returned. The angles are
-    in rad, read-only, shape (k,), rounded to a degree where no limit is nearer.
-
-    Raises:
-        UnsupportedLeg: The leg has more joints and no ``near``, or a joint that never moves the
-            foot.
+    Of the poses with nearly the best dexterity the one nearest to the middle of the limits [rad],
+    (k,), read-only, rounded to a degree, with the foot then moved to below the joint before the
+    last, if possible; or the leg's ``near``. UnsupportedLeg is raised for a leg with more joints
+    and no ``near``, or with a joint that never moves the foot.
     """
     if leg.near is not None:
         return leg.near
@@ -244,10 +240,9 @@ def _below_hip(leg: Leg, pose: Array, least: float) -> Array:
 
 
 def dexterity(chain: Chain, angles: Array) -> Array:
-    """Yoshikawa's manipulability at angles [rad], (n, k), without unit: shape (n,).
+    """Yoshikawa's manipulability at angles [rad], (n, k), by the leg's length: (n,).
 
-    The product of the singular values of the Jacobian, over the length of the leg to the power of
-    their number; 0 in a singular pose, such as a stretched leg.
+    The product of the singular values of the Jacobian: 0 in a singular pose.
     """
     jacobians = chain.jacobians(angles) / chain.size
     if jacobians.shape[-1] == jacobians.shape[-2]:
@@ -292,12 +287,8 @@ def shortest_cycle(
     """The fewest samples of a cycle at which the foot never is further off than a tolerance [m].
 
     Each trial, from ``samples`` on, is a plan for the foot along the ``path`` in n samples [m],
-    (n, 3): :func:`planner.invert_foot` with the norm "max", within the leg's limits; the exact
-    models decide.
-
-    Raises:
-        Infeasible: Not even the longest cycle keeps the tolerance.
-        InvalidInput: The tolerance is not above 0.
+    (n, 3): :func:`planner.invert_foot` with the norm "max". Infeasible is raised where not even the
+    longest cycle keeps the tolerance.
     """
     as_positive("tolerance", tolerance, "more than 0 m")
     plans: dict[int, FootInversion] = {}

@@ -80,14 +80,14 @@ def scene_page(
     stride = -(-len(angles[0]) // 1000)  # of longer motions every second sample is shown
     places = scene.places(angles[0][0])
     thickness = 0.008 * (float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0)  # of the traces
-    rest = scene.configurations(angles[0][:1])[0]
+    rest = scene.robot.configuration(angles[0][0])
     _show(viewer, "robot", scene, scene.still, None).display(rest)
     animation = meshcat.animation.Animation(default_framerate=1.0 / (stride * period))
     for (role, opacity), own, foot in zip(LOOKS, angles, feet, strict=True):
         colour = int(role.light.removeprefix("#"), 16)
         parts = [part / 255.0 for part in colour.to_bytes(3)]  # red, green, blue
         leg = _show(viewer, role.label, scene, scene.moving, [*parts, opacity])
-        poses = scene.configurations(own[::stride])
+        poses = [*map(scene.robot.configuration, own[::stride])]
         if cyclic:
             poses.append(poses[0])
         leg.display(poses[0])

@@ -56,16 +56,10 @@ def resampled(
 ) -> tuple[Schedule, int]:
     """The schedule as a controller with another rate sends it, and how many requests it leaves out.
 
-    A request is a zero-order hold, r(t) = r_k for k T ≤ t < (k + 1) T, and by default every row is
-    what r is at its time: rows between two requests repeat the earlier one. At a rate at which some
-    requests would never be sent the joint would not move as planned, so that is refused. "linear"
-    follows the straight line from each request to the next instead, at any rate, which is as if
-    every request came half a period early; the last is held. Rows are at 0, 1/rate, 2/rate ... as
-    long as the schedule lasts, the rate in Hz.
-
-    Raises:
-        InvalidInput: A rate that is not positive and finite, or at which held requests are left
-            out, or more than :data:`MOST_ROWS` rows.
+    Rows are at 0, 1/rate, 2/rate ... as long as the schedule lasts, the rate in Hz. By default each
+    repeats the last request; at a rate at which some requests would never be sent the joint would
+    not move as planned, so that is refused. "linear" follows the straight line from each request to
+    the next instead, at any rate, which is as if every request came half a period early.
     """
     if not 0.0 < rate < math.inf:
         raise InvalidInput(f"rate: got {rate:g} Hz, expected a positive number")

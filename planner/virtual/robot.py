@@ -91,10 +91,7 @@ class Constants:
 
     @property
     def top_speed(self) -> float:
-        """Speed at which torque and friction balance, no leg attached [rad/s].
-
-        At the duty 1 the battery's resistance adds to the motor's.
-        """
+        """Speed at which torque and friction balance at the duty 1, no leg attached [rad/s]."""
         resistance = self.terminal_resistance + self.battery_resistance
         constant = self.joint_torque_constant
         driving = constant * self.battery_voltage / resistance - self.coulomb_friction
@@ -132,16 +129,10 @@ class VirtualRobot:
         seed: int = 0,
         model: mujoco.MjModel | None = None,
     ) -> None:
-        """The robot at rest.
+        """The robot at rest, at the requests that it has been holding [rad], (3,).
 
-        Args:
-            start: Requests that it has been holding [rad], shape (3,).
-            constants: Its constants.
-            seed: Of the noise of supply and sensors.
-            model: Other joints on such servos, in place of the leg's.
-
-        Raises:
-            MissingExtra: MuJoCo is not installed.
+        The seed is that of the noise; the ``model`` has other joints on such servos. MissingExtra
+        is raised where MuJoCo is not installed.
         """
         mujoco = load_mujoco()
         self.constants = constants
@@ -162,14 +153,7 @@ class VirtualRobot:
         self._under_way = deque([first] * late)
 
     def play(self, requests: npt.ArrayLike) -> Recording:
-        """Make one row of requests after the other; the robot goes on from where it is.
-
-        Args:
-            requests: One row per request period [rad], shape (n, k).
-
-        Raises:
-            InvalidTrajectory: Not a finite array of that shape.
-        """
+        """Make one row of requests [rad], (n, k), after the other, from where the robot is."""
         clipped = self._requests(requests)
         sensed, angles = np.empty_like(clipped), np.empty_like(clipped)
         for k, request in enumerate(clipped):
@@ -239,13 +223,7 @@ class VirtualRobot:
 
 
 def front_leg(constants: Constants) -> mujoco.MjModel:
-    """The left front leg of ``urdf/ers210a.urdf``, its body held in the air: nothing collides.
-
-    Links, masses, inertias and axes are those of the URDF; for the rest see :func:`drive_joint`.
-
-    Raises:
-        MissingExtra: MuJoCo is not installed.
-    """
+    """The left front leg of ``urdf/ers210a.urdf``, its body held in the air: nothing collides."""
     mujoco = load_mujoco()
     spec = mujoco.MjSpec.from_file(str(urdf_path("ers210a.urdf")))
     for name in OTHER_BODIES:

@@ -93,14 +93,8 @@ class VirtualServos:
     ) -> None:
         """Servos with the identifiers 1 to ``count``, at rest near their middle, torque off.
 
-        Args:
-            count: How many.
-            kind: One of :data:`KINDS`, or one's own.
-            motors: Their motors; by default an arm of such servos.
-            faults: Faults of the bus.
-            step: Time between two sync writes [s], where they are to be the clock; any other packet
-                takes :data:`WIRE`.
-            seed: Of the lost packets.
+        Their motors are by default an arm of such servos. With a ``step`` [s] sync writes are the
+        clock, and any other packet takes :data:`WIRE`. The seed is that of lost packets.
         """
         self.protocol, self.ids = kind.protocol, range(1, count + 1)
         self.motors = Motors(list(motors or arm_of(kind.motor, count)), np.zeros(count))

@@ -60,7 +60,7 @@ def places(scene, angles, names):
     """Where named shapes are in the base frame [m] by Pinocchio's own placements, (n, 3) each."""
     model, shapes, found = scene.robot.model, scene.moving, []
     data, of_shapes = model.createData(), shapes.createData()
-    for pose in scene.configurations(angles):
+    for pose in map(scene.robot.configuration, angles):
         pinocchio.updateGeometryPlacements(model, data, shapes, of_shapes, pose)
         to_base = pinocchio.SE3(scene.to_base)
         found.append(
