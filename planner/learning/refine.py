@@ -23,19 +23,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput, NoSteadyCycle, PlannerError, about
 from planner.identification.identify import identify
 from planner.identification.log import Log
-from planner.learning.measurements import (
-    check_angles,
-    check_trial,
-    checked_cycles,
-    delays_of,
-    delays_to_remove,
-    deviation_of,
-    earlier,
-    learnt,
-    noise_of,
-    remarks_on_delays,
-    settled,
-)
+from planner.learning import measurements
 from planner.learning.trials import Learning, Trial
 from planner.model.evidence import ENCODER_STEP, UNFORESEEN
 from planner.model.joint import JointModel
@@ -150,7 +138,7 @@ def refine(
             "refine returned"
         )
     refined = partial(_refined, sensor_delay=sensor_delay, reidentify=reidentify)
-    cycles = checked_cycles(measured, plan.requests.shape)
+    cycles = measurements.checked_cycles(measured, plan.requests.shape)
     if isinstance(plan, Inversion):
         return Inversion(refined(plan.plan.joint(plan.column), cycles[:, :, np.newaxis]))
     if isinstance(plan, FootInversion):
@@ -179,17 +167,17 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     reidentified_at = before.reidentified if before else (0,) * len(joints.models)
     measured = [each.measured for each in trials]
     disturbances = _disturbances(joints, trials)
-    noise = noise_of(measured, disturbances[now], cyclic=joints.cyclic)
+    noise = measurements.noise_of(measured, disturbances[now], cyclic=joints.cyclic)
     if reidentify and now == len(trials) - 1:  # not an earlier trial, executed again
         joints, reidentified_at, notes = reidentified(
-            joints, trials, reidentified_at, deviation_of(noise)
+            joints, trials, reidentified_at, measurements.deviation_of(noise)
         )
         remarks += notes
         disturbances = _disturbances(joints, trials)
-        noise = noise_of(measured, disturbances[now], cyclic=joints.cyclic)
-    delays = delays_of(joints, cycles, joints.task.response(joints.requests), removed)
-    spread = deviation_of(noise)
-    remarks += remarks_on_delays(joints, delays, spread)
+        noise = measurements.noise_of(measured, disturbances[now], cyclic=joints.cyclic)
+    delays = measurements.delays_of(joints, cycles, joints.task.response(joints.requests), removed)
+    spread = measurements.deviation_of(noise)
+    remarks += measurements.remarks_on_delays(joints, delays, spread)
     disturbance, best, gain = _estimated(joints, trials, max(reidentified_at), noise)
     base, task = trials[best], joints.task
     freeze(disturbance)
@@ -251,8 +239,8 @@ def _measured(
     trials = before.trials if before else ()
     old = [joints.task.response(trial.requests) for trial in trials]
     error = trials[-1].mean - old[-1] if trials else 0.0
-    check_angles(cycles, joints.requests, joints.desired, modelled, modelled + error)
-    if joints.cyclic and (later := settled(cycles)) is not cycles:
+    measurements.check_angles(cycles, joints.requests, joints.desired, modelled, modelled + error)
+    if joints.cyclic and (later := measurements.settled(cycles)) is not cycles:
         cycles = later
         remarks.append("the first cycle differs from the others: it is a transient and is ignored")
     if sensor_delay is not None:
@@ -260,9 +248,9 @@ def _measured(
     elif before is not None:
         removed = [delay.removed for delay in before.delays]
     else:
-        removed = delays_to_remove(joints, cycles, modelled)
-    cycles = earlier(cycles, removed, joints)
-    check_trial(cycles, modelled, trials, old)
+        removed = measurements.delays_to_remove(joints, cycles, modelled)
+    cycles = measurements.earlier(cycles, removed, joints)
+    measurements.check_trial(cycles, modelled, trials, old)
     return cycles, removed, remarks
 
 
@@ -347,7 +335,7 @@ def _estimated(
     disturbance, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
     before, off = disturbance, _disturbances(joints, trials)
     for number, trial in enumerate(trials):
-        random = _size(joints, deviation_of(noise)) / math.sqrt(trial.cycles)
+        random = _size(joints, measurements.deviation_of(noise)) / math.sqrt(trial.cycles)
         if trial.error <= 1.01 * least + 0.2 * random:  # no worse than noise explains
             gain = 1.0 if number <= since else min(gain * GROWTH, 1.0)
             base, before = number, disturbance
@@ -356,7 +344,9 @@ def _estimated(
             gain *= SHRINK
         innovation = off[base] - before
         power = noise / trials[base].cycles
-        disturbance = before + gain * learnt(innovation, power, joints.models, cyclic=joints.cyclic)
+        disturbance = before + gain * measurements.learnt(
+            innovation, power, joints.models, cyclic=joints.cyclic
+        )
     return disturbance, base, gain
 
 

@@ -14,18 +14,8 @@ from contextlib import contextmanager, suppress
 from typing import Any, Protocol
 
 from planner.exceptions import BusError, InvalidInput
-from planner.robot.protocols import (
-    BROADCAST,
-    DYNAMIXEL,
-    FEETECH,
-    PING,
-    READ,
-    SYNC_READ,
-    SYNC_WRITE,
-    WRITE,
-    Packet,
-    ServoProtocol,
-)
+from planner.robot import protocols
+from planner.robot.protocols import BROADCAST, Packet, ServoProtocol
 
 ATTEMPTS = 4
 """How often a servo is asked before it counts as silent; at 5 % lost packets, 10 % of questions
@@ -38,7 +28,7 @@ the longest one takes 0.2."""
 PATIENCE = 0.05
 """Time for which an answer is awaited beside its own [s]: a USB adapter may keep it for 16 ms."""
 
-PROTOCOLS = {"FeetechMotorsBus": FEETECH, "DynamixelMotorsBus": DYNAMIXEL}
+LEROBOT_BUSES = {"FeetechMotorsBus": protocols.FEETECH, "DynamixelMotorsBus": protocols.DYNAMIXEL}
 """By the class of LeRobot's bus."""
 
 
@@ -125,20 +115,20 @@ class Bus:
 
     def ping(self, servo: int) -> None:
         """Make sure that a servo answers."""
-        self._ask(servo, PING, b"", 3 if self.protocol.address_size == 2 else 0)
+        self._ask(servo, protocols.PING, b"", 3 if self.protocol.address_size == 2 else 0)
 
     def read(self, servo: int, name: str) -> int:
         """The value of a register."""
         register = self.protocol.registers[name]
         place = self.protocol.place(register.address, register.size)
-        return register.decode(self._ask(servo, READ, place, register.size).content)
+        return register.decode(self._ask(servo, protocols.READ, place, register.size).content)
 
     def write(self, servo: int, name: str, value: int) -> None:
         """Write a register, and wait for the servo to say so."""
         register = self.protocol.registers[name]
         width = self.protocol.address_size
         place = self.protocol.place(register.address, register.size)[:width]
-        self._ask(servo, WRITE, place + register.encode(value), 0)
+        self._ask(servo, protocols.WRITE, place + register.encode(value), 0)
 
     def sync_write(self, name: str, values: Mapping[int, int]) -> None:
         """Write a register of several servos in one packet, which none answers."""
@@ -146,7 +136,7 @@ class Bus:
         content = self.protocol.place(register.address, register.size) + b"".join(
             bytes([servo]) + register.encode(value) for servo, value in values.items()
         )
-        self.port.write(self.protocol.instruction(BROADCAST, SYNC_WRITE, content))
+        self.port.write(self.protocol.instruction(BROADCAST, protocols.SYNC_WRITE, content))
 
     def sync_read(
         self, servos: Sequence[int], names: Sequence[str] | None = None
@@ -159,7 +149,7 @@ class Bus:
         first, size = protocol.block(names)
         content = protocol.place(first, size) + bytes(servos)
         answers = self._answers(
-            protocol.instruction(BROADCAST, SYNC_READ, content), len(servos), size
+            protocol.instruction(BROADCAST, protocols.SYNC_READ, content), len(servos), size
         )
         readings: dict[int, dict[str, int]] = {}
         for packet in answers:
@@ -238,9 +228,9 @@ def robot_of(name: str, port: str) -> Any:
             f"{', '.join(sorted(each.removesuffix('_follower') for each in choices))}"
         )
     robot = make_robot_from_config(choices[kind](port=port))
-    if type(getattr(robot, "bus", None)).__name__ not in PROTOCOLS:
-        protocols = ", ".join(PROTOCOLS)
-        raise InvalidInput(f"--bus lerobot:{name}: got another bus of servos, expected {protocols}")
+    if type(getattr(robot, "bus", None)).__name__ not in LEROBOT_BUSES:
+        expected = ", ".join(LEROBOT_BUSES)
+        raise InvalidInput(f"--bus lerobot:{name}: got another bus of servos, expected {expected}")
     return robot
 
 
@@ -257,7 +247,7 @@ def lerobot_bus(name: str, port: str) -> Iterator[Bus]:
     except (OSError, RuntimeError) as error:
         raise BusError(f"{port}: LeRobot cannot connect: {str(error).splitlines()[0]}") from error
     try:
-        protocol = PROTOCOLS[type(robot.bus).__name__]
+        protocol = LEROBOT_BUSES[type(robot.bus).__name__]
         yield Bus(SerialPort(port, opened=robot.bus.port_handler.ser), protocol)
     finally:
         with suppress(OSError, RuntimeError):

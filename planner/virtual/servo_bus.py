@@ -22,19 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import BusError
-from planner.robot.protocols import (
-    BROADCAST,
-    FEETECH,
-    LOAD_UNIT,
-    PING,
-    PROTOCOLS,
-    READ,
-    SYNC_READ,
-    SYNC_WRITE,
-    WRITE,
-    Packet,
-    ServoProtocol,
-)
+from planner.robot import protocols
+from planner.robot.protocols import BROADCAST, SYNC_WRITE, WRITE, Packet, ServoProtocol
 from planner.virtual.motors import Motor, Motors, arm_of
 
 REG_WRITE, ACTION = 0x04, 0x05  # instructions of the emulator only: write later, at the same moment
@@ -55,7 +44,7 @@ def _read_kinds() -> dict[str, Kind]:
     text = Path(__file__).with_name("servos.toml").read_text("utf-8")
     tables, kinds = tomllib.loads(text), {}
     for name, table in tables.items():
-        protocol = PROTOCOLS[table["protocol"]]
+        protocol = protocols.PROTOCOLS[table["protocol"]]
         base = tables[table["like"]]["motor"] if "like" in table else {}
         registers = table["registers"] | {"largest_position": 2 * protocol.middle - 1}
         kinds[name] = Kind(protocol, Motor(**base | table.get("motor", {})), registers)
@@ -160,7 +149,7 @@ class VirtualServos:
             rows = content[2 * width :]
             for k in range(0, len(rows) - size, size + 1):
                 self._write(rows[k], first, rows[k + 1 : k + 1 + size])
-        elif packet.code == SYNC_READ:
+        elif packet.code == protocols.SYNC_READ:
             for servo in content[2 * width :]:
                 if servo in self.ids:
                     yield self._answer(servo, self._memory(servo)[first : first + size])
@@ -171,10 +160,10 @@ class VirtualServos:
         for servo in servos:
             if servo not in self.ids:
                 continue
-            if packet.code == PING:
+            if packet.code == protocols.PING:
                 model = self._memory(servo)[self.protocol.registers["model"].address :][:2]
                 yield self._answer(servo, bytes(model) + b"\x01" if width == 2 else b"")
-            elif packet.code == READ:
+            elif packet.code == protocols.READ:
                 yield self._answer(servo, self._memory(servo)[first : first + size])
             elif packet.code in (WRITE, REG_WRITE):
                 if packet.code == WRITE:
@@ -187,7 +176,7 @@ class VirtualServos:
     def _answer(self, servo: int, content: bytes | bytearray) -> bytes:
         motors, k = self.motors, servo - 1
         hot, overloaded = motors.temperatures[k] > HOT, motors.limits[k] == PROTECTIVE
-        feetech = self.protocol is FEETECH
+        feetech = self.protocol is protocols.FEETECH
         error = (0x04 * hot + 0x20 * overloaded) if feetech else 0x80 * (hot or overloaded)
         return self.protocol.answer(servo, int(error), bytes(content))
 
@@ -206,7 +195,7 @@ class VirtualServos:
             {
                 "position": protocol.middle + motors.angles[k] / self._tick_angle,
                 "speed": motors.speeds[k] / protocol.speed_unit,
-                "load": motors.duties[k] / LOAD_UNIT,
+                "load": motors.duties[k] / protocols.LOAD_UNIT,
                 "temperature": motors.temperatures[k],
             },
         )
