@@ -28,10 +28,6 @@ DEXTEROUS = 0.4
 LEGS = ("hind-left", "front-left", "hind-right", "front-right")
 """Names of the legs, in the order in which their feet fall in a walk."""
 
-LEAST_DEXTERITY, STILL_DEXTEROUS = 0.9, 0.7
-"""Least dexterity of a standing pose, relative to the best one, and of one with the foot below the
-hip."""
-
 FEWEST, MOST = 12, 1000
 """Samples of a cycle: below the fewest a path is no half ellipse any more, and the most are 8 s at
 the Aibo's rate."""
@@ -216,10 +212,10 @@ def standing_pose(leg: Leg) -> Array:
     poses = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, count)
     quality = dexterity(leg.chain, poses)
     away = np.linalg.norm(poses - 0.5 * (lower + upper), axis=1)
-    well = quality >= LEAST_DEXTERITY * quality.max()
+    well = quality >= 0.9 * quality.max()
     keys = (*-poses.T, np.where(well, away, np.inf))
     best = poses[np.lexsort(np.round(keys, 6))[0]]
-    best = _below_hip(leg, best, STILL_DEXTEROUS * float(quality.max()))
+    best = _below_hip(leg, best, 0.7 * float(quality.max()))
     return read_only(leg.limits.clip(np.radians(np.round(np.degrees(best)) + 0.0)))
 
 

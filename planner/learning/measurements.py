@@ -41,10 +41,6 @@ LAGGING = 1e-3
 
 NOT_MEASURED = "no joint follows so exactly; give what its sensor measured"
 
-DEGREES = (40.0, 80.0)
-"""Measured over modelled motion [-] from which angles look like degrees: 57.3, a bit off; and by
-one over it like radians that were read as degrees."""
-
 
 def checked_cycles(measured: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
     """Measured cycles [rad], (cycles, *shape); InvalidTrajectory for others."""
@@ -97,7 +93,7 @@ def check_angles(
     moved = modelled - modelled.mean(axis=0)
     power = float(np.vdot(moved, moved))
     ratio = float(np.vdot(cycles.mean(axis=0), moved)) / power if power else 0.0
-    least, most = DEGREES
+    least, most = 40.0, 80.0  # degrees, or radians read as degrees, differ by 57.3
     if least < ratio < most:
         raise InvalidTrajectory(
             f"measured: the angles move {ratio:.0f} times as far as the model: are they degrees? "
@@ -164,21 +160,11 @@ def _joint(j: int, angles: Array) -> str:
     return "the joint" if angles.shape[1] == 1 else f"joint {j + 1}"
 
 
-MENTIONED, OF_SENSOR = 0.8, 0.9
-"""Shares of the squared disturbance that a delay must explain to be mentioned, and to be taken for
-a sensor's [-]."""
-
-OF_JOINT = 0.5
-"""Largest delay that is believed to be the joint's, as a share of the latency of its model:
-parameters that are 30 % off make it wrong by 46 % at most. A disturbance that a longer one explains
-is taken for a sensor's, and not learnt."""
-
-
 def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float]:
     """The delay to take off the measured angles (cycles, n, k) of each joint [s]: a sensor's."""
     removed = []
     for j, delay in enumerate(delays_of(joints, cycles, modelled, [0.0] * len(joints.models))):
-        seconds = delay.seconds if delay.share >= OF_SENSOR else 0.0
+        seconds = delay.seconds if delay.share >= 0.9 else 0.0
         latency = joints.models[j].latency
         if -seconds > latency:
             raise InvalidTrajectory(
@@ -186,7 +172,8 @@ def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float
                 f"earlier than the model's, and its latency is {1e3 * latency:.3g} ms: no joint "
                 "answers before its request; are requests and measured angles exchanged?"
             )
-        removed.append(seconds if seconds > OF_JOINT * latency else 0.0)
+        # A shorter one may be the joint's: parameters 30 % off make its latency wrong by 46 %.
+        removed.append(seconds if seconds > 0.5 * latency else 0.0)
     return removed
 
 
@@ -228,7 +215,7 @@ def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array)
                 "their sensor or log; that is not learnt. If the joint itself is that late: "
                 "sensor_delay=0"
             )
-        elif delay.share >= MENTIONED and clear:
+        elif delay.share >= 0.8 and clear:
             share = f"{100.0 * delay.share:.0f} % of what the model misses{of} is"
             remarks.append(
                 f"{share} that the joint answers {1e3 * late:.3g} ms earlier than the model: that "
@@ -266,10 +253,6 @@ def pure_delay(measured: Array, modelled: Array, *, cyclic: bool) -> tuple[float
             least, best = min((least, best), (unexplained(trial), trial))
     return best, max(1.0 - least / whole, 0.0)
 
-
-NOISE_REMOVED = 2.0
-"""Multiple of the noise's power that is taken off the spectrum [-]. A periodogram averaged over a
-few frequencies exceeds its mean by that much now and then."""
 
 LATENCY_ERROR = 0.3
 """Share of the model's latency by which it may be wrong [-]. What is learnt falls with the cosine
@@ -331,7 +314,8 @@ def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyc
     forward, backward = _transforms(cyclic=cyclic)
     spectrum = forward(innovation)
     power = averaged(np.abs(spectrum) ** 2, 2)
-    shrinkage = 1.0 - NOISE_REMOVED * noise / np.maximum(power, np.finfo(np.float64).tiny)
+    # A periodogram averaged over a few frequencies exceeds its mean by as much now and then.
+    shrinkage = 1.0 - 2.0 * noise / np.maximum(power, np.finfo(np.float64).tiny)
     count = len(innovation)
     hertz = np.arange(len(spectrum)) / ((1 if cyclic else 2) * count * models[0].period)
     late = LATENCY_ERROR * np.array([model.latency for model in models])

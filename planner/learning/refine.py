@@ -33,33 +33,8 @@ from planner.planning.plan import FootInversion, Inversion, Plan, joined
 from planner.trajectory import Array, rms
 from planner.validation import as_flag, as_number, freeze, shown
 
-GROWTH, SHRINK, LEAST_GAIN = 1.5, 1.0 / 3.0, 0.05
-"""Factors of the gain after a cycle that was no worse than the best, up to 1, and after one that
-was worse; and the gain below which smaller steps from the best cycle are not tried any more."""
-
 WORTHWHILE = 0.003
 """Share of the error that the next requests must save by the model, else learning has ended."""
-
-VISIBLE = 2.0
-"""An error within so many standard deviations of the noise of the measured cycles, and within an
-encoder's step, is left alone: it would be as likely to grow. (Without this 0.8 % of 264 trials on
-servos from their physics exceed the one before by a fifth, at worst 3.1 times; with it 0.4 %, at
-worst 1.6 times.)"""
-
-SHORTER = 1.05
-"""Factor by which the error to expect of the whole change exceeds that of a shorter one before the
-shorter one is made. (At 1 a model that is right leaves 4 % of its error in each trial; at 1.1 the
-third trial of one servo in six that overshoots is 1.6 times as far off.)"""
-
-MOST_TRIALS = 30  # trials that are kept, the last ones and the best
-
-UNEXPLAINED, NEGLIGIBLE = 2.0, 0.002
-"""Error of the prediction up to which learning copes with it: in standard deviations of the
-measured cycle's noise [-], and as a share of the joint's motion [-]."""
-
-SAVING = 0.3
-"""Share of that error that another model has to save on a trial that it has not seen [-]: a model
-that is as good brings nothing, and forgets the logs it came from."""
 
 SAME_REQUESTS = 1e-6
 """Requests that differ by less are the same [rad]: files carry them rounded, servos in counts."""
@@ -259,14 +234,17 @@ def _reason_to_stop(joints: Plan, base: Trial, gain: float, saving: float, sprea
 
     By the model the next requests lower its error by ``saving``; ``spread`` is a cycle's noise.
     """
-    if gain < LEAST_GAIN:
+    if gain < 0.05:  # smaller steps from the best cycle are not tried any more
         return "smaller and smaller steps from the best cycle have made it worse"
     if saving <= WORTHWHILE * base.error:
         return (
             f"by the model the next requests would lower the error by less than "
             f"{100.0 * WORTHWHILE:g} %"
         )
-    noise = VISIBLE * _size(joints, spread) / math.sqrt(base.cycles)
+    # Errors within the noise are left alone: they would be as likely to grow. Without this 0.8 % of
+    # 264 trials on servos from their physics exceed the one before by a fifth, at worst 3.1 times;
+    # with it 0.4 %, at worst 1.6 times.
+    noise = 2.0 * _size(joints, spread) / math.sqrt(base.cycles)
     if base.error <= min(noise, _size(joints, np.full(len(joints.models), ENCODER_STEP))):
         return (
             f"noise hides what is left of the error in {base.cycles} measured "
@@ -293,7 +271,9 @@ def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
         return plan
     share = saving * base.error / (saving**2 + missed**2)
     least = base.error * missed / math.hypot(saving, missed)
-    if share >= 1.0 or math.hypot(base.error - saving, missed) <= SHORTER * least:
+    # At 1 a model that is right leaves 4 % of its error in each trial; at 1.1 the third trial of
+    # one servo in six that overshoots is 1.6 times as far off.
+    if share >= 1.0 or math.hypot(base.error - saving, missed) <= 1.05 * least:
         return plan
     return replace(plan, requests=base.requests + share * (plan.requests - base.requests))
 
@@ -337,11 +317,11 @@ def _estimated(
     for number, trial in enumerate(trials):
         random = _size(joints, measurements.deviation_of(noise)) / math.sqrt(trial.cycles)
         if trial.error <= 1.01 * least + 0.2 * random:  # no worse than noise explains
-            gain = 1.0 if number <= since else min(gain * GROWTH, 1.0)
+            gain = 1.0 if number <= since else min(gain * 1.5, 1.0)
             base, before = number, disturbance
             least = min(least, trial.error)
         elif number >= since:
-            gain *= SHRINK
+            gain /= 3.0
         innovation = off[base] - before
         power = noise / trials[base].cycles
         disturbance = before + gain * measurements.learnt(
@@ -359,7 +339,7 @@ def _with_trial(
     now = next((number for number, same in enumerate(matches) if same), len(trials))
     if now < len(trials):
         cycles = np.concatenate([trials[now].measured, cycles])
-    elif len(trials) == MOST_TRIALS:
+    elif len(trials) == 30:  # as many are kept: the last ones and the best
         del trials[int(np.argmax([trial.error for trial in trials]))]
         now -= 1
     error = float(joints.task.errors_of(cycles.mean(axis=0))[0])
@@ -450,9 +430,9 @@ def better_model(
 
     with suppress(PlannerError):  # no motion to identify from, or no steady cycle
         now, random = missed(model), noise / math.sqrt(trials[-1].cycles)
-        if now > max(UNEXPLAINED * random, NEGLIGIBLE * float(np.ptp(target))):
+        if now > max(2.0 * random, 0.002 * float(np.ptp(target))):  # else learning copes with it
             candidate = identified(pairs[:-1])
-            if candidate is not None and missed(candidate) <= (1.0 - SAVING) * now:
+            if candidate is not None and missed(candidate) <= 0.7 * now:
                 return identified(pairs)
     return None
 
