@@ -108,11 +108,7 @@ def published(name: str, joint: str = "") -> OverCycles | None:
 def deviations(
     table2: Mapping[str, Mapping[str, OverCycles]], foot: Mapping[str, OverCycles]
 ) -> tuple[float, ...]:
-    """How far the baseline figures are from the published ones, each relative to the latter.
-
-    These ten depend on no approximation: the six of (Des, Dir), and those of the foot under the
-    direct method and the best time shift.
-    """
+    """Relative distances of the ten baseline figures, without approximations, from published."""
     pairs = [(table2[joint]["Des,Dir"], TABLE_2[joint]["Des,Dir"]) for joint in JOINTS]
     pairs += [(foot[method], FOOT[method]) for method in ("direct", "shift")]
     return tuple(
@@ -162,10 +158,7 @@ class PlannedWalk:
         return {method: self.walk.leg.joint_positions(each) for method, each in angles.items()}
 
     def table2(self, walks: Mapping[str, Array] | None = None) -> dict[str, dict[str, OverCycles]]:
-        """Table 2 [degrees] by joint and comparison, of predicted angles or of ``walks``.
-
-        These are angles by method [rad], (cycles, n, k).
-        """
+        """Table 2 [degrees] by joint, of predicted angles or of ``walks`` [rad], (cycles, n, k)."""
         table: dict[str, dict[str, OverCycles]] = {name: {} for name in self.walk.joint_names}
         for pair, method in PAIRS.items():
             cycles = [self.plans[method].predicted] if walks is None else walks[method]

@@ -108,11 +108,7 @@ def play_experiment(
     constants: Constants = CONSTANTS,
     progress: Callable[[str], None] = lambda _: None,
 ) -> VirtualOutcome:
-    """Play the paper's experiment on a robot whose joints are not the planner's model.
-
-    Models are identified from step tests of the joints' sensors, the walk is planned on them by
-    every method, and the robot executes every plan for ``cycles``, once it is steady.
-    """
+    """Identify from step tests, plan the walk by every method, and execute every plan."""
     clock = Clock(progress)
     robot = VirtualRobot(constants=constants, seed=seed)
     walk = reference_walk()

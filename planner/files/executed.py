@@ -94,10 +94,7 @@ def read_measured(
 
 
 def _check_requests(table: Table, log: SampledPath, executed: SampledPath, period: float) -> None:
-    """Raise InvalidFile if a log has other requests than those executed.
-
-    As they may be two rows early or late, they are compared with the range of five rows.
-    """
+    """Refuse a log of other requests than those executed; they may be two rows early or late."""
     for pair in pairs(table.names):
         joint = pair.joint or (log.names[0] if len(log.names) == 1 else "")
         parts = split_unit(pair.requested[0], JOINT_UNITS) if len(pair.requested) == 1 else None

@@ -76,10 +76,7 @@ def write_controller_csv(
     unit: str = "rad",
     servos: Mapping[str, Servo] | None = None,
 ) -> None:
-    """Write ``t_s`` and one ``<joint>_<unit>`` column per joint; ``-`` is standard output.
-
-    In ``ticks`` and ``us`` they are the nearest counts of the ``servos``, which must take them.
-    """
+    """Write times, and by joint angles or the counts of ``servos``, which must take them."""
     names = [TIME, *(f"{name}_{unit}" for name in schedule.names)]
     if servos is None:
         angles = schedule.requests / ANGLES[unit]
@@ -201,10 +198,7 @@ class Layout:
 def lerobot_dataset(
     path: Path | str, layout: Layout, *, beside: Mapping[str, str] | None = None
 ) -> Iterator[Callable[[Mapping[str, Array], str], None]]:
-    """Write a dataset, episode by episode; the folder appears where the block does not raise.
-
-    ``beside`` are further files by name, with their text, which the block may still add to.
-    """
+    """Write a dataset by episodes, and files ``beside`` it by name, unless the block raises."""
     with importing("a LeRobot dataset", "parquet"):
         import pyarrow as pa
         from pyarrow import parquet

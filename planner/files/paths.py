@@ -81,10 +81,7 @@ class SampledPath:
     def in_step(
         self, period: float, *, resample: bool, cyclic: bool, speed: float | None = None
     ) -> SampledPath:
-        """The path with a sample every ``period`` [s]: resampled, or else checked.
-
-        Without times it has a sample per request, unless ``speed`` multiplies its speed.
-        """
+        """The path with a sample every ``period`` [s], as without times: resampled, or checked."""
         farthest = 5.0  # [s]; times in milliseconds are a thousand times as long
         if self.step > farthest:
             words = f"one sample every {self.step:.6g} s, expected one every {farthest:g} s"

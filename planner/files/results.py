@@ -21,15 +21,11 @@ from planner.files.text import to_json
 
 @dataclass(frozen=True)
 class Task:
-    """A piece of work: its argument is pickled, its name unique among the tasks.
+    """A piece of work."""
 
-    ``inputs`` identifies the content of its inputs: where that changes, an earlier result is not
-    used.
-    """
-
-    name: str
-    argument: Any
-    inputs: str = ""
+    name: str  # unique among the tasks
+    argument: Any  # which is pickled
+    inputs: str = ""  # identifies the content of its inputs: another one has another result
 
 
 class Results:
@@ -107,7 +103,7 @@ def made_from(settings: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[
 
 
 def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The manifest of a whole output from these settings, beside which results go; None if not."""
+    """The manifest of a whole output from these settings, whose results go; None if it is not."""
     manifest: dict[str, Any] | None = read_manifest(Path(output) / name)
     same = isinstance(manifest, dict) and made_from(settings, manifest).items() <= manifest.items()
     if not same or not all_there(output):

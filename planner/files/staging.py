@@ -126,10 +126,7 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
 
 @contextmanager
 def claimed(path: Path | str) -> Iterator[bool]:
-    """Keep other commands away from a folder of results in the block, after a check of it.
-
-    Yields whether it could be locked; in a nested block the outer block's answer.
-    """
+    """Keep other commands from a folder of results, once checked; yields whether it is locked."""
     path = str(path) or "."
     target = _target(path)
     if target in _CLAIMED:

@@ -159,10 +159,7 @@ def table_text(names: Sequence[str], values: Array) -> str:
 
 
 def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A header and rows as CSV; every CSV file of this package is written by it.
-
-    A text that a spreadsheet takes as a formula gets an apostrophe, of titles taken off again.
-    """
+    """A header and rows as CSV; texts that spreadsheets take as formulas get an apostrophe."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     for row in (names, *rows):

@@ -62,10 +62,7 @@ def read_json(path: Path | str, *, what: str) -> Any:
 
 
 def write_text(path: Path | str, text: str) -> None:
-    """Write ``text`` to a file, or to standard output for ``-``.
-
-    A file holds the old text or the new one, never a part; see :func:`.staging.staged`.
-    """
+    """Write ``text`` to a file, whole or not at all, or to standard output for ``-``."""
     if str(path) != STANDARD_STREAM:
         write_bytes(path, text.encode())
         return

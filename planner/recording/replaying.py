@@ -330,12 +330,9 @@ class Replay(ReadOnly, Summarised):
 
     @property
     def resent_may_serve(self) -> tuple[JointReplay, ...]:
-        """The planned joints that the recorded requests may move better than the plan.
-
-        Their effect was measured at the recorded speed and along the recorded angles only.
-        """
+        """The planned joints that the recorded requests, at their speed, may move better."""
         if self.speed != 1.0 or self.path.track != "state":
-            return ()
+            return ()  # where their effect was not measured
         return tuple(joint for joint in self.planned if joint.resent_may_serve)
 
     @property

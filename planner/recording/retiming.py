@@ -389,10 +389,7 @@ class _Search:
         return self.replays.get(speed)
 
     def attempt(self, moments: Array, speed: float | None = None) -> Replay | None:
-        """A replay within the tolerance, or near it; None if a faster one has no load that settles.
-
-        Joints that a plan of least rms error leaves beyond it are planned for the largest error.
-        """
+        """A replay near the tolerance, late joints by largest error; None if no load settles."""
         try:
             replay = replay_at(self.path, moments, speed=speed, **self.options)
             if self.measure.largest(replay) <= 1.0 or not (late := self.measure.late(replay)):
@@ -426,11 +423,7 @@ class _Search:
     def bounds(
         self, speed: float, first: float, last: float = math.inf
     ) -> Iterator[tuple[str, float]]:
-        """Each planned joint's lower bound on its largest error over the tolerance.
-
-        From rest at ``first`` to ``last`` [s of the recording]; joints of known top speed, whose
-        bounds hold not only for their models, come first.
-        """
+        """By joint the bound on its largest error over the tolerance, from rest at ``first`` [s]."""
         part = replace(self.path, first=first, last=min(last, self.path.last))
         moments, unknown = part.moments(speed), self.path.open_top_speeds
         for path in sorted(self.path.planned, key=lambda each: each.name in unknown):

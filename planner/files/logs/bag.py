@@ -144,10 +144,7 @@ def _stamped(*tracks: Track) -> list[bool]:
 def _states(
     actual: Series, requested: Series, stamped: Sequence[bool]
 ) -> tuple[Indices, Array, Array, int, int]:
-    """Times [ns] of a joint's states, their angles and the requests that hold at each, (n,) each.
-
-    Left out, and counted, are states that repeat the one before, and those before any request.
-    """
+    """Times [ns] of states, angles, requests in force, (n,); how many repeated, or came early."""
     ordered = []
     for (received, own, values), by_stamp in zip((actual, requested), stamped, strict=True):
         times = np.array(own if by_stamp else received, dtype=np.int64)
@@ -169,10 +166,7 @@ def _gather(
     names: Iterable[str] = (),
     joint: str | None = None,
 ) -> tuple[str, ...]:
-    """Add the messages on a topic to tracks, by role, and return guesses, in words.
-
-    Angles without names are of ``names``, in order, or a single one of the ``joint`` chosen.
-    """
+    """Add messages to tracks, by role; numbers without names are of ``names``, or the joint."""
     kind, names = bag.topics[topic], tuple(names)
     notes: tuple[str, ...] = ()
     for k, (received, content) in enumerate(bag.messages(topic)):
@@ -213,10 +207,7 @@ def _gather(
 
 
 def _angles_in(content: Any, kind: str, role: str) -> tuple[tuple[str, ...] | None, Any, str]:
-    """Joints, None where they have no names, their angles in a message, and the field of these.
-
-    There are none in an empty trajectory, nor actual ones in a state that has speeds only.
-    """
+    """Joints, None without names, their angles in a message, if any, and the field of these."""
     if kind in (NUMBERS, NUMBER):
         return None, content.data if kind == NUMBERS else (content.data,), "data"
     if kind == JOINT_STATE:

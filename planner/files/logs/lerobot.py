@@ -85,10 +85,7 @@ def _rows(
 
 
 def lerobot_episodes(path: Path | str, options: LogOptions) -> list[tuple[Path, int | None]]:
-    """File and number of the chosen episodes of a dataset, or of one of its files, in order.
-
-    An unreadable file has the number in its name, or None; its rows raise the error.
-    """
+    """Files and numbers of chosen episodes, in order; None of unreadable files without one."""
     find_dataset(Path(path))  # or the error that there is none
     files = _chosen(Path(path), options.episode_numbers())
     places = [(file, number) for file, numbers in files for number in numbers]

@@ -353,15 +353,12 @@ def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
 
 
 def _check_one_unit(rows: Rows, requests: Array, angles: Array) -> None:
-    """Refuse a log in which one column alone has degrees for radians, or radians for degrees.
-
-    The spans then differ by about 57.3, while one column follows the other within half a second.
-    """
+    """Refuse a log in which one column alone, which the other follows, has another unit."""
     if len(angles) < 20:
         return
     spans = np.ptp(requests), np.ptp(angles)
     ratio = max(spans) / max(min(spans), 1e-300)
-    if not 40.0 < ratio < 80.0:
+    if not 40.0 < ratio < 80.0:  # a radian has 57.3 degrees
         return
     latest = min(len(angles) // 2, round(0.5 / float(np.median(np.diff(rows.times)))))
 
