@@ -423,7 +423,7 @@ class _Search:
     def bounds(
         self, speed: float, first: float, last: float = math.inf
     ) -> Iterator[tuple[str, float]]:
-        """By joint the bound on its largest error over the tolerance, from rest at ``first`` [s]."""
+        """By joint the bound on its largest error over the tolerance, known top speeds first."""
         part = replace(self.path, first=first, last=min(last, self.path.last))
         moments, unknown = part.moments(speed), self.path.open_top_speeds
         for path in sorted(self.path.planned, key=lambda each: each.name in unknown):
