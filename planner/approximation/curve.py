@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import ReadOnly, as_count, as_flag, as_positive, as_reals, read_only, shown
+from planner.validation import ReadOnly, as_count, as_flag, as_positive, as_reals, read_only
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,24 +126,9 @@ class PiecewiseLinear(_Curves):
         return read_only(angles)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, for JSON: knots [samples], values [rad], samples, tick [s], cyclic."""
+        """The arguments that make the curve again, as plain data for JSON."""
         values = {each.name: getattr(self, each.name) for each in fields(PiecewiseLinear)}
         return values | {name: values[name].tolist() for name in ("knots", "values")}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> PiecewiseLinear:
-        """The curve that :meth:`to_dict` wrote, to the last digit.
-
-        Raises:
-            InvalidInput: A key is missing, or its value is of no use.
-        """
-        expected = [each.name for each in fields(PiecewiseLinear)]
-        if not isinstance(data, Mapping):
-            raise InvalidInput(f"curve: got {shown(data)}, expected what to_dict gives")
-        missing = [key for key in expected if key not in data]
-        if missing:
-            raise InvalidInput(f"curve: no '{missing[0]}'; expected {', '.join(expected)}")
-        return PiecewiseLinear(**{key: data[key] for key in expected})
 
     def _locate(self, index: Array) -> tuple[npt.NDArray[np.intp], Array]:
         """Segment of each index, and how far into it the index lies [samples]."""

@@ -214,7 +214,7 @@ def write_samples(path: Path | str, titles: Sequence[str], rows: Array, *, perio
 
 def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:
     """Write a curve: its knots as CSV, or all of it as JSON for ``*.json``."""
-    if str(path).lower().endswith(".json"):  # which `PiecewiseLinear.from_dict` takes back
+    if str(path).lower().endswith(".json"):  # which `PiecewiseLinear(**...)` takes back
         write_text(path, json.dumps(curve.to_dict(), indent=2, allow_nan=False) + "\n")
     else:
         columns = np.column_stack([curve.knots * curve.tick, np.degrees(curve.values)])

@@ -43,7 +43,7 @@ INDEX = np.linspace(-7.0, 17.0, 49) + 0.013
 @pytest.mark.parametrize("curve", [CYCLE, PATH])
 def test_plain_data_gives_the_curve_back_to_the_last_digit(curve):
     curve = dataclasses.replace(curve, knots=curve.knots + 1 / 3, values=curve.values / 3)
-    again = PiecewiseLinear.from_dict(json.loads(json.dumps(curve.to_dict())))
+    again = PiecewiseLinear(**json.loads(json.dumps(curve.to_dict())))
     assert np.array_equal(again.knots, curve.knots)
     assert np.array_equal(again.values, curve.values)
     assert np.array_equal(again(INDEX), curve(INDEX))

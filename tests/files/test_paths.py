@@ -87,7 +87,7 @@ def test_a_curves_json_gives_it_back_to_the_last_digit_and_its_csv_the_knots(tmp
         knots=[2.0, 5.5, 8.0 + 1 / 3], values=[1.0, -1.0, 0.5], samples=10, tick=0.008, cyclic=True
     )
     write_curve(tmp_path / "curve.JSON", curve)
-    again = planner.PiecewiseLinear.from_dict(json.loads((tmp_path / "curve.JSON").read_text()))
+    again = planner.PiecewiseLinear(**json.loads((tmp_path / "curve.JSON").read_text()))
     assert again.to_dict() == curve.to_dict()
     assert (again.tick, again.samples, again.cyclic) == (0.008, 10, True)
     write_curve(tmp_path / "curve.csv", curve)

@@ -163,7 +163,6 @@ ENTRANCES: Mapping[str, tuple[Callable[[], dict[str, Any]], str]] = {
         "max_acceleration sag_sin sag_cos",
     ),
     "PiecewiseLinear": (lambda: dict(CURVE), ""),
-    "PiecewiseLinear.from_dict": (lambda: {"data": curve().to_dict()}, ""),
     "PiecewiseLinear.slope_at": (lambda: {"index": 3}, ""),
     "CurveStack": (lambda: CURVE | {"values": np.array([CURVE["values"]] * 2)}, ""),
     "CurveStack.of": (lambda: {"curves": [curve()]}, ""),

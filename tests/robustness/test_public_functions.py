@@ -64,7 +64,7 @@ UNBOUNDED = {"lower", "upper", "max_step", "intervals", "gain_interval", "gap"}
 """Fields in which infinity says that there is no limit."""
 CALLED = {"progress", "on_stop", "report", "send", "measure"}  # arguments that are functions
 OF_ONE_ARGUMENT = {
-    *("PiecewiseLinear.from_dict", "PiecewiseLinear.slope_at", "CurveStack.of", "read_models"),
+    *("PiecewiseLinear.slope_at", "CurveStack.of", "read_models"),
     *("Leg.foot_positions", "Leg.joint_positions", "Leg.jacobians", "Leg.jumps"),
     *("foot_function", "urdf_path"),
 }
