@@ -209,9 +209,19 @@ class Reproduced(NamedTuple):
 
 
 @pytest.fixture(scope="session")
-def reproduction_of(once, answered):
-    """An experiment with what the command makes of it: by its robot, made once."""
+def command_line():
+    """The command line in this process and in the present folder: arguments to a click result."""
     from planner.cli import cli
+
+    def command_line(*arguments, **settings):
+        return CliRunner().invoke(cli, [str(each) for each in arguments], **settings)
+
+    return command_line
+
+
+@pytest.fixture(scope="session")
+def reproduction_of(once, answered, command_line):
+    """An experiment with what the command makes of it: by its robot, made once."""
 
     def reproduction_of(robot):
         answer, told = answered(robot)
@@ -219,8 +229,7 @@ def reproduction_of(once, answered):
         def make(folder):
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(*_experiment(robot), lambda **_: answer)
-                out = str(folder / "out")
-                result = CliRunner().invoke(cli, ["reproduce", "--robot", robot, "--out", out])
+                result = command_line("reproduce", "--robot", robot, "--out", folder / "out")
             assert result.exit_code == 0, result.output
             assert result.stderr == ""
             (folder / "printed").write_bytes(result.stdout.encode())

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from planner.cli import cli
 from planner.files.paths import write_foot_path, write_joint_path
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch):
+def run(tmp_path, monkeypatch, command_line):
     """The command line in an empty folder: arguments and standard input to a click result."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments, stdin=None, **settings):
-        return CliRunner().invoke(cli, [str(each) for each in arguments], input=stdin, **settings)
+        return command_line(*arguments, input=stdin, **settings)
 
     return run
 

@@ -60,16 +60,6 @@ def calibrated(tmp_path_factory, request):
     return folder, json.loads(result.stdout)
 
 
-@pytest.fixture(scope="module")
-def command_line():
-    """The command line in the present folder."""
-    from click.testing import CliRunner
-
-    from planner.cli import cli
-
-    return lambda *arguments: CliRunner().invoke(cli, [str(each) for each in arguments])
-
-
 @pytest.fixture
 def faulty(monkeypatch):
     """Let the virtual bus of the commands have faults."""

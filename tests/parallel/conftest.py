@@ -1,4 +1,4 @@
-"""The command line in this process, and tests that other processes can import."""
+"""Tests that other processes can import."""
 
 from __future__ import annotations
 
@@ -6,15 +6,6 @@ import os
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-
-from planner.cli import cli
-
-
-@pytest.fixture
-def cli_run():
-    """Arguments to a click result."""
-    return lambda *arguments: CliRunner().invoke(cli, [*arguments])
 
 
 @pytest.fixture(scope="module")

@@ -93,15 +93,15 @@ def dataset(tmp_path, monkeypatch):
 
 
 def test_a_replay_and_a_sweep_on_a_cluster_are_those_of_this_machine(
-    cluster, dataset, cli_run, tmp_path, monkeypatch
+    cluster, dataset, command_line, tmp_path, monkeypatch
 ):
     """Slow as both workers import the package; they work in another folder than the command."""
     (tmp_path / "gaits.toml").write_text(GAITS)
     for place in ("there", "here"):
-        made = cli_run(*dataset, place, "--scheduler", cluster[0])
+        made = command_line(*dataset, place, "--scheduler", cluster[0])
         assert made.exit_code == 0, made.stderr
         where = ("--out", f"sweep_{place}", "--scheduler", cluster[0])
-        swept = cli_run("sweep", "gaits.toml", "--json", *where)
+        swept = command_line("sweep", "gaits.toml", "--json", *where)
         assert swept.exit_code == 0, swept.stderr
         assert len(json.loads(swept.stdout)["front"]) == 2
         monkeypatch.setattr(parallel, "executor_of", work.in_this_process)

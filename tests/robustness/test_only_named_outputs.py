@@ -6,10 +6,8 @@ import os
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 import planner
-from planner.cli import cli
 from tests.robustness.forks import Forks
 
 EVIL = "__import__('os').system('touch hacked')"  # what a file of data may hold, and nobody may run
@@ -156,10 +154,10 @@ def other_world():
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_threads_and_seeds_change_no_byte(name, folder, monkeypatch, other_world):
+def test_threads_and_seeds_change_no_byte(name, folder, monkeypatch, other_world, command_line):
     monkeypatch.chdir(folder)
     arguments = [*COMMANDS[name], "--report" if name == "compare" else "-o", "out/it"]
-    here = CliRunner().invoke(cli, arguments, catch_exceptions=False)
+    here = command_line(*arguments)
     first = (folder / "out/it").read_bytes()
     there = other_world.run(folder, *arguments)
     assert (here.exit_code, here.stdout) == (there.returncode, there.stdout), there.stderr

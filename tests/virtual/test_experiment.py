@@ -11,9 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from planner.cli import cli
 from planner.evaluation import reproduction as paper
 from planner.evaluation import virtual_experiment
 from planner.evaluation.virtual_experiment import execute
@@ -101,7 +99,7 @@ def test_a_walk_that_does_not_repeat_itself_is_refused(monkeypatch):
 
 
 def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
-    cli_run, monkeypatch, played, tmp_path
+    command_line, monkeypatch, played, tmp_path
 ):
     bad = tuple(replace(found, verdict="refused") for found in played.identifications)
     refused = replace(played, identifications=bad)
@@ -109,7 +107,7 @@ def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
     monkeypatch.setattr("planner.report.paper_figures.virtual_figures", lambda _: ())
     monkeypatch.setattr(virtual_experiment, "play_experiment", lambda **_: refused)
     out = tmp_path / "out"
-    result = cli_run("reproduce", "--robot", "virtual", "--out", str(out), "--json")
+    result = command_line("reproduce", "--robot", "virtual", "--out", str(out), "--json")
     assert result.exit_code == 1
     for joint in paper.JOINTS:
         assert (
@@ -143,12 +141,6 @@ def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(playe
     assert sum(trial.cycles for trial in last.trials) == 20
 
 
-@pytest.fixture
-def cli_run():
-    """The command line in this process: arguments to a click result."""
-    return lambda *arguments: CliRunner().invoke(cli, list(arguments))
-
-
 @pytest.fixture(scope="session")
 def played(virtually_reproduced):
     """What the experiment gave."""
@@ -156,14 +148,8 @@ def played(virtually_reproduced):
 
 
 @pytest.fixture(scope="session")
-def printed(virtually_reproduced):
-    """The folder that `reproduce --robot virtual` wrote, and what it printed."""
-    return virtually_reproduced.folder, virtually_reproduced.printed
-
-
-@pytest.fixture(scope="session")
-def folder(printed):
-    return printed[0]
+def folder(virtually_reproduced):
+    return virtually_reproduced.folder
 
 
 @pytest.fixture(scope="session")
@@ -188,12 +174,12 @@ def test_every_figure_comes_to_life_without_a_complaint_or_a_request(folder, bro
     assert title == "The paper’s experiment on a virtual robot"
 
 
-def test_without_mujoco_the_extra_that_brings_it_is_named(cli_run, monkeypatch, tmp_path):
+def test_without_mujoco_the_extra_that_brings_it_is_named(command_line, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtra, match="the virtual robot needs the extra 'mujoco'"):
         VirtualRobot()
     out = tmp_path / "out"
-    result = cli_run("reproduce", "--robot", "virtual", "--out", str(out))
+    result = command_line("reproduce", "--robot", "virtual", "--out", str(out))
     assert result.exit_code == 2
     assert "request-planner[mujoco]" in result.stderr
     assert len(result.stderr.splitlines()) == 1
