@@ -12,7 +12,7 @@ from planner.cli.console import Answer, Progress
 from planner.cli.declared import option
 from planner.cli.settings import HalfEllipse, Run
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.report.wording import text_table
+from planner.report.wording import Columns, table_of
 
 Pattern = Literal["walk", "trot", "pace", "bound"]  # as of planner.gait.stride, slow to import
 
@@ -133,18 +133,21 @@ def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -
     for name, each in gaits.items():
         figures = stride_results(legs[name], each.stride, period)
         document[name] = {"phase": each.phase, **figures}
-        fastest = max(figures["speeds_deg_s"].values())
-        numbers = (each.phase, *figures["centre_m"])
-        rows.append([name, *(f"{number:.4g}" for number in numbers), f"{fastest:.0f}"])
+        fastest = {"fastest": max(figures["speeds_deg_s"].values())}
+        rows.append((name, document[name] | fastest))
     stride = next(iter(gaits.values())).stride
     names = [joint for leg in legs.values() for joint in leg.joint_names]
     angles = np.hstack([each.angles for each in gaits.values()])
-    columns = ["leg", "phase", "x [m]", "y [m]", "z [m]", "fastest [deg/s]"]
+    columns: Columns = {
+        "phase": "{phase:.4g}",
+        **{f"{axis} [m]": f"{{centre_m[{k}]:.4g}}" for k, axis in enumerate("xyz")},
+        "fastest [deg/s]": "{fastest:.0f}",
+    }
     return Answer(
         {"pattern": pattern, "period_s": period, "legs": document}
         | {f"{name}_deg": np.degrees(angles[:, j]).tolist() for j, name in enumerate(names)},
         f"{pattern}: a cycle of {walk.samples} samples, {walk.samples * period:g} s, of "
         f"{len(names)} joints; half stroke {stride.length:.4g} m, height {stride.height:.4g} m\n"
-        + text_table(columns, rows),
+        + table_of("leg", rows, columns).text(),
         lambda file: write_joint_path(file, names, angles, period=period),
     )

@@ -65,7 +65,7 @@ def reproduce(
         request-planner reproduce --out out/paper
         request-planner reproduce --robot virtual --out out/virtual
     """  # noqa: D301
-    from planner.report.matplotlib_figure import pictures_of
+    from planner.report.paper_figures import pictures_of
     from planner.report.paper_results import experiment_page, experiment_text
 
     experiment = on_virtual_robot if robot == "virtual" else on_model

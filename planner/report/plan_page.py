@@ -13,7 +13,7 @@ from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
 from planner.report.plan_results import NORMS, SHIFTED, WITHOUT, PlanAnswer, no_bound, sizes_of
-from planner.report.wording import Column, Columns, Table, signed, table_of, words_of
+from planner.report.wording import Column, Columns, Row, Table, signed, table_of, words_of
 from planner.trajectory import Array
 
 DIRECT = style.DIRECT._replace(label="without a plan")
@@ -25,11 +25,10 @@ def plan_page(
 ) -> Page:
     """The whole page; ``foot_given`` [m], (n, 3), is what the leg may not reach."""
     plan, role, timeline = answer.plan, style.ROLES[answer.method], Timeline.of(answer.plan)
-    requests = [
-        (f"{timeline.step * k:.6g}", angles)
+    requests = [  # may be long
+        Row(f"{timeline.step * k:.6g}", [f"{angle:.3f}" for angle in angles])
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
     ]
-    formats: Columns = {name: f"{{0[{j}]:.3f}}" for j, name in enumerate(plan.names)}
     foot, joints, as_given = answer.foot, answer.joints, None
     if foot_given is not None:
         as_given = sizes_of(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
@@ -64,7 +63,7 @@ def plan_page(
         joints=joints_table(answer),
         no_bound=no_bound(plan),
         pictures=[joint_figure(plan, role, j) for j in range(len(plan.names))],
-        requests=table_of(timeline.unit, requests, formats, "Requests"),
+        requests=Table(timeline.unit, plan.names, requests, "Requests"),
         models=models_table(plan.names, plan.models),
     )
 

@@ -100,15 +100,15 @@ class Table:
 
     def text(self) -> str:
         """The table for a terminal, the subject before each row's label."""
-        rows = []
+        blank = [""] * self.apart
+        rows = [[self.about, *blank, *(each.title for each in self.columns)]]
         for subject, same in self.subjects():
             for number, row in enumerate(same):
                 about = [", ".join(filter(None, (subject, _with_note(row.about))))]
                 if self.apart:
                     about = ["" if number else subject, row.about]
                 rows.append([*about, *map(_joined, row.cells, self.columns)])
-        header = [self.about, *([""] if self.apart else []), *(each.title for each in self.columns)]
-        return text_table(header, rows, about=2 if self.apart else 1)
+        return _laid_out(rows, about=1 + self.apart)
 
     def subjects(self) -> list[tuple[str, list[Row]]]:
         """The rows of every subject together."""
@@ -152,25 +152,25 @@ def table_of(
     Format strings have names of a mapping, ``{rms:.3f}``, or attributes of other objects,
     ``{0.rms:.3f}``; several of them are parts of a column.
     """
-    shown = {title: each for title, each in columns.items() if each}
+    shown, formatter = {title: each for title, each in columns.items() if each}, _Cells()
 
     def cell(spec: str | tuple[str, ...], row: Any) -> Any:
         if isinstance(spec, tuple):
             return tuple(cell(part, row) for part in spec)
-        return _Cells().vformat(spec, (row,), row if isinstance(row, Mapping) else {})
+        return formatter.vformat(spec, (row,), row if isinstance(row, Mapping) else {})
 
     cells = (Row(name, [cell(each, row) for each in shown.values()]) for name, row in rows)
     return Table(about, shown, cells, label)
 
 
-def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: int = 1) -> str:
-    """Columns as wide as their widest cell, two blanks apart, under a header line.
+def _laid_out(rows: Sequence[Sequence[str]], about: int) -> str:
+    """Columns as wide as their widest cell, two blanks apart; the first row is a header.
 
     Columns that do not fit the terminal (:func:`fitted_to`) follow right below, under a header that
     begins with the ``about`` columns that identify a row, with words broken where one is too wide.
     """
     most, first = _WIDTH.get() or math.inf, list(range(about))
-    stub = sum(max(len(row[j]) + 2 for row in (header, *rows)) for j in first)
+    stub = sum(max(len(row[j]) + 2 for row in rows) for j in first)
 
     def lines_of(cell: str, j: int) -> list[str]:
         if j < about or not cell or stub + len(cell) <= most:
@@ -178,8 +178,10 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
         room = max(int(most) - stub, 1)
         return textwrap.wrap(cell, room, break_long_words=False, break_on_hyphens=False)
 
-    cells = [[lines_of(cell, j) for j, cell in enumerate(row)] for row in (header, *rows)]
-    widths = [max(len(line) for row in cells for line in row[j]) for j in range(len(header))]
+    cells = [[lines_of(cell, j) for j, cell in enumerate(row)] for row in rows]
+    widths = [
+        max(len(line) for cell in column for line in cell) for column in zip(*cells, strict=True)
+    ]
     blocks, width = list[list[int]](), math.inf
     for j in range(about, len(widths)):
         width += 2 + widths[j]
@@ -187,7 +189,7 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
             blocks.append(first.copy())
             width = stub + widths[j]
         blocks[-1].append(j)
-    lines = [
+    return "\n".join(
         "  ".join(
             line.ljust(widths[j]) if j == 0 else line.rjust(widths[j])
             for j, line in zip(columns, parts, strict=True)
@@ -195,8 +197,7 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
         for columns in blocks
         for row in cells
         for parts in zip_longest(*(row[j] for j in columns), fillvalue="")
-    ]
-    return "\n".join(lines)
+    )
 
 
 def number(value: float | None, digits: int = 2) -> str:

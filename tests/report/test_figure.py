@@ -19,9 +19,8 @@ from planner.report.figure import (
     around,
     joint_figure,
 )
-from planner.report.matplotlib_figure import draw
 from planner.report.page import Page
-from planner.report.paper_figures import with_cycles
+from planner.report.paper_figures import draw, with_cycles
 from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED
 
 X = np.array([0.0, 1.0, 2.0])

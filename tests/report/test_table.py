@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from planner.report.wording import NOTHING, Column, Row, Table, environment, fitted_to, text_table
+from planner.report.wording import NOTHING, Column, Row, Table, environment, fitted_to
 
 
 def drawn(table):
@@ -75,9 +75,10 @@ def parts_of(text, rows):
 
 @pytest.mark.parametrize("width", [40, 80, 120])
 def test_a_table_that_is_wider_than_the_terminal_goes_on_below_with_every_cell(width):
-    whole = text_table(WIDE, ROWS)
+    wide = Table(WIDE[0], WIDE[1:], (Row(about, cells) for about, *cells in ROWS))
+    whole = wide.text()
     with fitted_to(width):
-        blocks = parts_of(text_table(WIDE, ROWS), 1 + len(ROWS))
+        blocks = parts_of(wide.text(), 1 + len(ROWS))
     assert max(map(len, whole.splitlines())) > width
     assert len(blocks) > 1
     assert all(len(line) <= width for block in blocks for line in block)
@@ -85,4 +86,4 @@ def test_a_table_that_is_wider_than_the_terminal_goes_on_below_with_every_cell(w
         assert all(block[j].startswith(row[0]) for block in blocks)
         cells = [cell for block in blocks for cell in block[j][len(row[0]) :].split("  ") if cell]
         assert [cell.strip() for cell in cells] == row[1:]
-    assert text_table(WIDE, ROWS) == whole
+    assert wide.text() == whole
