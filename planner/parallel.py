@@ -1,9 +1,8 @@
 """Many tasks on an executor: processes of this machine, or a Dask cluster; resumable.
 
-A task is an argument of a function that returns bytes. :func:`carry_out` runs the tasks that have
-no result yet and keeps each result in a file of its own, from which the caller builds its output
-in its own order. So the output does not depend on the number of workers, and a process that is
-killed loses no finished result.
+A task is an argument of a function that returns bytes. Each result is kept in a file of its own,
+from which the caller builds its output in its own order: it does not depend on the number of
+workers, and a process that is killed loses no finished result.
 """
 
 from __future__ import annotations
@@ -26,11 +25,10 @@ from concurrent.futures import (
 )
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from multiprocessing import get_context
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from planner._version import __version__
 from planner.exceptions import InvalidInput, PlannerError, importing, in_degrees
@@ -49,12 +47,11 @@ _ONE_AT_A_TIME = threading.Lock()
 """Workers of a cluster may have threads; CasADi builds its functions in one at a time."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Return value of a worker: the result, or None and the reason; and warnings."""
+class Outcome(NamedTuple):
+    """Return value of a worker."""
 
-    result: bytes | None
-    reason: str = ""
+    result: bytes | None  # None where the task has failed
+    reason: str = ""  # why
     warnings: tuple[tuple[str, type[Warning]], ...] = ()
 
 
@@ -131,11 +128,10 @@ def outcomes(
 def executor_of(
     workers: int | None = None, scheduler: str | None = None
 ) -> AbstractContextManager[Executor]:
-    """The processes of this machine, or a cluster; running tasks end with the block.
+    """The processes of this machine, or the workers of a Dask scheduler at an address.
 
-    By default there is a process for each usable processor, of one thread each, as threads of the
-    linear algebra would compete with the other workers. ``scheduler`` is the address of a Dask
-    scheduler whose workers are used instead.
+    Running tasks end with the block. By default there is a process for each usable processor, of
+    one thread each, as threads of the linear algebra would compete with the other workers.
 
     Raises:
         InvalidInput: No scheduler answers at this address, or its workers cannot do the tasks.
@@ -149,9 +145,9 @@ def executor_of(
 class Processes(ThreadPoolExecutor):
     """Processes on this machine; a task whose process dies is tried once more, on a new one.
 
-    Each thread hands its tasks to a spawned process of its own, so that no other task is lost with
-    the process: in one pool for all, every unfinished task would fail together. The processes end
-    with this one, however that ends: they watch a pipe of which it alone holds the other end.
+    Each thread hands its tasks to a spawned process of its own: in one pool for all, every
+    unfinished task would fail with a process. The processes end with this one, however that ends:
+    they watch a pipe of which it alone holds the other end.
     """
 
     def __init__(self, workers: int) -> None:
