@@ -118,7 +118,7 @@ def as_flag(name: str, value: object) -> bool:
 
 def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
     """Raise InvalidInput unless the value is one of these names."""
-    if not is_one_of(value, choices):
+    if not (isinstance(value, str) and value in choices):
         expected = f"{', '.join(map(repr, choices[:-1]))} or {choices[-1]!r}"
         raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
 

@@ -361,12 +361,12 @@ class JointModel:
             if each.name not in LEFT_OUT or getattr(self, each.name) != each.default
         }
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Time between requests [s]."""
         return self.tick * self.hold
 
-    @property
+    @cached_property
     def switching_time(self) -> float:
         """Time by which requests change to the next line before the angles: l + a/2 + T [s].
 
@@ -387,7 +387,12 @@ class JointModel:
         """How late it follows slow motion of its requests, unheld [s]: l + a/2 + theta_0/v_max."""
         return self.lag + self.acceleration_time / 2.0 + self.theta_0 / self.v_max
 
-    @property
+    @cached_property
+    def settling_time(self) -> float:
+        """Time constants in which it comes to rest, one after the other [s]: theta_0/v_max + T."""
+        return self.theta_0 / self.v_max + self.time_constant
+
+    @cached_property
     def v_max_per_tick(self) -> float:
         """Top speed [rad/tick]."""
         return self.v_max * self.tick
@@ -482,7 +487,7 @@ class JointModel:
             faster = faster + self.gain * self.gravity(angle)
         return np.asarray(-(self.v_max - faster)), np.asarray(self.v_max + faster)
 
-    @property
+    @cached_property
     def top_speed_per_torque(self) -> float:
         """Change of the steady top speeds by a torque [rad/(s N m)]: see :meth:`speed_limits`."""
         made_up = self.gain * self.compliance if self.exceeds_v_max else 0.0
@@ -524,12 +529,12 @@ class JointModel:
         """Whether the speed before a tick counts, a part of the joint's state."""
         return self.time_constant > 0.0 or math.isfinite(self.max_acceleration)
 
-    @property
+    @cached_property
     def exceeds_v_max(self) -> bool:
         """Whether a speed loop's integral may take it beyond v_max, so that no bound holds."""
         return self.integral_rate > 0.0
 
-    @property
+    @cached_property
     def has_integral(self) -> bool:
         """Whether its servo has an integral term, which overcomes friction."""
         return self.integral_rate > 0.0 or self.position_integral_rate > 0.0

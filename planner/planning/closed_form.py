@@ -100,7 +100,7 @@ def closed_forms(
     segments: int | None = None,
     rule: Rule = "paper",
     refine: bool = True,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] | None = None,
 ) -> Plan:
     """The plan of joints one by one, as :func:`invert_closed_form`; limits and norm do not count.
 
@@ -110,7 +110,8 @@ def closed_forms(
 
     refine, requests, curves = as_flag("refine", refine), np.empty_like(task.desired), []
     for j, name in enumerate(task.names):
-        progress(name)
+        if progress:
+            progress(name)
         with about(name):
             check_rule(rule, task.nominal[j], stacklevel=4)
             problem = problem_of(task.joint(j)).unlimited

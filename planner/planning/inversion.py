@@ -346,7 +346,7 @@ def planned(
     # executed requests [rad], (n, k), near which optimised ones stay where they can
     executed: Array | None = None,
     # called with the name of each joint before it is planned
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] | None = None,
 ) -> Plan:
     """The plan for a task."""
     check_choice("solver", solver, SOLVERS)

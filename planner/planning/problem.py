@@ -89,8 +89,8 @@ class Problem(Task):
     @property
     def settling(self) -> float:
         """Time in which the slowest of the joints settles [samples]."""
-        times = (model.theta_0 / model.v_max + model.time_constant for model in self.drives)
-        return max(times) / self.period
+        slowest: float = max(map(attrgetter("settling_time"), self.drives))
+        return slowest / self.period
 
     @cached_property
     def torques(self) -> Array:

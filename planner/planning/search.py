@@ -107,7 +107,7 @@ def solve(
     # requests from which the disturbance was measured [rad], (n, k): near these a search stays, see
     # :func:`nearer`
     executed: Array | None = None,
-    progress: Callable[[str], None] = lambda _: None,  # called with the name of each joint
+    progress: Callable[[str], None] | None = None,  # called with the name of each joint
 ) -> tuple[Array, Array | None]:
     """The requests for a task [rad], (n, k): of a foot all at once, of joints one by one.
 
@@ -123,7 +123,8 @@ def solve(
         return solve_foot(task, executed)
     requests, nominal = np.empty_like(task.desired), np.empty_like(task.desired)
     for j, name in enumerate(task.names):
-        progress(name)
+        if progress:
+            progress(name)
         with about(name):
             near = None if executed is None else executed[:, j : j + 1]
             own, alone = solve_joint(task.joint(j), solver=solver, executed=near)
