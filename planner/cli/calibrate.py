@@ -35,8 +35,7 @@ def calibrate(
         "Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2."
     ),
     joint: tuple[str, ...] = option(
-        "Calibrate this joint only. Repeat the option for several joints.",
-        otherwise="all",
+        "Calibrate this joint only. Repeat the option for several joints.", otherwise="all"
     ),
     reverse: tuple[str, ...] = option("The servo of this joint is mounted the other way round."),
     zero_tick: Annotated[tuple[tuple[str, int], ...], TICKS] = option(
@@ -50,8 +49,7 @@ def calibrate(
         default=60.0,
     ),
     reach_deg: Positive = option(
-        "How far a joint may go from where it is, unless its range is shown by hand.",
-        default=45.0,
+        "How far a joint may go from where it is, unless its range is shown by hand.", default=45.0
     ),
     yes: bool = option("Ask nothing: ranges by the servos' limits, and go."),
     resume: bool = option("Take the logs of an interrupted run as they are."),

@@ -73,11 +73,7 @@ def compare(
 
     def page(place: str) -> str:
         about = comparison_page(
-            check,
-            title=desired.title,
-            leg=whole,
-            unreachable=unreachable,
-            notes=notes_of(desired),
+            check, title=desired.title, leg=whole, unreachable=unreachable, notes=notes_of(desired)
         )
         origins = [*origins_of(run), ("bounds up to", level)]
         return about.html(place, origins, inputs_of(desired))

@@ -141,12 +141,13 @@ def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, lis
     for note, names in about_logs.items():
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
         remark(f"{names[0]}{more}: {note}")
-    named = list(dict.fromkeys(log.joint for log in logs if log.joint))
+    by_joint: dict[str, list[Log]] = {"": []}
+    for log in logs:
+        by_joint.setdefault(log.joint, []).append(log)
+    by_joint = {joint: own for joint, own in by_joint.items() if own}
     if choices["joint"] == "all":
-        unnamed = [log for log in logs if not log.joint]
-        by_joint = {joint: [log for log in logs if log.joint == joint] for joint in named}
-        return {"": unnamed, **by_joint} if unnamed else by_joint
-    if len(named) > 1:
+        return by_joint
+    if len(named := [joint for joint in by_joint if joint]) > 1:
         raise click.UsageError(
             f"the logs are of different joints ({', '.join(named)}): choose one with --joint, or "
             "'all' for a model of each."

@@ -194,10 +194,7 @@ def plan_report(
     from planner.report.plan_page import plan_page
 
     about = plan_page(
-        answer,
-        title=desired.title,
-        foot_given=desired.foot_given,
-        notes=notes_of(desired),
+        answer, title=desired.title, foot_given=desired.foot_given, notes=notes_of(desired)
     )
     return about.html(page, origins_of(desired.settings), [*inputs_of(desired), *written])
 

@@ -26,12 +26,7 @@ from planner.cli.console import (
     terminal_width,
     warn,
 )
-from planner.exceptions import (
-    InvalidFile,
-    InvalidInput,
-    OutsideEquation13,
-    PlannerError,
-)
+from planner.exceptions import InvalidFile, InvalidInput, OutsideEquation13, PlannerError
 from planner.files.text import STANDARD_STREAM, write_text
 from planner.report.wording import fitted_to
 

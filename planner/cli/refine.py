@@ -77,21 +77,12 @@ def refine(
 
     from planner.cli.desired import model_words, repeats
     from planner.cli.planning import inputs_of, origins_of, prepare
-    from planner.files.executed import (
-        read_executed,
-        read_history,
-        read_measured,
-        write_history,
-    )
+    from planner.files.executed import read_executed, read_history, read_measured, write_history
     from planner.learning.refine import in_a_cycle
     from planner.learning.refine import refine as learn
     from planner.model.response import load_columns
     from planner.planning.plan import joined
-    from planner.report.learning_page import (
-        joint_results,
-        learning_page,
-        trials_text,
-    )
+    from planner.report.learning_page import joint_results, learning_page, trials_text
     from planner.report.plan_results import in_unit
 
     desired = prepare(run)

@@ -38,7 +38,7 @@ def view(
         request-planner view foot.csv --leg reference --unreachable clamp --html walk.html
     """  # noqa: D301
     from kinematics.scene import Scene
-    from planner.cli.desired import desired_of, find_leg, leg_title, model_words
+    from planner.cli.desired import find_leg, leg_title, model_words
     from planner.cli.planning import plan_of, prepare
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate_joints
@@ -50,7 +50,8 @@ def view(
     if requests is not None and method is not None:
         raise click.UsageError("--method plans what --requests brings along: leave one out.")
     import_meshcat()
-    desired = desired_of(run)
+    run.plan.method = method or "optimal"
+    desired = prepare(run)
     options.warn_of(desired.remarks)
     assert desired.leg is not None, "the options name a leg"
     if set(desired.names) != set(desired.leg.joint_names):
@@ -58,10 +59,10 @@ def view(
             f"{run.path.file}: got joints {', '.join(desired.names)}, expected those of the leg: "
             f"{', '.join(desired.leg.joint_names)}."
         )
+    if method is None and desired.foot is not None:
+        run.plan.method = "foot-optimal"
     if requests is None:
-        method = method or ("optimal" if desired.foot is None else "foot-optimal")
-        run.plan.method = method
-        plan = plan_of(prepare(run))
+        plan = plan_of(desired)
         planned, loads = plan.predicted, plan.task.load
     else:
         sent = read_joint_path(requests, joints=desired.names)
