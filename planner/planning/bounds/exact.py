@@ -1,25 +1,17 @@
 """The exact level: branch and bound over the intervals of single requests.
 
-The distance of a convex relaxation is a bound. It is raised by tightening ranges and by cutting
-planes and, where a request's contributions are a mixture of those of two requests, by branching on
-whether the request is above or below the one in between (Land and Doig 1960). All responses whose
-error is less than that of a known plan, the incumbent, lie in the relaxation.
+The distance of a convex relaxation is a bound. All responses whose error is less than that of a
+known plan, the incumbent, lie in the relaxation: its unknowns are the angles x, one a tick, and the
+contributions u, one for every request at every tick at which it acts; its conditions (8) of
+math.md, with chords in place of max(0, w) and max(0, -w), and the hull cuts (9a). With angles in
+units of theta_0, a request y contributes u(t) = clip(y - x(t), -1, 1) of the top speed to the speed
+at tick t, where x(t) is the angle before it; y counts the joint's offset, and a difference of the
+top speeds up and down.
 
-Its unknowns are the angles x, one a tick, and the contributions u, one for every request at every
-tick at which it acts. The conditions are (8) of math.md, with chords in place of max(0, w) and
-max(0, -w) between known ends of the speeds' ranges, and the hull cuts (9a). With angles in units of
-theta_0, a request y contributes u(t) = clip(y - x(t), -1, 1) of the top speed to the speed at tick
-t, where x(t) is the angle before it; y counts the joint's offset, and a difference of the top
-speeds up and down. A hull cut ``nu @ u - xi @ x <= limit`` holds for every y, and for every x
-within ranges, if its limit is the support function of that set, which is known in closed form. The
-cut to add is found as in disjunctive programming (Balas 1979): the nearest point of the hull is
-sought by nonnegative least squares (Lawson and Hanson 1974), and the direction from it to the point
-to be cut off is the cut's normal.
-
-Tightening narrows the ranges of angles and speeds tick by tick. Their least and greatest values
-over all responses better than the incumbent are bounded by small cone programmes (Gleixner et al.
-2017), each on the conditions around one tick and on (9b) of math.md: the conditions have little
-slack in a response with a small error.
+The bound is raised by cuts, found as in disjunctive programming (Balas 1979), by tighter ranges of
+angles and speeds (Gleixner et al. 2017, on (9b)) and, where a request's contributions are a mixture
+of those of two requests, by branching on whether the request is above or below the one in between
+(Land and Doig 1960).
 """
 
 from __future__ import annotations
@@ -48,30 +40,26 @@ WORK_PER_SECOND = 600_000
 to 88 samples took 560,000 to 630,000 per second on an AMD EPYC."""
 
 GAP = 5e-4
-"""Relative gap to the incumbent at which the search stops [-]; smoothing costs a plan 2e-4 of its
-error, and a smaller gap is below that."""
+"""Relative gap to the incumbent at which the search stops [-]; smoothing costs a plan 2e-4."""
 
 ABSOLUTE_GAP = 1.5e-5
-"""Gap to the incumbent at which it stops as well [rad]: a hundredth of the step of a 12-bit
-encoder, which no robot shows."""
+"""Gap to the incumbent at which it stops as well [rad]: a hundredth of a 12-bit encoder's step."""
 
 GAIN = 1e-2
 """Relative gain of a round of tightening from which on another round follows [-]; at 1e-3 the
 bounds of 13 problems are 0.1 % lower in the mean, at 5e-2 the median gap doubles."""
 
 ROUNDS = 6
-"""Most rounds of cuts after a round of tightening at the root [-]; the next round follows a gain of
-at least ``GAP``. With one round, one bound of eight is 6e-5 lower; with six at every node, three
-are 3e-4 to 9e-4 lower."""
+"""Most rounds of cuts after a round of tightening at the root [-], each after a gain of ``GAP``.
+With one, one bound of eight is 6e-5 lower; with six at every node, three are 3e-4 to 9e-4 lower."""
 
 MARGIN = 0.1
 """Least share of a request's interval on either side of the value at which it is branched [-];
-without it a child may be all of its parent, and the gaps of five problems of eight are 2 to 6 %
-larger."""
+without it the gaps of five problems of eight are 2 to 6 % larger."""
 
 NEIGHBOURHOOD = 11
-"""Ticks on either side whose conditions are included [-]. With twice as many a round takes longer
-and, in the same time, the bound is 0.4 % lower in the mean of 13 problems."""
+"""Ticks on either side whose conditions are included [-]; with twice as many the bound is, in the
+same time, 0.4 % lower in the mean of 13 problems."""
 
 Intervals = dict[int, tuple[float, float]]
 """Least and greatest value of requests with a known range."""
@@ -83,8 +71,8 @@ RELAXATION_WORK, NONZERO_WORK = 1500, 3
 """Work of a relaxation with the search for cuts after it, and of each of its nonzeros."""
 
 TRIALS = 25
-"""Most support points for one cut [-]; half as many lower the bound by 0.2 % in the mean of 13
-problems, 3.7 % at worst; twice as many gain nothing."""
+"""Most support points for one cut [-]; with half as many the bounds of 13 problems are 0.2 % lower
+in the mean, 3.7 % at worst; twice as many gain nothing."""
 
 VIOLATION = 1e-3
 """Least violation for which a cut is added [-]."""
@@ -96,14 +84,11 @@ CUT_ROUNDING = 1e-9
 def acting_pairs(
     model: JointModel, ticks: int, *, cyclic: bool
 ) -> tuple[Indices, Indices, Array, Indices]:
-    """Every pair of a tick t and a request r that acts there, ordered by tick.
+    """Tick t, request r and weight W(r, t) of every pair that acts, and the same one a tick later.
 
-    From rest, requests before the first are the first one. In a short cycle a request may act twice
-    at one tick, as sent in two cycles: one pair.
-
-    Returns:
-        The tick, the request and the weight W(r, t) of each, and the number of the same request's
-        pair one tick later, -1 where there is none.
+    The last is the number of a pair, -1 where there is none. Pairs are ordered by tick. From rest,
+    requests before the first are the first one. In a short cycle a request may act twice at one
+    tick, as sent in two cycles: one pair.
     """
     window, every = model.window, np.arange(ticks)[:, np.newaxis]
     requests = ticks // model.hold if cyclic else (ticks - 1) // model.hold + 1
@@ -121,11 +106,7 @@ def acting_pairs(
 
 
 def without_load(problem: BoundProblem) -> BoundProblem:
-    """The same problem with a constant load as part of the joint's offsets.
-
-    Raises:
-        InvalidInput: The load is not constant.
-    """
+    """The same problem with a load, which has to be constant, as part of the joint's offsets."""
     if problem.load is None:
         return problem
     torque = float(problem.load[0])
@@ -198,11 +179,7 @@ class ScaledProblem:
         return self.incumbent - bound <= max(GAP * self.incumbent, ABSOLUTE_GAP / self.unit)
 
     def initial_ranges(self) -> Array:
-        """Ranges that follow from the incumbent, the top speed and the start alone.
-
-        Least and greatest angle and least and greatest speed at each tick, (4, ticks), of responses
-        that are better than the incumbent.
-        """
+        """Least and greatest angle, and speed, at each tick of better responses: (4, ticks)."""
         farthest = self.incumbent * (np.sqrt(len(self.desired)) if self.norm == "rms" else 1.0)
         every = np.arange(self.ticks)
         away = farthest + every % self.model.hold * self.top * (1.0 + abs(self.excess))
@@ -338,11 +315,9 @@ def contributions_of(errors: Array) -> Array:
 def support(nu: Array, xi: Array, requests: RequestSet) -> tuple[float, Array, Array]:
     """The maximum of ``nu @ u - xi @ x`` over a set, and contributions u and angles x that have it.
 
-    It is the support function of the set in the direction (nu, -xi): the right-hand side of (9a).
-    For a given request every angle is on its own, and best at an end of its range or where the
-    slope of its contribution changes. Between neighbouring breakpoints all these candidates are
-    linear in the request, so that the best of them is convex in it, and the maximum is at a
-    breakpoint.
+    It is the right-hand side of (9a). For a given request every angle is on its own, and best at an
+    end of its range or where the slope of its contribution changes. Between breakpoints all these
+    are linear in the request, so that the best is convex, and the maximum is at a breakpoint.
     """
     lower, upper = requests.lower, requests.upper
     candidates = requests.breakpoints(np.concatenate([lower, upper]))[:, np.newaxis]
@@ -548,11 +523,10 @@ def branch(problem: ScaledProblem, node: Node) -> list[Node]:
 def response_error(problem: ScaledProblem, node: Node) -> float:
     """The error of a response near to the node's mixtures [theta_0]: an incumbent.
 
-    It may begin at any angle, in motion, unlike a plan from rest. Without it the search for a bound
-    that holds for every start would continue although the bound is attained: bounds of 14 problems
-    would be 4 % lower in the mean. The requests are the nearest to the mixtures, from the node's
-    first angle; a response better than the incumbent is improved by least squares, without which
-    they would be 0.8 % lower.
+    It may begin at any angle, in motion, unlike a plan from rest: without it the search for a bound
+    that holds for every start would continue although the bound is attained, and bounds of 14
+    problems be 4 % lower in the mean. One that is better than the incumbent is improved by least
+    squares, without which they would be 0.8 % lower.
     """
     unknowns = np.zeros(max(problem.windows) + 2)  # the first angle, and the requests
     unknowns[0] = node.solution.angles[0]
@@ -592,13 +566,12 @@ def tighten(
     ``(zeta + G' mu) c - |zeta + G' mu| h - mu b`` for any dual multipliers mu.
     """
     columns = sparse.csc_array(solution.matrix)
-    lengths = np.diff(solution.matrix.indptr)
     lower, upper, slowest, fastest = ranges
     for tick in ticks:
         if problem.exhausted:
             break
         chosen, matrix, limits, equations, balls = local_conditions(
-            problem, solution, columns, lengths, tick
+            problem, solution, columns, tick
         )
         angle = (chosen == tick).astype(np.float64)
         speed = angle - (chosen == (tick - 1) % problem.ticks)
@@ -625,20 +598,13 @@ def tighten(
 
 
 def local_conditions(
-    problem: ScaledProblem,  # the problem of the bound
-    solution: RelaxedSolution,  # the nearest point of the present relaxation
-    columns: sparse.csc_array,  # its matrix, by columns
-    lengths: Indices,  # entries in each of its rows
-    tick: int,  # the tick in the middle
+    problem: ScaledProblem, solution: RelaxedSolution, columns: sparse.csc_array, tick: int
 ) -> tuple[Indices, sparse.csr_array, Array, int, tuple[int, ...]]:
     """The conditions around one tick that every response better than the incumbent meets.
 
-    They are the relaxation's rows that concern the ticks around it alone, and (9b) restricted to
-    them.
-
-    Returns:
-        The problem's unknowns that occur, (m,), and matrix and limits of conditions on them, the
-        number of equations among these and the sizes of second-order cones.
+    They are the rows of the relaxation, whose matrix is given by its ``columns``, that concern the
+    ticks around it alone, and (9b) restricted to them: the unknowns that occur, (m,), matrix and
+    limits, the number of equations among the rows and the sizes of second-order cones.
     """
     around = np.arange(tick - NEIGHBOURHOOD, tick + NEIGHBOURHOOD + 1)
     around = around % problem.ticks if problem.cyclic else np.clip(around, 0, problem.ticks - 1)
@@ -647,7 +613,7 @@ def local_conditions(
     chosen = np.flatnonzero(np.concatenate([near, near[problem.tick]]))
     inside = sparse.csr_array(columns[:, chosen])
     entries = np.diff(inside.indptr)
-    kept = np.flatnonzero((entries == lengths) & (entries > 0))
+    kept = np.flatnonzero((entries == np.diff(solution.matrix.indptr)) & (entries > 0))
     matrix, limits = sparse.csr_array(inside[kept]), solution.limits[kept]
     equations = int(np.searchsorted(kept, problem.equations))
     multipliers = solution.multipliers[kept].copy()

@@ -51,17 +51,15 @@ SPREAD = 0.05
 """Spread of the columns' angles below which the widest side is split instead [of that side];
 without the rule three of seven bounds are 9 to 89 % lower."""
 
-TOLERANCE = 1e-3
-"""Share of a plan's squared error that the search for minima may leave unproved."""
+TOLERANCE = 1e-3  # share of a plan's squared error that the search for minima may leave unproved
 
 RELUCTANCE = 3.0
 """Proximal weight of the bundle method: cost of a change of all linear terms by their own size,
 relative to a plan's squared error [-]."""
 
-
 MOST_CELLS = 400_000
-"""Most open cells of a block; beyond it the search stops with their bounds. So many occur only
-where angles far apart are equally good, and take some 100 MB."""
+"""Most open cells of a block, in some 100 MB; beyond it the search stops with their bounds. So many
+occur only where angles far apart are equally good."""
 
 Multipliers = tuple[Array, Array]
 """Weights of the samples, 0 or more and together 1, (n,), and of the conditions, (rows,)."""
