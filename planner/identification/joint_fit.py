@@ -110,19 +110,14 @@ def _initial_fit(grid: Grid) -> Fit:
     whole = max(delay, 2.0 * grid.tick)
     speed = grid.speed_exceeded_by(0.02)
     speed = max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick)
-    begins = _divided_delay(whole, v_max=speed)
+    begins = (
+        Parameters(share / whole, speed, lag * whole, window * whole, offset=0.0)
+        for lag, window, share in DIVISIONS
+    )
     quick = [least_squares(grid, begin, effort=QUICK) for begin in begins]
     scale = min(fit.scale for fit in quick)
     best = min(quick, key=lambda fit: huber(fit.weighted, scale))
     return best.again(scale=scale, effort=SEARCH)
-
-
-def _divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[Parameters]:
-    """Joints of about the same delay [s], divided into lag, window and time constant."""
-    return [
-        Parameters(share / delay, v_max, lag * delay, window * delay, offset)
-        for lag, window, share in DIVISIONS
-    ]
 
 
 def _without_saturation(best: Fit) -> Fit:
@@ -134,7 +129,8 @@ def _without_saturation(best: Fit) -> Fit:
     at, shown = best.parameters, best.peak_command
     if at.v_max > shown or best.exact:
         return best
-    begin = _divided_delay(at.whole_delay, v_max=10.0 * shown, offset=at.offset)[1]
+    (lag, window, share), delay = DIVISIONS[1], at.whole_delay
+    begin = Parameters(share / delay, 10.0 * shown, lag * delay, window * delay, at.offset)
     found = best.trial(begin, effort=SEARCH)
     if found.cost >= (1.0 - 1e-6) * best.cost:  # by no more than rounding
         return best
@@ -237,17 +233,11 @@ def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, 
 
 
 class Simple(NamedTuple):
-    """A simpler description of the same rows, fitted.
+    """A simpler description of the same rows, fitted."""
 
-    Attributes:
-        name: "raw", "delay" or "first_order".
-        parameters: As in :class:`planner.identification.result.Alternative`.
-        joint: The joint that behaves so; None for a request that is merely delayed.
-    """
-
-    name: str
-    parameters: dict[str, float]
-    joint: Parameters | None
+    name: str  # "raw", "delay" or "first_order"
+    parameters: dict[str, float]  # as in :class:`planner.identification.result.Alternative`
+    joint: Parameters | None  # that behaves so; None for a request that is merely delayed
 
 
 def simple_fits(grid: Grid) -> tuple[Simple, ...]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
@@ -28,9 +28,6 @@ from planner.identification.parameters import (
 from planner.identification.result import Interval, Term
 from planner.model.law import Law
 from planner.trajectory import Array, Indices, rms
-
-if TYPE_CHECKING:
-    from planner.model.kernel import Servo
 
 USUAL = only(*BASE)
 """What is fitted where nothing else is asked for: the terms stay what they are."""
@@ -57,24 +54,17 @@ quadratic predicts."""
 
 
 class Effort(NamedTuple):
-    """How far a fit is taken.
+    """How far a fit is taken."""
 
-    Attributes:
-        evaluations: Of the model, in each round.
-        tolerance: Relative change of the loss that ends a round.
-        rounds: Estimates of the scale.
-        averaging: Distance to both sides of the window's edges over which derivatives by lag and
-            acceleration time are averaged [ticks]. Rows a whole number of ticks apart put corners
-            into the loss, at which a search by exact derivatives ends.
-        first_step: Share of the residuals that the first step may explain: longer steps jump to
-            delays a cycle away. On a pure sine the fit ends in a local optimum at half and twice
-            the value.
-    """
-
-    evaluations: int
-    tolerance: float
-    rounds: int = 1
+    evaluations: int  # of the model, in each round
+    tolerance: float  # relative change of the loss that ends a round
+    rounds: int = 1  # estimates of the scale
+    # Distance to both sides of the window's edges over which derivatives by lag and acceleration
+    # time are averaged [ticks]. Rows a whole number of ticks apart put corners into the loss, at
+    # which a search by exact derivatives ends.
     averaging: tuple[float, ...] = (0.3,)
+    # Share of the residuals that the first step may explain: longer steps jump to delays a cycle
+    # away. On a pure sine the fit ends in a local optimum at half and twice the value.
     first_step: float = 0.2
 
 
@@ -94,6 +84,9 @@ FULL = Effort(evaluations=60, tolerance=1e-7, rounds=6, averaging=(0.3, EDGE_DIS
 """To the optimum: parameters to a millionth of their standard deviations."""
 
 
+NO_COLUMNS = np.zeros(0, dtype=np.int_)
+
+
 class Response(NamedTuple):
     """A joint run along the logs of a grid."""
 
@@ -108,18 +101,24 @@ class Response(NamedTuple):
         return at.gain * max(float(np.max(np.abs(self.errors))) - held, 0.0)
 
 
-def respond(grid: Grid, parameters: Parameters, starts: Array) -> Response:
-    """Run a joint along logs, from the angles at which the runs start [rad], (runs,)."""
-    return _run(grid, parameters, starts, np.zeros(0, dtype=np.int_), 0.0)[0]
+def respond(
+    grid: Grid,
+    at: Parameters,
+    starts: Array,
+    columns: Indices = NO_COLUMNS,
+    apart: float = 0.0,
+    slopes: Array | None = None,
+) -> Response:
+    """Run a joint along logs, from the angles at which the runs start [rad], (runs,).
 
+    Slopes are filled with derivatives by columns, both as in :func:`planner.model.kernel.along`.
+    """
+    from planner.model.kernel import Servo, along
 
-def servo_of(grid: Grid, at: Parameters) -> Servo:
-    """The joint by ticks of the grid."""
-    from planner.model.kernel import Servo
-
-    faster = 0.0 if math.isinf(at.v_max) else grid.tick * at.v_max
-    return Servo(
-        Law.of(at, tick=grid.tick, acceleration=at.max_acceleration(grid.tick)),
+    tick, rows = grid.tick, len(grid.angles)
+    faster = 0.0 if math.isinf(at.v_max) else tick * at.v_max
+    servo = Servo(
+        Law.of(at, tick=tick, acceleration=at.max_acceleration(tick)),
         float(at.lag),
         float(at.acceleration_time),
         float(at.compliance),
@@ -127,41 +126,20 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
         faster * at.slowing,
         float(at.play),
     )
-
-
-def _run(
-    grid: Grid, parameters: Parameters, starts: Array, columns: Indices, apart: float
-) -> tuple[Response, Array]:
-    from planner.model import kernel
-
+    slopes = np.empty((rows, 0)) if slopes is None else slopes
     states = np.empty(len(grid.ticks) + len(starts))
     states[grid.starts] = starts
-    response = Response(np.empty(len(grid.angles)), np.empty((len(grid.ticks), 2)))
-    slopes = np.empty((len(grid.angles), len(columns)))
-    kernel.along(
-        servo_of(grid, parameters),
-        grid.track,
-        columns,
-        apart,
-        states,
-        response.errors,
-        response.predicted,
-        slopes,
-    )
-    return response, slopes
+    found = Response(np.empty(rows), np.empty((len(grid.ticks), 2)))
+    along(servo, grid.track, columns, apart, states, found.errors, found.predicted, slopes)
+    return found
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the angles at the used rows by the law's numbers, and the chain rule.
+    """Derivatives of the angles at the used rows by the law's numbers, and the chain rule."""
 
-    Attributes:
-        of_law: By columns of :func:`planner.model.kernel.along`; the last is by the first angle of
-            the row's own run, (rows, c + 1).
-        change: Derivatives of these c columns' parameters by the free coordinates of
-            ``parameters.coordinates_of``, (c, p).
-    """
-
+    # by columns of the kernel; the last is by the first angle of the row's own run, (rows, c + 1)
     of_law: Array
+    # derivatives of these c columns' parameters by the free coordinates, (c, p)
     change: Array
 
     @property
@@ -187,7 +165,8 @@ def linearised(
     change = _by_coordinates(grid, parameters)[:, free]
     acting = np.flatnonzero(np.any(change != 0.0, axis=1))
     columns = np.append(acting, kernel.START)
-    response, slopes = _run(grid, parameters, starts, columns, averaging * grid.tick)
+    slopes = np.empty((len(grid.angles), len(columns)))
+    response = respond(grid, parameters, starts, columns, averaging * grid.tick, slopes)
     return response, Slopes(slopes, change[acting])
 
 
@@ -228,28 +207,17 @@ def _by_coordinates(grid: Grid, at: Parameters) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fit to the rows of a grid.
-
-    Attributes:
-        grid: The rows.
-        parameters: The joint.
-        free: Which parameters were fitted, in their order.
-        starts: Angle at the start of each run [rad].
-        response: The joint along the grid.
-        residuals: Predicted minus actual angle at the used rows [rad].
-        scale: Standard deviation of the weighted residuals without outliers [rad].
-        cost: Huber's loss of these at that scale, sum over the rows [rad^2]; half a sum of squares.
-        terms: What was tried beside the paper's parameters, by the names of a model.
-    """
+    """A fit to the rows of a grid."""
 
     grid: Grid
     parameters: Parameters
-    free: Free
-    starts: Array
-    response: Response
-    residuals: Array
-    scale: float
-    cost: float
+    free: Free  # which of these were fitted
+    starts: Array  # angle at the start of each run [rad]
+    response: Response  # the joint along the grid
+    residuals: Array  # predicted minus actual angle at the used rows [rad]
+    scale: float  # standard deviation of the weighted residuals without outliers [rad]
+    cost: float  # Huber's loss at that scale, sum over the rows [rad^2]; half a sum of squares
+    # what was tried beside the paper's parameters, by the names of a model
     terms: dict[str, Term] = dataclasses.field(default_factory=dict)
 
     @property
@@ -372,20 +340,11 @@ def least_squares(
     Gauss-Newton steps in a trust region (Moré, 1978, in *Numerical Analysis*, Lecture Notes in
     Mathematics 630), with the derivatives of (16). The first angles, each of which acts on the rows
     of its own run alone, are eliminated from the normal equations (Golub and Pereyra, 1973).
-    Coordinates stay within their bounds by projection. The scale of the loss follows the
-    residuals, from round to round, unless it is fixed.
-
-    Args:
-        grid: The rows.
-        begin: Where to begin; what is not free stays.
-        free: Which parameters to fit, in their order.
-        starts: First angles of the runs, to begin with [rad]; by default those measured.
-        scale: Fixed scale of Huber's loss [rad].
-        effort: How far to go.
-        enough: Loss that need not be improved on [rad^2]; nor is one that cannot come near it.
-
-    Returns:
-        The best fit found; never worse than where it began.
+    Coordinates stay within their bounds by projection. The scale of the loss follows the residuals,
+    from round to round, unless it is given. Begins at ``begin``, where what is not free stays, and
+    with the first angles ``starts`` [rad], by default those measured. A loss of ``enough`` [rad^2]
+    need not be improved on, nor is one that cannot come near it. The answer is never worse than
+    where it began.
     """
     floor = 1e-12 * max(float(np.std(grid.angles)), 1e-300)  # less are rounding errors
     if starts is None:

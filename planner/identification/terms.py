@@ -123,6 +123,9 @@ INERTIAS, LIMITS = (0.15, 0.5), (0.02, 0.2, 0.6, 2.0)
 highest speed, from which the search begins again. (Without limits that bind the lift of an SO-101
 ends 4 % above its least loss, and misses unseen motions by 10.3 mrad, not 8.1.)"""
 
+SOME_FRICTION = 2.0
+"""Dead band from which a search for friction begins, in standard deviations of the residuals."""
+
 MOST_TICKS = 6000
 """Of longer logs only so many ticks are compared, in chunks."""
 
@@ -249,11 +252,11 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit] | None:
     """
     at, sag = fit.parameters, SAG if fit.grid.unloaded else ()
     sag = (*sag, *(["compliance"] if _shows("compliance", fit) else []))
-    rate = INTEGRAL_START / at.whole_delay
+    rate, friction = INTEGRAL_START / at.whole_delay, SOME_FRICTION * fit.scale
     motors = _divisions(fit, [None])
     if at.time_constant > 0.0:
         motors.insert(0, at)
-    begins = [each._replace(dead_band=_some_dead_band(each, fit)) for each in motors]
+    begins = [each._replace(dead_band=max(each.dead_band, friction)) for each in motors]
     near, trials = partial(fit.trial, grid=excerpt, effort=TRIAL), []
     for name in INTEGRALS:
         free = fit.free | only(name, *MOTOR, *sag)
@@ -377,19 +380,16 @@ def _shows(name: str, fit: Fit) -> bool:
         return False
     if name in ("dead_band", "time_constant"):
         return True
+    loads_differ = bool(np.ptp(grid.loads) > 0.1 * grid.heaviest)
     if name == "compliance":
-        return _loads_differ(grid)
+        return loads_differ
     if name == "sag_sin":
         return grid.unloaded
     errors = fit.response.errors
     saturated = ~fit.parameters.inside(errors, grid.loads[:, np.newaxis])
     if name == "slowing":
-        return bool(saturated.any()) and _loads_differ(grid)
+        return bool(saturated.any()) and loads_differ
     return bool((saturated & (errors > 0.0)).any() and (saturated & (errors < 0.0)).any())
-
-
-def _loads_differ(grid: Grid) -> bool:
-    return bool(np.ptp(grid.loads) > 0.1 * grid.heaviest)
 
 
 def _fitted_with(name: str, fit: Fit) -> Fit:
@@ -398,7 +398,7 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
     at = fit.parameters
     begins = [at]
     if name == "dead_band":
-        begins = [at._replace(dead_band=_some_dead_band(at, fit))]
+        begins = [at._replace(dead_band=max(at.dead_band, SOME_FRICTION * fit.scale))]
     if name == "time_constant":
         begins = [  # it replaces a part of the window, and of the lag
             at._replace(
@@ -483,21 +483,13 @@ def pays(without: Fit, with_it: Fit) -> bool:
 
 
 class Backlash(NamedTuple):
-    """Play between motor and angle, which no model has.
+    """Play between motor and angle, which no model has."""
 
-    Attributes:
-        size: The play 2 h [rad].
-        without: Error of the joint without [rad], rms over the rows that were compared.
-        rms: Error of the joint with it [rad].
-        difference: By how much they differ at each used row [rad]; 0 where not compared.
-        gained: By how much the squared error of each used row is less with it [rad^2].
-    """
-
-    size: float
-    without: float
-    rms: float
-    difference: Array
-    gained: Array
+    size: float  # 2 h [rad]
+    without: float  # error of the joint without it [rad], rms over the rows that were compared
+    rms: float  # the same with it [rad]
+    difference: Array  # by how much they differ at each used row [rad]; 0 where not compared
+    gained: Array  # by how much the squared error of each used row is less with it [rad^2]
 
 
 def backlash_of(fit: Fit) -> Backlash | None:
@@ -515,7 +507,13 @@ def backlash_of(fit: Fit) -> Backlash | None:
         trials = (fitted(begin, TRIAL) for begin in begins)
         return fitted(min(trials, key=lambda trial: trial.cost).parameters, ENOUGH)
 
-    divided = _divided(at, fit.grid)
+    delay = at.whole_delay
+    divided = at._replace(  # of the same delay, most of which is inertia and a low gain
+        lag=0.25 * delay,
+        acceleration_time=max(0.1 * delay, fit.grid.tick),
+        gain=min(2.0 / delay, at.gain),
+        time_constant=0.2 * delay,
+    )
     bare = best([at._replace(time_constant=0.1 * at.acceleration_time), at, divided])
     sizes = (2.0 * bare.rms, 5.0 * bare.rms)
     found = best(each._replace(play=size) for each in (bare.parameters, divided) for size in sizes)
@@ -536,17 +534,6 @@ def backlash_of(fit: Fit) -> Backlash | None:
 def _saving(without: Fit, with_it: Fit) -> float:
     """Share of the loss that is explained."""
     return 1.0 - with_it.cost / max(without.cost, 1e-300)
-
-
-def _divided(at: Parameters, grid: Grid) -> Parameters:
-    """A joint of the same delay, most of which is inertia and a low gain."""
-    delay = at.whole_delay
-    return at._replace(
-        lag=0.25 * delay,
-        acceleration_time=max(0.1 * delay, grid.tick),
-        gain=min(2.0 / delay, at.gain),
-        time_constant=0.2 * delay,
-    )
 
 
 def _beginnings(fit: Fit, excerpt: Grid, free: Free) -> list[Parameters]:
@@ -604,13 +591,20 @@ def _anywhere(fit: Fit, excerpt: Grid) -> list[Parameters]:
 def _screened(
     joint: Callable[[Array], Parameters], dimensions: int, grid: Grid, scale: float
 ) -> tuple[Callable[[Array], float], Array]:
-    """The loss of the joint at a point of the unit box, and points that fill it, best first."""
+    """The loss of the joint at a point of the unit box, and points that fill it, best first.
+
+    They are Roberts' additive sequence (2018), which fills the box evenly.
+    """
 
     def loss(place: Array) -> float:
         errors = respond(grid, joint(place), grid.measured_starts).predicted - grid.angles
         return huber(grid.weights * errors, scale)
 
-    points = _even_points(SCREENED, dimensions)
+    ratio = 2.0  # the root above 1 of x^(dimensions + 1) = x + 1
+    for _ in range(50):
+        ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1.0))
+    steps = ratio ** -np.arange(1.0, dimensions + 1.0)
+    points = (0.5 + np.outer(np.arange(SCREENED), steps)) % 1.0
     return loss, points[np.argsort([loss(point) for point in points], kind="stable")]
 
 
@@ -634,20 +628,6 @@ def _evolved(loss: Callable[[Array], float], points: Array, generations: int) ->
     return np.asarray(found.population[order[:FOLLOWED]])
 
 
-def _even_points(count: int, dimensions: int) -> Array:
-    """Roberts' additive sequence (2018), which fills the unit box evenly, (count, dimensions)."""
-    ratio = 2.0  # the root above 1 of x^(dimensions + 1) = x + 1
-    for _ in range(50):
-        ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1.0))
-    steps = ratio ** -np.arange(1.0, dimensions + 1.0)
-    return np.asarray((0.5 + np.outer(np.arange(count), steps)) % 1.0)
-
-
-def _some_dead_band(at: Parameters, fit: Fit) -> float:
-    """Where the search for a dead band begins [rad]."""
-    return max(at.dead_band, 2.0 * fit.scale)
-
-
 def _near(fit: Fit, place: Array) -> Parameters:
     """The motor at a point of a box of seven dimensions that the delay of a fit scales."""
     at, grid = fit.parameters, fit.grid
@@ -659,7 +639,7 @@ def _near(fit: Fit, place: Array) -> Parameters:
         time_constant=0.94 * max(constant - 0.2, 0.0) ** 2 * delay,  # a fifth without
         gain=0.5 * 20.0**gain / delay,
         acceleration=0.03 * 1000.0**limit * speed / delay,
-        dead_band=0.01 * 200.0**band * _some_dead_band(at, fit),
+        dead_band=0.01 * 200.0**band * max(at.dead_band, SOME_FRICTION * fit.scale),
         v_max=max(at.v_max, grid.fastest) * 0.8 * 4.0**top,
     )
 
