@@ -266,21 +266,18 @@ def wrong_columns(grid: Grid) -> Columns:
     before, after = _likeness(grid, delays), _likeness(grid, -delays)
     best = []
     for sign in (1.0, -1.0):
-        near = delays[_first_best(sign * before)] + delays[1] * np.linspace(-1.0, 1.0, 17)
+        near = _first_best(delays, sign * before)[0] + delays[1] * np.linspace(-1.0, 1.0, 17)
         near = np.maximum(near, 0.0)
-        fine = sign * _likeness(grid, near)
-        best.append((float(near[_first_best(fine)]), float(np.max(fine))))
+        best.append(_first_best(near, sign * _likeness(grid, near)))
     (same_delay, same), (delay, other) = best
     as_good = _unlike(other) <= SIGN_LIKENESS * _unlike(same)
     if other >= 0.7 and as_good and delay < same_delay:
         likes = {"other": other, "delay": 1e3 * delay, "same": same, "same_delay": 1e3 * same_delay}
         repeats = _unlike(same) <= SIGN_LIKENESS * _unlike(other)
         against = told("sign", "sign", repeats=repeats, **likes)
-    k = _first_best(after)
-    past, future = float(np.max(before)), float(after[k])
+    (late, future), past = _first_best(delays, after), float(np.max(before))
     if future >= 0.7 and SIGN_LIKENESS * _unlike(future) < _unlike(past):
-        late = 1e3 * float(delays[k])
-        exchanged = told("columns", "exchanged", future=future, delay=late, past=past)
+        exchanged = told("columns", "exchanged", future=future, delay=1e3 * late, past=past)
     spans = _two_scales(grid, float(delays[np.argmax(before)]), past)
     return against, exchanged, spans
 
@@ -302,14 +299,18 @@ def _two_scales(grid: Grid, delay: float, likeness: float) -> tuple[float, float
     return requested, actual
 
 
-def _first_best(likeness: Array) -> int:
-    """The first of the delays that are the best up to rounding: each cycle of a motion has one."""
-    return int(np.argmax(likeness >= np.max(likeness) - 1e-9))
+def _first_best(delays: Array, likeness: Array) -> tuple[float, float]:
+    """The first of the delays that are the best up to rounding, and its likeness.
+
+    Each cycle of a motion has one.
+    """
+    k = np.argmax(likeness >= np.max(likeness) - 1e-9)
+    return float(delays[k]), float(likeness[k])
 
 
 def _unlike(likeness: float) -> float:
     """Share of the motion that a correlation leaves unexplained, as a standard deviation."""
-    return float(np.sqrt(max(1.0 - likeness * abs(likeness), 0.0)))
+    return math.sqrt(max(1.0 - likeness * abs(likeness), 0.0))
 
 
 def _likeness(grid: Grid, delays: Array) -> Array:
