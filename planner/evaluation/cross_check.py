@@ -206,10 +206,8 @@ def cross_check(
         names_of_leg = checked_leg(leg).joint_names
         count = as_rows(desired, name="desired").shape[1]
         if len(names_of_leg) != count:
-            raise InvalidInput(
-                f"desired: got {count} columns, expected {len(names_of_leg)}, one for each joint "
-                f"of the leg ({', '.join(names_of_leg)})"
-            )
+            each = f"{len(names_of_leg)}, one for each joint of the leg ({', '.join(names_of_leg)})"
+            raise InvalidInput(f"desired: got {count} columns, expected {each}")
     task = Task.of(
         model,
         desired,
@@ -462,24 +460,6 @@ class FootComparison:
         return self.plans["foot_optimal"]
 
     @property
-    def desired(self) -> Array:
-        """Where the desired angles bring the foot [m], shape (n, 3)."""
-        return self.best.task.desired_foot
-
-    @property
-    def norm(self) -> Norm:
-        """The error that the plan for the foot minimises, and that the bound is about."""
-        return self.best.task.norm
-
-    @property
-    def bound(self) -> float | None:
-        """Lower bound on the foot's error for requests within the limits [m].
-
-        None where a path is too long for it.
-        """
-        return self.best.foot_bound
-
-    @property
     def differences(self) -> dict[str, Distance]:
         """How far each method's requests are from those for the foot, all joints [rad]."""
         best = self.best.requests.ravel()
@@ -490,23 +470,24 @@ class FootComparison:
 
         It is about requests within the limits that, from rest, set out from the same pose.
         """
-        plan, task = self.plans[method], self.best.task
+        plan, task, bound = self.plans[method], self.best.task, self.best.foot_bound
         beyond = beyond_limits(plan.requests, (task.lower, task.upper))
-        if not self.bound or beyond > WITHIN_LIMITS.value:
+        if not bound or beyond > WITHIN_LIMITS.value:
             return None
         began = self.best.requests[0]
         if not task.cyclic and np.any(np.abs(plan.requests[0] - began) > AGREEMENT.value):
             return None
-        return relative_gap(error_norm(plan.distances, self.norm), self.bound)
+        return relative_gap(error_norm(plan.distances, task.norm), bound)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, lengths in centimetres and angles in degrees."""
         pairs = zip(self.plans.items(), self.differences.values(), strict=True)
+        task, bound = self.best.task, self.best.foot_bound
         return {
-            "desired_cm": (100.0 * self.desired).tolist(),
+            "desired_cm": (100.0 * task.desired_foot).tolist(),
             "requests_deg": np.degrees(self.best.requests).tolist(),
-            "norm": self.norm,
-            "lower_bound_cm": None if self.bound is None else 100.0 * self.bound,
+            "norm": task.norm,
+            "lower_bound_cm": None if bound is None else 100.0 * bound,
             "methods": {
                 method: {
                     "gap": self.gap(method),

@@ -159,9 +159,9 @@ def foot_table(foot: FootComparison) -> Table:
         errors = (f"{100.0 * each[0]:.3f}" for each in (plan.rms, plan.max_error))
         cells = [*errors, percent(foot.gap(method)), *difference]
         rows.append(Row(METHODS[method], cells, "foot"))
-    if foot.bound is not None:
+    if foot.best.foot_bound is not None:
         bound = [""] * 5
-        bound[foot.norm == "max"] = f"{100.0 * foot.bound:.3f}"
+        bound[foot.best.task.norm == "max"] = f"{100.0 * foot.best.foot_bound:.3f}"
         rows.append(Row("lower bound within the limits", bound, "foot", "bound"))
     titles = ("rms [cm]", "max [cm]", "gap", "requests differ: rms [deg]", "most [deg]")
     return Table("foot, plan", titles, rows, "Foot")

@@ -81,10 +81,9 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
         found = f"{topics[0]} has {there[0]}, {topics[1]} has {there[1]}"
         raise InvalidFile(path, f"no joint is on both topics: {found}")
     stamped = _stamped(actual, requested)
-    words = ["its header" if each else "receipt" for each in stamped]
-    alike = words[0] == words[1]
-    also = "" if alike else f", of the requested ones from {words[1]}"
-    notes.append(f"time{'' if alike else ' of the actual angles'} from {words[0]}{also}")
+    one, other = ("its header" if each else "receipt" for each in stamped)
+    both = f"time of the actual angles from {one}, of the requested ones from {other}"
+    notes.append(f"time from {one}" if one == other else both)
     # joints whose requests begin later keep their time
     read = [options.joint] if options.joint in joints else joints
     states = {joint: _states(actual[joint], requested[joint], stamped) for joint in read}
