@@ -206,50 +206,61 @@ def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> i
     return count
 
 
-def check_apart(name: str, ends: Array, n: int) -> None:
-    """Raise Infeasible where two of the knots, of a cycle the first one again, are too close."""
-    apart = np.diff(ends)
-    k = int(np.argmin(apart))
-    if apart[k] < SHORTEST:
-        raise Infeasible(
-            f"{name} at samples {ends[k]:g} and {ends[k + 1] % n:g}: {apart[k]:g} samples apart, "
-            "expected at least 1; leave one out"
-        )
-
-
-def check_required(problem: Problem, tick: float) -> None:
-    """Raise Infeasible where no curve has the required knots and angles [rad], and name the two."""
-    n = problem.samples
-    check_apart("required knots", segment_capacity(problem)[0], n)
+def check_feasible(
+    problem: Problem,
+    tick: float,  # time between samples [s]
+    *,
+    knots: Array | None,
+    segments: int | None,
+    at_most: bool,  # whether fewer segments will do
+    max_error: float | None,  # [rad]
+) -> None:
+    """Raise Infeasible where no curve meets all requirements, and name the two that exclude it."""
+    n, (fixed, most) = problem.samples, segment_capacity(problem)
+    ends = [("required knots", fixed)]
+    ends += [] if knots is None else [("knots", problem.ends(knots))]
+    for name, places in ends:
+        apart = np.diff(places)
+        k = int(np.argmin(apart))
+        if apart[k] < SHORTEST:
+            raise Infeasible(
+                f"{name} at samples {places[k]:g} and {places[k + 1] % n:g}: {apart[k]:g} samples "
+                "apart, expected at least 1; leave one out"
+            )
     pinned = np.isfinite(problem.pins)
     places, angles = problem.required[pinned], problem.pins[pinned]
-    if places.size < 2:
-        return
-    if problem.cyclic:
-        places, angles = np.append(places, places[0] + n), np.append(angles, angles[0])
-    rises = np.diff(angles) / np.diff(places)
-    k = int(np.argmax(np.abs(rises)))
-    if abs(rises[k]) > problem.step * (1.0 + 1e-13):
-        raise Infeasible(
-            f"required angles {angle_text(angles[k])} at sample {places[k]:g} and "
-            f"{angle_text(angles[k + 1])} at sample {places[k + 1] % n:g}: got a slope of "
-            f"{angle_text(rises[k] / tick)}/s between them, expected at most v_max = "
-            f"{angle_text(problem.step / tick)}/s; move one of them or allow a larger v_max"
-        )
-
-
-def check_room(problem: Problem, segments: int, *, at_most: bool) -> None:
-    """Raise Infeasible where required knots leave no room for so many or so few segments."""
-    most = segment_capacity(problem)[1]
-    if segments > np.sum(most) and not at_most:
+    if places.size > 1:
+        if problem.cyclic:
+            places, angles = np.append(places, places[0] + n), np.append(angles, angles[0])
+        rises = np.diff(angles) / np.diff(places)
+        k = int(np.argmax(np.abs(rises)))
+        if abs(rises[k]) > problem.step * (1.0 + 1e-13):
+            raise Infeasible(
+                f"required angles {angle_text(angles[k])} at sample {places[k]:g} and "
+                f"{angle_text(angles[k + 1])} at sample {places[k + 1] % n:g}: got a slope of "
+                f"{angle_text(rises[k] / tick)}/s between them, expected at most v_max = "
+                f"{angle_text(problem.step / tick)}/s; move one of them or allow a larger v_max"
+            )
+    if segments is not None and segments > np.sum(most) and not at_most:
         raise Infeasible(
             f"segments = {segments} and required knots: there is room for {np.sum(most)} of a "
             "sample or more between them; ask for fewer"
         )
-    if segments < most.size:
+    if segments is not None and segments < most.size:
         raise Infeasible(
             f"segments = {segments} and {problem.required.size} required knots: they make at "
             f"least {most.size} segments; ask for more or leave some out"
+        )
+    if max_error is None:
+        return
+    least = error_at_pins(problem)
+    if np.max(least, initial=-np.inf) > max_error * (1.0 + BARELY):
+        k, pin = map(int, np.unravel_index(int(np.argmax(least)), least.shape))
+        raise Infeasible(
+            f"required angle {angle_text(problem.pins[pin])} at sample {problem.required[pin]:g} "
+            f"and max_error: with slopes within ±v_max the error at sample {k} is at least "
+            f"{angle_text(least[k, pin])}, expected at most {angle_text(max_error)}; move the "
+            "angle or allow more error"
         )
 
 
@@ -258,16 +269,3 @@ def error_at_pins(problem: Problem) -> Array:
     away = distances(problem, np.arange(problem.samples, dtype=np.float64))
     least = np.abs(problem.desired[:, np.newaxis] - problem.pins) - problem.step * away
     return np.where(np.isfinite(problem.pins), least, -np.inf)
-
-
-def check_error_at_pins(problem: Problem, bound: float) -> None:
-    """Raise Infeasible where slopes keep a required angle beyond a largest error [rad]."""
-    least = error_at_pins(problem)
-    if np.max(least, initial=-np.inf) > bound * (1.0 + BARELY):
-        k, pin = np.unravel_index(int(np.argmax(least)), least.shape)
-        raise Infeasible(
-            f"required angle {angle_text(problem.pins[pin])} at sample {problem.required[pin]:g} "
-            f"and max_error: with slopes within ±v_max the error at sample {k} is at least "
-            f"{angle_text(least[k, pin])}, expected at most {angle_text(bound)}; move the angle or "
-            "allow more error"
-        )

@@ -26,10 +26,7 @@ from planner.approximation.fit_problem import (
     Candidate,
     Problem,
     Required,
-    check_apart,
-    check_error_at_pins,
-    check_required,
-    check_room,
+    check_feasible,
     checked_knots,
     checked_segments,
     even_knots,
@@ -43,14 +40,10 @@ from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_tex
 from planner.trajectory import Array, as_trajectory
 from planner.validation import Summarised, Summary, as_flag, read_only
 
-CLOSE_TO_IDEAL = 1.02
-"""Rms over the ideal's from which on more segments are not worth their corners."""
-
-FLOOR = 0.01
-"""Rms, relative to the range of the samples, below which more segments are not worth their
-corners."""
-
-ABOVE_NOISE = 1.1  # rms over the noise of the samples that is not worth corners either
+# Rms errors that are not worth the corners of more segments
+CLOSE_TO_IDEAL = 1.02  # relative to the ideal's
+FLOOR = 0.01  # relative to the range of the samples
+ABOVE_NOISE = 1.1  # relative to their noise
 
 ONE_BY_ONE = 16
 """Segments up to which every number is tried; beyond, a bracket grows and is halved. 8: more
@@ -222,13 +215,14 @@ def _check(problem: Problem, question: Question, tick: float) -> None:
                 f"exact: got {problem.samples} samples, expected at most {MOST_SAMPLES}; fit "
                 "without it, or thin the samples out"
             )
-    check_required(problem, tick)
-    if knots is not None:
-        check_apart("knots", problem.ends(knots), problem.samples)
-    if segments is not None:
-        check_room(problem, segments, at_most=max_error is not None or max_rms is not None)
-    if max_error is not None:
-        check_error_at_pins(problem, max_error)
+    check_feasible(
+        problem,
+        tick,
+        knots=knots,
+        segments=segments,
+        at_most=max_error is not None or max_rms is not None,
+        max_error=max_error,
+    )
 
 
 def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]:

@@ -31,12 +31,10 @@ from planner.approximation.fit_problem import (
 from planner.approximation.values import WINDOW, best_values, descend, descend_by_windows, ideal_of
 from planner.trajectory import Array
 
-# The effects of half and twice were measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40.
+# The effects of half and twice were measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40;
+# without moves errors of 100 fits are 2 % larger in the mean, without merging 1.8 %.
 
-FEW = 3
-"""Evaluations after which starts and moves are compared. 4: 0.02 % less error in the mean; 8: no
-change for a fifth more evaluations."""
-
+FEW = 3  # evaluations after which starts and moves are compared; 4: 0.02 % less error in the mean
 MANY = 8  # most evaluations of the descent of a curve that was chosen
 
 MOVES = (-0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
@@ -87,6 +85,7 @@ class KnotSearch:
         self._first, self._way = canonical_order(coarse, ideal)
         self._order = (self._first + self._way * np.arange(problem.samples)) % problem.samples
         self.problem, self.unrounded = self._canonical(coarse), self._canonical(problem)
+        self.exact = exact_curve(self.unrounded)
         self.ideal = ideal[self._order]
         most = segment_capacity(self.problem)[1]  # between required knots
         self.fewest = max(2 if problem.cyclic else 1, most.size)
@@ -104,11 +103,6 @@ class KnotSearch:
         """The curve through the samples as they were given, knots in order and within the cycle."""
         knots = self._first + self._way * curve.knots
         return Candidate(*in_order(self.problem, knots, curve.values), curve.error)
-
-    @cached_property
-    def exact(self) -> Candidate | None:
-        """The curve on which the samples lie, if there is one."""
-        return exact_curve(self.unrounded)
 
     @cached_property
     def ranked(self) -> Array:
