@@ -12,7 +12,7 @@ from planner.cli.console import Answer, Progress
 from planner.cli.declared import option
 from planner.cli.settings import HalfEllipse, Run
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.report.wording import Columns, table_of
+from planner.report.wording import table_of
 
 Pattern = Literal["walk", "trot", "pace", "bound"]  # as of planner.gait.stride, slow to import
 
@@ -138,7 +138,7 @@ def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -
     stride = next(iter(gaits.values())).stride
     names = [joint for leg in legs.values() for joint in leg.joint_names]
     angles = np.hstack([each.angles for each in gaits.values()])
-    columns: Columns = {
+    columns = {
         "phase": "{phase:.4g}",
         **{f"{axis} [m]": f"{{centre_m[{k}]:.4g}}" for k, axis in enumerate("xyz")},
         "fastest [deg/s]": "{fastest:.0f}",

@@ -106,11 +106,9 @@ def comparison_text(check: CrossCheck) -> str:
 def verdict_line(check: CrossCheck) -> str:
     """The number of checks that hold, and the first that does not."""
     count = f"{len(check.checks) - len(check.failures)} of {len(check.checks)} checks hold"
-    return (
-        f"failed: {count}; {failure_words(check.failures[0])}"
-        if check.failures
-        else f"passed: {count}"
-    )
+    if not check.failures:
+        return f"passed: {count}"
+    return f"failed: {count}; {failure_words(check.failures[0])}"
 
 
 def failure_words(check: Check) -> str:

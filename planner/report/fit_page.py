@@ -10,7 +10,7 @@ import numpy as np
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, line
 from planner.report.page import Page
 from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, LOWER_BOUND, MUTED
-from planner.report.wording import Columns, Table, table_of, words_of
+from planner.report.wording import Table, table_of, words_of
 
 if TYPE_CHECKING:
     from planner.approximation.fit_pwl import Choices, PiecewiseLinearFit
@@ -42,7 +42,7 @@ def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
 
 def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:
     """The number of lines of every joint, and its errors."""
-    columns: Columns = {
+    columns = {
         "lines": "{segments}",
         "rms [deg]": "{rms_deg:.3f}",
         "max [deg]": "{max_deg:.3f}",

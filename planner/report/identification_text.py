@@ -23,7 +23,16 @@ from planner.identification.result import (
     telling_error,
 )
 from planner.report.page import PARAMETERS
-from planner.report.wording import NOTHING, UNITS, Column, Row, Table, phrase, rendered_text
+from planner.report.wording import (
+    NOTHING,
+    UNITS,
+    Column,
+    Row,
+    Table,
+    phrase,
+    rendered_text,
+    table_of,
+)
 
 ALTERNATIVES = {
     "raw": ("the request itself", ""),
@@ -72,6 +81,11 @@ class Parameter(NamedTuple):
     def determined(self) -> bool:
         """Whether the logs determine its approximate value."""
         return self.ends.bounded and self.judgement != HARDLY
+
+    @property
+    def known(self) -> str:
+        """Whether it is determined, in a word."""
+        return "no" if not self.determined else "roughly" if self.rough else "yes"
 
     @property
     def bounds(self) -> tuple[str, str]:
@@ -367,29 +381,29 @@ def shown_by(excitation: Excitation) -> str:
 
 def excitation_text(excitation: Excitation, expected: Identification, *, model: str) -> str:
     """Text on a test signal: what it would determine, its parts, and the expected intervals."""
-    estimates, units = parameters(expected), UNITS[expected.unit]
-    missing = [row.brief for row in estimates if not row.determined]
-    rough = [row.brief for row in estimates if row.determined and row.rough]
-    each: dict[str, list[str]] = {}
+    units, each = UNITS[expected.unit], dict[str, list[str]]()
     for part in excitation.parts:
         each.setdefault(part.name, [part.determines]).append(f"{part.begin:.0f} to {part.end:.0f}")
     dead_band = next((term for term in expected.terms if term.name == "dead_band"), None)
-    parts = [Row(name, (", ".join(times), what)) for name, (what, *times) in each.items()]
-    known = ["no" if not row.determined else "roughly" if row.rough else "yes" for row in estimates]
-    rows = [
-        Row(each.brief, (f"{each.value} {each.unit}", each.interval, determined, each.judgement))
-        for each, determined in zip(estimates, known, strict=True)
-    ]
-    columns = ("identified", "95 % interval", "determined", "known")
+    columns = {
+        "identified": "{0.value} {0.unit}",
+        "95 % interval": "{0.interval}",
+        "determined": "{0.known}",
+        "known": "{0.judgement}",
+    }
+    estimates = parameters(expected)
     return rendered_text(
         "excitation.txt",
         of=excitation,
         meaning=shown_by(excitation),
-        missing=missing,
-        rough=rough,
-        parts=Table("part", ("time [s]", "determines"), parts),
+        estimates=estimates,
+        parts=Table(
+            "part",
+            ("time [s]", "determines"),
+            (Row(name, (", ".join(times), what)) for name, (what, *times) in each.items()),
+        ),
         model=model,
-        expected=Table("parameter", columns, rows),
+        expected=table_of("parameter", ((row.brief, row) for row in estimates), columns),
         dead_band=dead_band
         and units.factor * (dead_band.interval.upper - expected.model.dead_band),
         inf=math.inf,

@@ -12,7 +12,7 @@ from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Page
 from planner.report.plan_results import Numbers, in_unit
-from planner.report.wording import NOTHING, Columns, Row, Table, table_of, words_of
+from planner.report.wording import NOTHING, Row, Table, table_of, words_of
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -25,13 +25,6 @@ AFTER = style.REQUESTED._replace(label="next requests")
 NEXT = style.OPTIMAL._replace(label="predicted next")
 ERROR = style.INK._replace(label="error, measured", width=1.4)
 LEARNT = style.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
-
-NUMBERS = {
-    "predicted": "predicted next",
-    "lower_bound": "lower bound",
-    "noise": "noise of a cycle",
-}
-"""What stands below the errors of the trials."""
 
 
 def learning_page(
@@ -108,9 +101,10 @@ def trials_table(progress: Mapping[str, Numbers]) -> Table:
         best = ["\nbest" * (trial == each["best_trial"]) for each in joints]
         cells = [f"{_short(error, 4)}{note}" for error, note in zip(errors, best, strict=True)]
         rows.append(Row(str(trial), cells))
-    for name in ("predicted", "lower_bound", "noise"):
+    names = {"predicted": "predicted next", "lower_bound": "lower bound"}
+    for name, about in (names | {"noise": "noise of a cycle"}).items():
         kind = "bound" if name == "lower_bound" else ""
-        rows.append(Row(NUMBERS[name], [_short(each[name], 4) for each in joints], kind=kind))
+        rows.append(Row(about, [_short(each[name], 4) for each in joints], kind=kind))
     columns = (f"{name} [{each['unit']}]" for name, each in progress.items())
     return Table("trial", columns, rows, "Errors of the trials, rms")
 
@@ -145,7 +139,7 @@ def trials_text(progress: Mapping[str, Numbers]) -> str:
         lines += [f"{name}: {text}" for text in each["remarks"]]
         if each["stopped"]:
             lines.append(f"{name}: learning has ended: {each['stopped']}")
-    columns: Columns = {name: f"{{{name}:.3f}}" for name in ("first", "last", "best")}
+    columns = {name: f"{{{name}:.3f}}" for name in ("first", "last", "best")}
     columns |= {
         "predicted next": "{predicted:.3f}",
         "lower bound": "{lower_bound:.3f}",

@@ -13,7 +13,7 @@ from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
 from planner.report.plan_results import NORMS, SHIFTED, WITHOUT, PlanAnswer, no_bound, sizes_of
-from planner.report.wording import Column, Columns, Row, Table, signed, table_of, words_of
+from planner.report.wording import Column, Row, Table, signed, table_of, words_of
 from planner.trajectory import Array
 
 DIRECT = style.DIRECT._replace(label="without a plan")
@@ -90,7 +90,7 @@ def joints_table(answer: PlanAnswer) -> Table:
         early = f"{1e3 * each['best_shift']['lead_s']:.0f}"
         rows.append((name, each | {"limits": limits, "early": early}))
     bounded = any(each["lower_bound"] is not None for _, each in rows)
-    columns: Columns = {
+    columns = {
         Column("best time shift [deg]" if is_shift else "planned [deg]", norms): NORMS,
         "early [ms]": is_shift and "{early}",
         "on the robot [deg]": answer.tested and "{on_robot}",

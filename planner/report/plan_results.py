@@ -26,7 +26,7 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.wording import Column, Columns, Table, number, percent, table_of
+from planner.report.wording import Column, Table, number, percent, table_of
 from planner.trajectory import Array, error_norm, rms, size
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ SPEEDS = {"desired_speed", "top_speed"}
 AT_LIMIT = 1e-6
 """A request this close to a limit is at it [deg]."""
 
-MOTIONS: Columns = {
+MOTIONS = {
     "largest step [deg]": "{largest_step:.2f}",
     "reversals/s": "{reversals_per_s:.1f}",
     "length [deg]": "{path_length:.1f}",
@@ -255,20 +255,19 @@ class PlanAnswer:
             for kind, words in kinds.items()
             if errors
         ]
-        columns: Columns = {f"{k} [{unit}]": f"{{{k}:.3f}}" for k in ErrorsOfModels._fields}
+        columns = {f"{k} [{unit}]": f"{{{k}:.3f}}" for k in ErrorsOfModels._fields}
         return table_of("plan", rows, columns, "Errors over the models") if rows else None
 
     @property
     def feet_table(self) -> Table:
         """How far the foot of each leg of a robot is from its path."""
-        feet, norms = self.feet.values(), ("rms", "at most")
-        columns: Columns = {
+        norms, tested = ("rms", "at most"), all(each["expected_rms"] for each in self.feet.values())
+        columns = {
             Column("plan [cm]", norms): NORMS,
             Column("without a plan [cm]", norms): WITHOUT,
             Column("best shift [cm]", norms): SHIFTED,
+            "on the robot, rms [cm]": tested and "{expected_rms:.3f}",
         }
-        if all(each["expected_rms"] is not None for each in feet):
-            columns["on the robot, rms [cm]"] = "{expected_rms:.3f}"
         return table_of("foot", self.feet.items(), columns, "Feet")
 
     @property
@@ -320,7 +319,7 @@ class PlanAnswer:
     def text(self) -> str:
         """The plan for people."""
         joints, plan, task = self.joints, self.plan, self.plan.task
-        columns: Columns = {"rms [deg]": "{rms:.3f}", "max [deg]": "{max:.3f}"}
+        columns = {"rms [deg]": "{rms:.3f}", "max [deg]": "{max:.3f}"}
         if self.tested:
             columns["on the robot"] = "{on_robot}"
         columns |= {self.bound: "{lower_bound:.3f}", "gap": "{gap:.2%}"}

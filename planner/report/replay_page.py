@@ -20,7 +20,6 @@ from planner.report.wording import (
     NOTHING,
     UNITS,
     Column,
-    Columns,
     Row,
     Table,
     phrase,
@@ -180,7 +179,7 @@ def joints_table(replay: Replay, about: str = "joint [deg]") -> Table:
     recorded, resent, direct, shifted, planned = (
         (f"{{{kind}[rms]:.3f}}", f"{{{kind}[max]:.3f}}") for kind in kinds
     )
-    columns: Columns = {
+    columns = {
         Column("recorded run", norms): recorded,
         Column("requests as recorded", norms): resent,
         Column("path as it is", norms): direct,
@@ -385,7 +384,7 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
 
 def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:
     """Errors of recordings by kind of requests; with their speeds where these are the fastest."""
-    columns: Columns = {
+    columns = {
         "requests": "{requests}",
         "speed": fastest and "{speed:.3g}",
         "worst joint": "{worst_joint} [{unit}]",

@@ -12,16 +12,7 @@ from planner.evaluation.pareto_front import Outcome, Swept
 from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
-from planner.report.wording import (
-    Column,
-    Columns,
-    Row,
-    Table,
-    phrase,
-    rendered_text,
-    table_of,
-    words_of,
-)
+from planner.report.wording import Column, Row, Table, phrase, rendered_text, table_of, words_of
 from planner.validation import finite
 
 WORDS = {
@@ -132,7 +123,7 @@ def points_table(swept: Swept) -> Table:
         own["speed", swept.speed_unit] = "{of.speed:.4g}"
     own["error", swept.error_unit] = "{of.error:.4g}"
     own["without a plan", swept.error_unit] = "{of.direct:.4g}"
-    columns: Columns = {f"{k} [{unit}]" if unit else k: each for (k, unit), each in own.items()}
+    columns = {f"{k} [{unit}]" if unit else k: each for (k, unit), each in own.items()}
     rows = []
     for each in swept.front:
         fast = f"{100.0 * each.too_fast:.0f} % {each.slowest}" if each.slowest else "nowhere"

@@ -13,7 +13,7 @@ from functools import cache
 from itertools import groupby, zip_longest
 from operator import attrgetter
 from string import Formatter
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from markupsafe import Markup, escape
 
@@ -115,10 +115,6 @@ class Table:
         return [(name, list(rows)) for name, rows in groupby(self.rows, attrgetter("subject"))]
 
 
-Columns = dict[str | Column, str | tuple[str, ...] | Literal[False]]
-"""Title and format of every column, or the formats of its parts; False is no column."""
-
-
 class _Cells(Formatter):
     """Format strings of cells: ``!d`` shows radians in degrees, ``!m`` seconds in milliseconds.
 
@@ -142,12 +138,9 @@ class _Cells(Formatter):
 
 
 def table_of(
-    about: str,
-    rows: Iterable[tuple[str, Any]],
-    columns: Columns,
-    label: str = "",
+    about: str, rows: Iterable[tuple[str, Any]], columns: Mapping[Any, Any], label: str = ""
 ) -> Table:
-    """A table of pairs of a label and an object, from the title of every column and its format.
+    """A table of pairs of a label and an object, from every column and its format, or no format.
 
     Format strings have names of a mapping, ``{rms:.3f}``, or attributes of other objects,
     ``{0.rms:.3f}``; several of them are parts of a column.
