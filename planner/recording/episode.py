@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.exceptions import InvalidInput
 from planner.files.exports import LEROBOT_TASK, Layout, frame_rate, lerobot_dataset
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
@@ -34,8 +33,7 @@ def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
         return Layout(features=dict.fromkeys(values, replay.names), rate=rate), values, LEROBOT_TASK
     dataset, rows = find_dataset(recording.file), read_episode(recording.file, recording.episode)
     arrays = {ACTION: rows.action, STATE: rows.state}
-    numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in arrays.items()}
-    features = {key: dataset.written[key] or numbers[key] for key in arrays}
+    features = {key: dataset.written[key] or dataset.names_of(key, rows) for key in arrays}
     layout = Layout(features=features, rate=rate, robot_type=dataset.robot_type)
     whole = ~np.isnan(np.column_stack([rows.times, rows.action, rows.state])).any(axis=1)
     times = rows.times[whole]
@@ -44,10 +42,7 @@ def lerobot_episode(recording: Recording, replay: Replay) -> Episode:
         key: np.column_stack([np.interp(moments, times, column) for column in each[whole].T])
         for key, each in arrays.items()
     }
-    names = dataset.names[ACTION] or numbers[ACTION]
-    if len(names) != len(numbers[ACTION]):
-        words = f"{len(numbers[ACTION])} actions, expected {len(names)}"
-        raise InvalidInput(f"{recording.name}: {words}")
+    names = dataset.names_of(ACTION, rows)
     for joint in replay.planned:
         values[ACTION][:, names.index(joint.name)] = as_written(joint, joint.requests)
     return layout, values, rows.task or LEROBOT_TASK

@@ -138,15 +138,10 @@ def _read_episodes(file: Path) -> list[EpisodeRows]:
 
 def _joints(dataset: Dataset, episode: EpisodeRows) -> dict[str, tuple[int, int]]:
     """Places in the action and in the observation of every joint that both hold."""
-    places = []
-    for key, values in ((ACTION, episode.action), (STATE, episode.state)):
-        width = values.shape[1]
-        names = dataset.names[key] or tuple(map(str, range(width)))
-        if len(names) != width:
-            named = f"but meta/info.json names {len(names)}; is the file of this dataset?"
-            raise InvalidFile(episode.file, f"'{key}' has {width} numbers a row, {named}")
-        places.append({name: j for j, name in enumerate(names)})
-    action, state = places
+    action, state = (
+        {name: j for j, name in enumerate(dataset.names_of(key, episode))}
+        for key in (ACTION, STATE)
+    )
     if both := {name: (action[name], state[name]) for name in action if name in state}:
         return both
     there = f"'{ACTION}' ({', '.join(action)}) and '{STATE}' ({', '.join(state)})"
@@ -214,14 +209,15 @@ class Dataset:
     rate: float | None = None  # rows per second; None where the dataset does not say
     robot_type: str | None = None  # the robot, as LeRobot calls it
 
-    @property
-    def names(self) -> dict[str, tuple[str, ...] | None]:
-        """The same names without LeRobot's ``main_`` and ``.pos``, where they stay distinct."""
-        names = dict(self.written)
-        for key, each in self.written.items():
-            plain = tuple(name.removesuffix(".pos").removeprefix("main_") for name in each or ())
-            if len(set(plain)) == len(plain) and all(plain):
-                names[key] = plain or None
+    def names_of(self, key: str, rows: EpisodeRows) -> tuple[str, ...]:
+        """Names in a feature without ``main_`` and ``.pos``, if they stay distinct; or numbers."""
+        width, names = (rows.action if key == ACTION else rows.state).shape[1], self.written[key]
+        plain = tuple(name.removesuffix(".pos").removeprefix("main_") for name in names or ())
+        names = plain if len(set(plain)) == len(plain) and all(plain) else names
+        names = names or tuple(map(str, range(width)))
+        if len(names) != width:
+            named = f"but meta/info.json names {len(names)}; is the file of this dataset?"
+            raise InvalidFile(rows.file, f"'{key}' has {width} numbers a row, {named}")
         return names
 
     @property
