@@ -28,7 +28,7 @@ from planner.approximation.fit_problem import (
     segment_capacity,
     with_required,
 )
-from planner.approximation.values import WINDOW, best_values, descend, descend_by_windows, ideal_of
+from planner.approximation.values import WINDOW, best_values, descend, ideal_of
 from planner.trajectory import Array
 
 # The effects of half and twice were measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40;
@@ -136,10 +136,10 @@ class KnotSearch:
             return sorted(rough, key=by_error)
         starts.sort(key=by_error)
         if segments > PROPOSED:
-            best = descend_by_windows(problem, starts[0], rounds=4)
+            best = descend(problem, starts[0], rounds=4)
         else:
-            rough = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts[:2]]
-            best = descend_by_windows(problem, min(rough, key=by_error), rounds=MANY)
+            rough = [descend(problem, curve, rounds=FEW) for curve in starts[:2]]
+            best = descend(problem, min(rough, key=by_error), rounds=MANY)
         return [best_values(problem, best.knots)]
 
 

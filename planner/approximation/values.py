@@ -147,43 +147,33 @@ def descend(
     progress: float = 1e-7,
     values_only: bool = False,
 ) -> Candidate:
-    """Move knots and values downhill from a curve of at most :data:`WINDOW` knots; never worse.
+    """Move knots and values downhill, many of them by one window after the other; never worse.
 
-    With ``values_only`` all knots stay: a convex QP, of which few evaluations find the optimum.
+    The ends of a window of :data:`WINDOW` knots stay. With ``values_only`` all knots stay: a convex
+    QP, of which few evaluations find the optimum.
     """
     from planner.approximation import inner_loops
 
-    size = start.knots.size
+    size, n, cyclic = start.knots.size, problem.samples, problem.cyclic
     required, pins = required_knots(problem, start.knots)
-    free = np.append(~required & (not values_only), ~np.isfinite(pins))
-    curve = np.concatenate([start.knots, start.values])
-    curve, error = inner_loops.descend(problem, curve, free, rounds, progress)
-    return Candidate(curve[:size], curve[size:], error)
-
-
-def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
-    """Move one window of many knots after the other, each between knots that stay; never worse."""
-    from planner.approximation import inner_loops
-
-    size, n = start.knots.size, problem.samples
-    required, pins = required_knots(problem, start.knots)
-    free = np.stack([~required, ~np.isfinite(pins)])
+    free = np.stack([~required & (not values_only), ~np.isfinite(pins)])
+    if size <= WINDOW:
+        curve = np.concatenate([start.knots, start.values])
+        curve, error = inner_loops.descend(problem, curve, free.ravel(), rounds, progress)
+        return Candidate(curve[:size], curve[size:], error)
     knots, values = start.knots.copy(), start.values.copy()
-    for first in range(0, size if problem.cyclic else size - 2, WINDOW // 2):
-        last = first + WINDOW - 1
-        if not problem.cyclic:
-            last = min(last, size - 1)
+    for first in range(0, size if cyclic else size - 2, WINDOW // 2):
+        last = first + WINDOW - 1 if cyclic else min(first + WINDOW, size) - 1
         turn, number = np.divmod(np.arange(first, last + 1), size)
         places = knots[number] + n * turn
         low, high = math.ceil(places[0]), math.floor(places[-1])
         inside = Problem(problem.desired[np.arange(low, high + 1) % n], problem.step, cyclic=False)
         moves = free[:, number]
         moves[0, [0, -1]] = False
-        moves[1, 0] &= first == 0 and not problem.cyclic
-        moves[1, -1] &= last == size - 1 and not problem.cyclic
-        curve, _ = inner_loops.descend(
-            inside, np.append(places - low, values[number]), moves.ravel(), rounds, 1e-7
-        )
+        moves[1, 0] &= first == 0 and not cyclic
+        moves[1, -1] &= last == size - 1 and not cyclic
+        curve = np.append(places - low, values[number])
+        curve, _ = inner_loops.descend(inside, curve, moves.ravel(), rounds, progress)
         places, values[number] = np.split(curve, 2)
         knots[number] = places + low - n * turn
     return candidate(problem, knots, values)
