@@ -3,8 +3,7 @@
 Level s holds the places where knot s may lie. The condition that two segments meet is replaced by a
 Lagrange multiplier on their difference ((5b) of docs/math.md): for any multipliers the cheapest
 chain is a lower bound. Places through which every chain costs more than the best curve known are
-struck out; the rest is halved. No number of the method changes an answer; half and twice each
-change the bounds that are computed by a quarter at most.
+struck out; the rest is halved.
 """
 
 from __future__ import annotations

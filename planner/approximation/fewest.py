@@ -1,18 +1,15 @@
 """The path and the cycle of fewest segments through gates: minimum-link paths.
 
 A gate is an interval of values at a place, and the path must pass all of them with slopes within
-±v. The greedy algorithm is exact (docs/math.md, section 4). All lines lie between two extreme ones,
-the highest and the lowest at all later gates, each of which touches a convex hull of ends of gates
-behind it, so that a gate costs O(1) on average. Decisions compare numbers one by one.
+±v. The greedy algorithm, Guibas, Hershberger, Mitchell and Snoeyink's ordered stabbing (1993), is
+exact (docs/math.md, section 4). All lines lie between two extreme ones (O'Rourke 1981), the highest
+and the lowest at all later gates, each of which touches a convex hull of ends of gates behind it,
+so that a gate costs O(1) on average.
 
 The path through the same gates over and over keeps some line that misses a gate above it after one
 that misses a gate below it, or the reverse. Every cycle crosses the second of these lines three
-times, on different segments, so that some cycle of fewest segments contains it: it is an eave. From
-an eave on, the cycle is a path again.
-
-Sources: Suri (1986), Imai and Iri (1986), and Guibas, Hershberger, Mitchell and Snoeyink (1993),
-whose ordered stabbing this is, for minimum-link paths; O'Rourke (1981) for the extreme lines; Ghosh
-and Maheshwari (1990), who sought polygons between two others, for eaves.
+times, so that some cycle of fewest segments contains it: it is an eave (Ghosh and Maheshwari 1990).
+From an eave on, the cycle is a path again.
 """
 
 from __future__ import annotations

@@ -16,12 +16,11 @@ from planner.trajectory import Array, Indices, Mask
 
 @compiled
 def open_ended(desired: Array, weights: Array, step: float) -> Array:
-    """The x nearest to ``desired`` with |x[k+1] - x[k]| <= step, shape (n,).
+    """The x nearest to ``desired``, in weighted squares, with |x[k+1] - x[k]| <= step, (n,).
 
     The cost of the best sequence that ends in x is convex and piecewise quadratic. Its derivative
     is kept as two stacks of corners left and right of its root, which one more sample moves apart
-    by ``step`` and tilts by its weight. From the last root, the best end, the sequence follows
-    backwards. ``weights`` are those of the squared errors, (n,).
+    by ``step`` and tilts by its weight. From the last root the sequence follows backwards.
     """
     samples = len(desired)
     # Corners: place + k * step on the left, - on the right, and change of the slope outwards.
@@ -172,11 +171,7 @@ def descend(
 
 @inner
 def evaluate(problem: Problem, curve: Array) -> tuple[float, Array, Array, Array]:
-    """Squared error of a curve of knots and then values, (2K,), and derivatives of half of it.
-
-    They are the gradient, the Hessian, and the diagonal of the Hessian without the residuals' part,
-    that of Gauss and Newton.
-    """
+    """Squared error of a curve, (2K,); gradient, Hessian, Gauss-Newton diagonal of half of it."""
     desired, cyclic = problem.desired, problem.cyclic
     size, n, error = len(curve) // 2, problem.desired.size, 0.0
     knots, values = curve[:size], curve[size:]
@@ -227,11 +222,7 @@ def evaluate(problem: Problem, curve: Array) -> tuple[float, Array, Array, Array
 
 @inner
 def constraints(problem: Problem, size: int) -> tuple[Array, Array]:
-    """The conditions A x <= b of curves x, knots and then values: no slope too steep, none short.
-
-    |y' - y| <= v (t' - t) is linear in both. Rows, (3S, 2K): slopes too high, too low, lengths of
-    segments.
-    """
+    """The conditions A x <= b, (3S, 2K), of curves x: slopes not too high, too low, lengths."""
     step, count = problem.step, size if problem.cyclic else size - 1
     rows, limits = np.zeros((3 * count, 2 * size)), np.zeros(3 * count)
     for start in range(count):
@@ -263,9 +254,8 @@ def minimise_damped(
 
     It is -(H + λS)⁻¹(g + Aᵀu) with the u >= 0 that minimises the dual, ½ uᵀGu - sᵀu with G = A (H +
     λS)⁻¹ Aᵀ and s = -A (H + λS)⁻¹ g - b. Variables that are not ``free`` stay zero; ``scales`` are
-    the diagonal of S. λ grows tenfold until the sum is definite.
-
-    Returns the step, zero without a solution; whether there is one; and the damping λ.
+    the diagonal of S. λ grows tenfold until the sum is definite. Returns p, zero without a
+    solution; whether there is one; and λ.
     """
     nothing, count = np.zeros(len(gradient)), len(rows)
     while True:
@@ -312,10 +302,9 @@ def combined(shares: Array, rows: Array) -> Array:
 
 @inner
 def inverse_of(matrix: Array, chosen: Mask, diagonal: Array, share: float) -> tuple[Array, bool]:
-    """The inverse of a matrix's chosen rows and columns, elsewhere zero; and whether there is one.
+    """The inverse of a matrix's chosen part, a share of a diagonal added; whether there is one.
 
-    A ``share`` of a diagonal is added. By Gauss and Jordan's elimination, which needs no pivoting
-    where they are positive definite.
+    By Gauss and Jordan's elimination, which needs no pivoting where they are positive definite.
     """
     size = len(matrix)
     inverse = np.zeros((size, size))

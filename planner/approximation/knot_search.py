@@ -3,9 +3,7 @@
 Cheapest chains of chords of the ideal (Bellman, On the approximation of curves by line segments
 using dynamic programming, 1961; (5a) of docs/math.md) and merged samples are starts of descents.
 The squared error has a kink wherever a knot meets a sample, so the knots of the best two curves are
-moved across samples, one at a time, each move with a descent of its own. Beyond 32 segments, knots
-come from merging and one descent. Samples that are piecewise linear already have their corners read
-off. Nothing is proved here.
+moved across samples, one at a time. Nothing is proved here.
 """
 
 from __future__ import annotations

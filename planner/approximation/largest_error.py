@@ -2,8 +2,7 @@
 
 The number of segments is that of a minimum-link path (:mod:`planner.approximation.fewest`). Then
 all knots move at once, each within the gap between two samples where it lies, by a convex QP, (5c)
-of docs/math.md, whose unknowns are the lines: it is known which samples each of them passes, and
-which of two neighbours is the steeper one. A knot that ends on a sample moves on the same way in
+of docs/math.md, whose unknowns are the lines. A knot that ends on a sample moves on the same way in
 the next round, or the other way if it has not moved.
 """
 
@@ -38,9 +37,8 @@ bounds is where least squares begin. 48 paths and cycles: 6: 1 % larger rms erro
 no change for a quarter more time."""
 
 MOST_LINES = 4000
-"""Lines in all rounds of least squares together from which on there is none after the first, so
-that the time is in proportion to the samples. All rounds for 2,500 segments: 9 % smaller errors at
-best, 2.7 times the time."""
+"""Lines in all rounds of least squares together, or in the first, so that the time is in proportion
+to the samples. All rounds for 2,500 segments: 9 % smaller errors at best, 2.7 times the time."""
 
 MOST_ROUNDS = 8  # rounds of least squares at most; 14: 0.03 % smaller rms errors in the mean
 MARGIN = 1e-9  # share of the bounds that is left to the tolerance of the QP

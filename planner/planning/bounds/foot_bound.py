@@ -1,12 +1,11 @@
 """Lower bound on the distance of a leg's foot from its path (``docs/math.md``, (13a)).
 
-The foot's distance is not convex in the joints' angles. In a Lagrangian relaxation, multipliers
-replace the conditions that couple a joint's angles, so that the problem separates into samples; a
-leg's few angles at one sample allow a search with proof: a box of angles is cut into cells, and a
-cell is halved along every joint as long as it may contain less than the least value so far (13b).
-The multipliers maximise a concave dual function that is known by its values and subgradients alone.
-They begin at those of a Gauss-Newton search; a proximal bundle method (Lemaréchal 1975, Kiwiel
-1990) improves them and, where that leaves a gap, the responses are split by branch and bound.
+In a Lagrangian relaxation, multipliers replace the conditions that couple a joint's angles, so that
+the problem separates into samples; a leg's few angles at one sample allow a search with proof: a
+box of angles is cut into cells, and a cell is halved along every joint as long as it may contain
+less than the least value so far (13b). The multipliers begin at those of a Gauss-Newton search; a
+proximal bundle method (Lemaréchal 1975, Kiwiel 1990) improves them and, where that leaves a gap,
+the responses are split by branch and bound.
 """
 
 from __future__ import annotations
