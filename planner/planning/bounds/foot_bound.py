@@ -24,11 +24,7 @@ from kinematics.chain import Chain
 from planner.model.joint import JointModel
 from planner.model.response import Loads, rest_angles
 from planner.planning.bounds.multipliers import conic_solutions
-from planner.planning.bounds.reachable_set import (
-    BoundProblem,
-    farthest_per_period,
-    reachable_set,
-)
+from planner.planning.bounds.reachable_set import BoundProblem, farthest_per_period, reachable_set
 from planner.planning.task import Norm, Task
 from planner.trajectory import Array, Indices
 
