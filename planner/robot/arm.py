@@ -246,10 +246,8 @@ class _Guard:
         beyond = math.radians(15.0)  # of its range a joint may be before its motion is stopped
         self._low = np.minimum(limits[:, 0], start) - beyond
         self._high = np.maximum(limits[:, 1], start) + beyond
-        now = arm.bus.port.now()
-        self._arm, self._anchors = arm, start.copy()
-        self._moved, self._heard = np.full(len(start), now), np.full(len(start), now)
-        self._places, self._called = start.copy(), np.full(len(start), now)
+        self._arm, self._anchors, self._places = arm, start.copy(), start.copy()
+        self._moved, self._heard, self._called = np.full((3, len(start)), arm.bus.port.now())
         self._least, self._most = np.full(len(start), np.inf), np.full(len(start), -np.inf)
 
     def check(self, requests: Array, measured: Measured) -> None:

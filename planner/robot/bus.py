@@ -21,9 +21,7 @@ ATTEMPTS = 4
 """How often a servo is asked before it counts as silent; at 5 % lost packets, 10 % of questions
 fail, and one in 10,000 fails so often."""
 
-FULL = 1.0
-"""Time after which a port that does not take an instruction is given up [s]; at 9,600 bits a second
-the longest one takes 0.2."""
+FULL = 1.0  # time until a full port is given up [s]; at 9,600 bits a second packets take 0.2
 
 PATIENCE = 0.05
 """Time for which an answer is awaited beside its own [s]: a USB adapter may keep it for 16 ms."""

@@ -29,8 +29,6 @@ from planner.planning.time_shift import invert_shift
 from planner.robot.arm import Arm
 from planner.trajectory import Array, rms
 
-LOOKS = 50  # sync reads at rest, for the noise of the sensors and the time of a tick
-MARGIN = 0.05  # share of a range that is left free at either end
 WORSE = 2.0
 """A model still holds while it misses the motion by at most this factor over the error that its
 own test predicts, by :data:`SMALL`, or by at most this factor over a new model of this motion."""
@@ -39,7 +37,6 @@ SMALL = math.radians(0.3)
 """Error that is never worth a new calibration [rad]: three counts of a sensor of 12 bits."""
 
 UNKNOWN = 0.1  # share by which a parameter without an interval may be off
-SAME = 1e-3  # difference of requests below which a log holds the requested motion [rad]
 
 
 class Check(NamedTuple):
@@ -60,7 +57,7 @@ def check(arm: Arm) -> Check:
     settings = arm.settings()
     rows, times = [], []
     attempts, losses = bus.asked, bus.lost
-    for _ in range(LOOKS):
+    for _ in range(50):  # at rest, for the noise of the sensors and the time of a tick
         begin = port.now()
         measured = arm.measure()
         times.append(port.now() - begin)
@@ -118,7 +115,7 @@ def with_ranges(arm: Arm, ranges: Mapping[str, Array]) -> Arm:
                 f"{angle_text(least)} wide; turn the joint by hand through all of its range, "
                 "or away from a limit of its servo"
             )
-        margin = MARGIN * (high - low)
+        margin = 0.05 * (high - low)  # left free at either end
         limits = (round(low + margin, 6), round(high - margin, 6))
         servos[name] = replace(servos[name], limits=limits)
     return Arm(arm.bus, servos)
@@ -158,7 +155,7 @@ def move(
     if resume:
         rows = np.rint((record.times - record.times[0]) / period).astype(int)
         expected = requests[np.minimum(rows, len(requests) - 1)]
-        if np.mean(np.abs(expected - record.requests) < SAME) < 0.5:  # rows may be late by one
+        if np.mean(np.abs(expected - record.requests) < 1e-3) < 0.5:  # rows may be late by one
             raise InvalidFile(
                 log,
                 "holds another motion than would be played now: the rate, the duration or the "
@@ -274,8 +271,6 @@ RUN_IN = 0.5
 """Beginning of the test motion whose errors do not count [s]: until the first motion frees it,
 friction leaves a joint up to its dead band off the first request, by chance."""
 
-AS_GOOD = 1.02  # a simpler way is preferred to one that is better by less than this factor
-
 
 class Candidate(NamedTuple):
     """A way to make the joint follow the test motion."""
@@ -365,7 +360,7 @@ def compare(
         largest = float(np.max(np.abs(errors)))
         candidates.append(Candidate(name, rms(errors), largest, step, expected, angles))
     least = min(each.error for each in candidates)
-    recommended = next(each for each in candidates if each.error <= AS_GOOD * least)
+    recommended = next(each for each in candidates if each.error <= 1.02 * least)  # the simplest
     used, evidence = model, model.evidence or Evidence()
     if recommended.way == "optimal":  # without friction and load: its error on the test motion
         used = plain

@@ -144,15 +144,14 @@ class VirtualServos:
         width, content = self.protocol.address_size, packet.content
         first = int.from_bytes(content[:width], "little")
         size = int.from_bytes(content[width : 2 * width], "little")
-        servos = self.ids if packet.servo == BROADCAST else [packet.servo]
+        reads = packet.code in (protocols.READ, protocols.SYNC_READ)
+        servos: Sequence[int] = self.ids if packet.servo == BROADCAST else [packet.servo]
         if packet.code == SYNC_WRITE:
             rows = content[2 * width :]
             for k in range(0, len(rows) - size, size + 1):
                 self._write(rows[k], first, rows[k + 1 : k + 1 + size])
         elif packet.code == protocols.SYNC_READ:
-            for servo in content[2 * width :]:
-                if servo in self.ids:
-                    yield self._answer(servo, self._memory(servo)[first : first + size])
+            servos = content[2 * width :]
         elif packet.code == ACTION:
             for each in self._later:
                 list(self._carry_out(each._replace(code=WRITE)))
@@ -163,7 +162,7 @@ class VirtualServos:
             if packet.code == protocols.PING:
                 model = self._memory(servo)[self.protocol.registers["model"].address :][:2]
                 yield self._answer(servo, bytes(model) + b"\x01" if width == 2 else b"")
-            elif packet.code == protocols.READ:
+            elif reads:
                 yield self._answer(servo, self._memory(servo)[first : first + size])
             elif packet.code in (WRITE, REG_WRITE):
                 if packet.code == WRITE:
