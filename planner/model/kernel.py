@@ -159,9 +159,9 @@ def run_period(
 ) -> State:
     """The state after one request period, whose first ``skipped`` ticks are left out.
 
-    ``weights`` are those of each request at each tick, youngest first, (hold, width); ``history``
-    are requests, oldest first [rad], and ``first`` is the number of the oldest one that acts. The
-    load makes the sag kappa tau [rad], and the joint b ``faster`` [rad/tick].
+    ``weights`` are those of each request at each tick, youngest first, (hold, width), in a history
+    of requests, oldest first [rad], of which the ``first`` that acts has a number. The load makes
+    the sag kappa tau [rad], and the joint b ``faster`` [rad/tick].
     """
     angle, speed, integral = state
     hold, width = weights.shape
@@ -349,27 +349,16 @@ class Servo(NamedTuple):
 
 
 class Track(NamedTuple):
-    """The requests of a log and the ticks on which a joint runs along it.
+    """The requests of a log and the ticks on which a joint runs along it."""
 
-    Attributes:
-        edges: Times at which another request comes into force [s], increasing, (e,).
-        requests: Request in force from each of them on [rad], (e,).
-        tick: Time step [s].
-        ticks: Times of the ticks [s], (t,).
-        loads: Torque at each tick [N m], (t,).
-        states: State that each tick leads to, from the one before it, (t,).
-        before: State at or before each row of the log, increasing, (rows,).
-        share: Weight of the state after it, (rows,).
-    """
-
-    edges: Array
-    requests: Array
-    tick: float
-    ticks: Array
-    loads: Array
-    states: Indices
-    before: Indices
-    share: Array
+    edges: Array  # times at which another request comes into force [s], increasing, (e,)
+    requests: Array  # request in force from each of them on [rad], (e,)
+    tick: float  # time step [s]
+    ticks: Array  # times of the ticks [s], (t,)
+    loads: Array  # torque at each tick [N m], (t,)
+    states: Indices  # state that each tick leads to, from the one before it, (t,)
+    before: Indices  # state at or before each row of the log, increasing, (rows,)
+    share: Array  # weight of the state after it, (rows,)
 
 
 ROUNDING = 1e-15

@@ -22,10 +22,9 @@ def motor_share(time_constant: float, tick: float) -> float:
 def fastest_integral(gain: float, share: float, *, inside: bool, slope: float) -> float:
     """The share of an integral from which on a joint oscillates for ever, by Jury's criterion [-].
 
-    With the gain gamma [1/tick], the share k of the motor and the slope s of the sag by the angle
-    it comes to rest if and only if the share i of the integral is below k (1 - s) in a position
-    controller (``inside`` the drive), and in a speed loop below 1 with
-    i gamma < k (gamma (1 - s) + i).
+    By the gain gamma [1/tick], a motor's share k and the slope s of the sag by the angle it rests
+    below k (1 - s) ``inside`` the drive, and in a speed loop below 1 with i gamma < k (gamma (1 -
+    s) + i) for the share i of the integral.
     """
     if inside:
         return share * (1.0 - slope)
@@ -41,35 +40,22 @@ class State(NamedTuple):
 
 
 class Law(NamedTuple):
-    """The numbers of a joint's law, (1a) to (1d) of ``docs/math.md``, by ticks: for the kernel.
+    """The numbers of a joint's law, (1a) to (1d) of ``docs/math.md``, by ticks: for the kernel."""
 
-    Attributes:
-        gain: gamma = v_max / theta_0 [1/tick].
-        top: Limit of the drive, v_max + gamma delta, in a speed loop v_max [rad/tick].
-        friction: gamma delta, delta the dead band [rad/tick].
-        share: Share of the difference between demanded speed and speed by which a motor changes
-            its speed in a tick: k = 1 - exp(-tick / time constant) [-].
-        acceleration: Largest change of the speed in a tick [rad/tick^2].
-        sag_sin: Sag by the sine of the angle [rad].
-        sag_cos: Sag by its cosine [rad].
-        integral_share: Share of the difference between demanded speed and speed by which the
-            integral of a speed loop changes in a tick [-]; in a position controller of that between
-            demanded speed and integral.
-        integral_inside: Part of the integral that is added within the limits of the drive [-]: 0 in
-            a speed loop, 1 in a position controller.
-        offset: Static offset c [rad], beside the sag under a load.
-    """
-
-    gain: float
-    top: float
-    friction: float
+    gain: float  # gamma = v_max / theta_0 [1/tick]
+    top: float  # limit of the drive, v_max + gamma delta, in a speed loop v_max [rad/tick]
+    friction: float  # gamma delta, delta the dead band [rad/tick]
+    # of the difference between demanded speed and speed by which a motor changes its speed in a
+    # tick: k = 1 - exp(-tick / time constant) [-]
     share: float = 1.0
-    acceleration: float = math.inf
-    sag_sin: float = 0.0
-    sag_cos: float = 0.0
+    acceleration: float = math.inf  # largest change of the speed in a tick [rad/tick^2]
+    sag_sin: float = 0.0  # sag by the sine of the angle [rad]
+    sag_cos: float = 0.0  # by its cosine [rad]
+    # of the difference between demanded speed and speed by which the integral of a speed loop
+    # changes in a tick [-]; in a position controller of that between demanded speed and integral
     integral_share: float = 0.0
-    integral_inside: float = 0.0
-    offset: float = 0.0
+    integral_inside: float = 0.0  # 1 in a position controller: added within the drive's limits
+    offset: float = 0.0  # static offset c [rad], beside the sag under a load
 
     @property
     def states(self) -> int:

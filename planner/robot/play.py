@@ -111,8 +111,6 @@ def play(
         >>> len(sent) + report.skipped
         4
     """
-    check_functions(send=send, now=now, sleep=sleep)
-    check_functions(optional=True, on_stop=on_stop, report=report)
     rows = as_rows(requests, name="requests")
     as_positive("period", period, "a positive number of seconds")
     last = math.inf
@@ -155,6 +153,8 @@ def _play(
     returns the requests [rad], (k,), sent if finite, and whether one of them is repeated; or None
     at the end. The tick ``last`` is not missed, however late.
     """
+    check_functions(send=send, now=now, sleep=sleep)
+    check_functions(optional=True, on_stop=on_stop, report=report)
     counts = dict.fromkeys(("sent", "skipped", "held", "overruns"), 0)
     late = latest = 0.0
     interrupted, failed = False, True
@@ -298,8 +298,7 @@ def follow(
         >>> len(sent) + report.skipped
         3
     """
-    check_functions(send=send, now=now, sleep=sleep)
-    check_functions(optional=True, measure=measure, on_stop=on_stop, report=report)
+    check_functions(optional=True, measure=measure)
     if not callable(getattr(stream, "step", None)):
         raise InvalidInput(f"stream: got {shown(stream)}, expected a planner.Stream")
     as_positive("period", stream.period, "a positive number of seconds")
