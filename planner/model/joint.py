@@ -33,22 +33,6 @@ a simulation's time grows with them. Models identified by default have half as m
 MOST_POSE_SAG = 0.9
 """Largest sag by the angle [rad]; from 1 on a joint may rest at several angles."""
 
-LEFT_OUT = (
-    "time_constant",
-    "max_acceleration",
-    "sag_sin",
-    "sag_cos",
-    "integral_rate",
-    "position_integral_rate",
-)
-"""Parameters that files leave out where a joint has none."""
-
-POSITIVE = ("v_max", "theta_0", "acceleration_time", "tick", "max_acceleration")
-"""Parameters above 0."""
-
-SIGNED = ("offset", "v_offset", "sag_sin", "sag_cos")
-"""Parameters that may be below it."""
-
 LEAST, MOST = 1e-15, 1e9
 """Least positive and largest parameter, in its SI unit: products and ratios of them stay finite."""
 
@@ -108,23 +92,26 @@ class JointModel:
             come to rest because v_max * tick >= 2 theta_0, or by its integral terms.
     """
 
-    v_max: float = field(metadata={"unit": "rad/s"})
-    theta_0: float = field(metadata={"unit": "rad"})
+    # A parameter is above 0 (+), or of any sign (±), or else 0 or more; files leave optional ones out
+    v_max: float = field(metadata={"unit": "rad/s", "sign": "+"})
+    theta_0: float = field(metadata={"unit": "rad", "sign": "+"})
     lag: float = field(metadata={"unit": "s"})
-    acceleration_time: float = field(metadata={"unit": "s"})
-    tick: float = field(default=0.008, metadata={"unit": "s"})
+    acceleration_time: float = field(metadata={"unit": "s", "sign": "+"})
+    tick: float = field(default=0.008, metadata={"unit": "s", "sign": "+"})
     hold: int = field(default=1, metadata={"unit": "ticks"})
-    offset: float = field(default=0.0, metadata={"unit": "rad"})
+    offset: float = field(default=0.0, metadata={"unit": "rad", "sign": "±"})
     dead_band: float = field(default=0.0, metadata={"unit": "rad"})
-    v_offset: float = field(default=0.0, metadata={"unit": "rad/s"})
+    v_offset: float = field(default=0.0, metadata={"unit": "rad/s", "sign": "±"})
     compliance: float = field(default=0.0, metadata={"unit": "rad/(N m)"})
     speed_per_torque: float = field(default=0.0, metadata={"unit": "rad/(s N m)"})
-    time_constant: float = field(default=0.0, metadata={"unit": "s"})
-    max_acceleration: float = field(default=math.inf, metadata={"unit": "rad/s^2"})
-    sag_sin: float = field(default=0.0, metadata={"unit": "rad"})
-    sag_cos: float = field(default=0.0, metadata={"unit": "rad"})
-    integral_rate: float = field(default=0.0, metadata={"unit": "1/s"})
-    position_integral_rate: float = field(default=0.0, metadata={"unit": "1/s"})
+    time_constant: float = field(default=0.0, metadata={"unit": "s", "optional": True})
+    max_acceleration: float = field(
+        default=math.inf, metadata={"unit": "rad/s^2", "sign": "+", "optional": True}
+    )
+    sag_sin: float = field(default=0.0, metadata={"unit": "rad", "sign": "±", "optional": True})
+    sag_cos: float = field(default=0.0, metadata={"unit": "rad", "sign": "±", "optional": True})
+    integral_rate: float = field(default=0.0, metadata={"unit": "1/s", "optional": True})
+    position_integral_rate: float = field(default=0.0, metadata={"unit": "1/s", "optional": True})
 
     def __repr__(self) -> str:
         """The constructor call without default parameters, and the units."""
@@ -136,7 +123,7 @@ class JointModel:
     def __post_init__(self) -> None:
         """Check every parameter once; afterwards the model is valid."""
         for parameter in fields(self):
-            name, unit = parameter.name, parameter.metadata["unit"]
+            name, unit, sign = parameter.name, *map(parameter.metadata.get, ("unit", "sign"))
             given = getattr(self, name)
             if name == "hold":
                 ticks = as_whole(given) or 0
@@ -152,11 +139,11 @@ class JointModel:
                 expected = "a finite number in SI units"
             elif MOST < abs(value) < math.inf:
                 expected = f"at most {MOST:g} in SI units"
-            elif name in POSITIVE and value <= 0.0:
+            elif sign == "+" and value <= 0.0:
                 expected = "more than 0"
-            elif name in POSITIVE and value < LEAST:
+            elif sign == "+" and value < LEAST:
                 expected = f"at least {LEAST:g} {unit}; is it in SI units?"
-            elif name not in SIGNED and value < 0.0:
+            elif sign != "±" and value < 0.0:
                 expected = "0 or more"
             if expected:
                 got = shown(given) if math.isnan(value) else f"{value:g} {unit}"
@@ -354,11 +341,11 @@ class JointModel:
         write_text(path, models_text({"": self}))
 
     def parameters(self) -> dict[str, Any]:
-        """The parameters by name, as in files: those of ``LEFT_OUT`` only if not the default."""
+        """The parameters by name, as in files: optional ones only if not the default."""
         return {
             each.name: getattr(self, each.name)
             for each in fields(self)
-            if each.name not in LEFT_OUT or getattr(self, each.name) != each.default
+            if not each.metadata.get("optional") or getattr(self, each.name) != each.default
         }
 
     @cached_property
