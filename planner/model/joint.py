@@ -92,7 +92,7 @@ class JointModel:
             come to rest because v_max * tick >= 2 theta_0, or by its integral terms.
     """
 
-    # A parameter is above 0 (+), or of any sign (±), or else 0 or more; files leave optional ones out
+    # A parameter is above 0 (+), of any sign (±), or else 0 or more; files leave optional ones out
     v_max: float = field(metadata={"unit": "rad/s", "sign": "+"})
     theta_0: float = field(metadata={"unit": "rad", "sign": "+"})
     lag: float = field(metadata={"unit": "s"})
