@@ -1,8 +1,6 @@
 """Output of the command line: results on standard output, messages on standard error.
 
-``--quiet``, ``--verbose``, NO_COLOR and FORCE_COLOR set how much, and the colours; on a terminal a
-line shows the progress of long work. Errors in settings name keys of a run file or options, as the
-user wrote them.
+Errors in settings name keys of a run file or options, as the user wrote them.
 """
 
 from __future__ import annotations
@@ -152,10 +150,7 @@ def verbosity() -> str:
 
 
 def coloured() -> bool | None:
-    """Whether to use colours; None leaves it to click, which uses them on a terminal.
-
-    https://no-color.org and https://force-color.org, of which the first overrules the second.
-    """
+    """Whether to use colours, by no-color.org, then force-color.org; None leaves it to click."""
     if os.environ.get("NO_COLOR"):
         return False
     if os.environ.get("FORCE_COLOR"):
@@ -197,9 +192,8 @@ def _settle(context: click.Context, option: click.Parameter, value: Any) -> None
 class Progress:
     """The progress of long work: a line on a terminal, and with ``--verbose`` one after each step.
 
-    A thread draws the line again during a long step; without a terminal there is none. With a
-    ``count`` of steps there are a bar and a remaining time. Of ``parallel`` steps each is reported
-    when it is finished.
+    A thread draws the line again during a long step. With a ``count`` of steps there are a bar and
+    a remaining time. Of ``parallel`` steps each is reported when it is finished.
     """
 
     current: Progress | None = None

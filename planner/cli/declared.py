@@ -1,9 +1,7 @@
 """Settings declared once: a class is a table of a file, a field a key, and often an option.
 
-A declaration holds type, range, default, example and option of a setting; its purpose stands among
-the attributes in the docstring of the class. From them follow the check of a file with its
-messages, the template and the reference of files, and the options of the commands
-(:mod:`planner.cli.options`).
+From a declaration, and its purpose in the docstring of the class, follow the check of a file with
+its messages, the template, the reference and the options of commands (:mod:`planner.cli.options`).
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from planner.exceptions import InvalidFile, PlannerError, about
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
+    from planner.files.logs.rows import LogOptions
     from planner.identification.log import Log
     from planner.identification.result import Identification
 
@@ -26,7 +27,7 @@ FEW_ROWS = 20_000
 def identify(
     *,
     logs: tuple[Source, ...] = argument(form="LOG..."),
-    log: Mapping[str, Any] = options.log_options(
+    log: Any = options.log_options(
         joint=(
             str | None,
             option("The joint to read where a log has several, or 'all'.", form="NAME"),
@@ -82,7 +83,7 @@ def identify(
     identifications = _identify_joints(by_joint, choices)
     tables, of_joint = identifications, ""
     document: dict[str, Any]
-    if log["joint"] == "all":
+    if log.joint == "all":
         document = {"joints": {joint: each.to_dict() for joint, each in tables.items()}}
     else:
         ((joint, identification),) = identifications.items()
@@ -127,11 +128,11 @@ def identify(
     )
 
 
-def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, list[Log]]:
+def _by_joint(paths: Sequence[str], choices: LogOptions) -> dict[str, list[Log]]:
     """The logs by joint; assumptions of the reader are printed on standard error."""
     from planner.files.logs import read_logs
 
-    logs = read_logs(paths, options=options.to_log_options(choices))
+    logs = read_logs(paths, options=choices)
     about_logs: dict[str, list[str]] = {}  # each note once for all logs
     for log in logs:
         rate = f"{len(log.times)} rows, one every {1e3 * log.period:.3g} ms"
@@ -145,7 +146,7 @@ def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, lis
     for log in logs:
         by_joint.setdefault(log.joint, []).append(log)
     by_joint = {joint: own for joint, own in by_joint.items() if own}
-    if choices["joint"] == "all":
+    if choices.joint == "all":
         return by_joint
     if len(named := [joint for joint in by_joint if joint]) > 1:
         raise click.UsageError(

@@ -1,8 +1,7 @@
-"""Options of several commands: their types, settings built from their declarations, and others.
+"""Options and arguments of commands: settings and others, made of their declarations.
 
-A type parses a value once, refuses invalid ones, and completes it in a shell. A file or a folder
-that is to be written is checked here, before anything is computed; so is that no output overwrites
-an input.
+A file or a folder that is to be written is checked here, before anything is computed; so is that no
+output overwrites an input.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
@@ -223,12 +221,12 @@ class Group(NamedTuple):
     value: Callable[[dict[str, Any]], Any]  # takes its options out of all by name
 
 
-def group(**options: tuple[Any, Declared]) -> Any:
-    """Options by name, with type and declaration; together a mapping."""
+def group(make: Callable[..., Any] = dict, /, **options: tuple[Any, Declared]) -> Any:
+    """Options by name, with type and declaration; together what ``make`` makes of their values."""
     groups = {name: _single(name, *each) for name, each in options.items()}
     return Group(
         [each.options[0] for each in groups.values()],
-        lambda values: {name: each.value(values) for name, each in groups.items()},
+        lambda values: make(**{name: each.value(values) for name, each in groups.items()}),
     )
 
 
@@ -278,10 +276,9 @@ def command(
             )
 
         def run(*, as_json: bool = False, report: str | None = None, **values: Any) -> None:
-            places = {"report": report, "expected-log": values.get("expected_log")}
+            places = {"--report": report, "--expected-log": values.get("expected_log")}
             for name in [name for name, place in places.items() if as_json and place == "-"]:
-                words = "standard output takes the JSON; name a file."
-                raise click.UsageError(f"--{name}: {words}")
+                raise click.UsageError(f"{name}: standard output takes the JSON; name a file.")
             try:
                 own = {name: each.value(values) for name, each in groups.items()}
                 if answer := function(**own):
@@ -340,13 +337,19 @@ _RECORDING = {
 
 
 def log_options(**first: tuple[Any, Declared]) -> Any:
-    """Options of logs, and others before them: what :func:`to_log_options` takes, with a joint."""
+    """Options of logs, and others before them, such as the joint; by default all are read."""
     forms = {"unit": "UNIT", "ticks_per_turn": "N", "episodes": "LIST"}
     for name, about in _RECORDING.items():
         form = forms.get(name, "TOPIC" if "topic" in name else "COLUMN")
         kind = float if name == "ticks_per_turn" else str
         first[name] = kind | None, option(about, form=form)
-    return group(**first)
+
+    def make(**choices: Any) -> LogOptions:
+        from planner.files.logs.rows import LogOptions  # imports NumPy
+
+        return LogOptions(**{"joint": "all", **choices})
+
+    return group(make, **first)
 
 
 SETTINGS = {
@@ -453,10 +456,3 @@ def put(content: dict[str, Any], key: str, value: Any) -> None:
             table.setdefault(unit, {})[joint] = position
     else:
         table[name] = dict(value) if declared.kind.origin is dict else value
-
-
-def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
-    """The options about logs among a command's options."""
-    from planner.files.logs.rows import LogOptions
-
-    return LogOptions(**{each.name: choices[each.name] for each in fields(LogOptions)})

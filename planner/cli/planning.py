@@ -71,7 +71,14 @@ def plan_of(
         progress("the foot")
     with desired.units_in_messages():
         if by_feet:
-            plan = _by_feet(desired, progress)
+            requests = np.empty_like(desired.angles)
+            for name, leg in desired.legs.items():
+                progress(f"the foot {name}")
+                part = desired.of_leg(leg)
+                part = replace(part, foot=leg.foot_positions(part.angles))
+                columns = [desired.names.index(joint) for joint in leg.joint_names]
+                requests[:, columns] = planned(task_of(part), method="optimal").requests
+            plan = Plan(task=task_of(desired), requests=requests)
         else:
             plan = planned(
                 task_of(desired),
@@ -97,18 +104,6 @@ def plan_of(
         progress("the lower bound")
         _ = plan.foot_bound  # takes seconds, and is cached
     return plan
-
-
-def _by_feet(desired: Desired, progress: Callable[[str], None]) -> Plan:
-    """A plan for the joints of a robot, from one plan for the foot of each leg."""
-    requests = np.empty_like(desired.angles)
-    for name, leg in desired.legs.items():
-        progress(f"the foot {name}")
-        part = desired.of_leg(leg)
-        part = replace(part, foot=leg.foot_positions(part.angles))
-        columns = [desired.names.index(joint) for joint in leg.joint_names]
-        requests[:, columns] = planned(task_of(part), method="optimal").requests
-    return Plan(task=task_of(desired), requests=requests)
 
 
 def beyond_limits(desired: Desired, plan: Plan) -> list[str]:

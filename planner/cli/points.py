@@ -1,7 +1,6 @@
 """Sweep files and their points, each planned as a run file: a grid of them, or those of a search.
 
-A point is a value for each parameter, and is judged by the speed and the error of its plan. Points
-that are not worse than another in both are the Pareto front.
+A point is a value for each parameter, and is judged by the speed and the error of its plan.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal
@@ -46,17 +45,12 @@ REQUIRED = {
 
 @dataclass(frozen=True)
 class Space:
-    """A checked sweep file.
-
-    ``error_unit`` is "cm" of a foot, "deg" of joints; ``period`` [s] is the time between requests,
-    where a parameter is the period of a gait.
-    """
+    """A checked sweep file."""
 
     settings: Sweep
-    values: Mapping[str, tuple[float, ...]]
-    error_unit: str
-    requirement: Requirement | None
-    period: float
+    values: Mapping[str, tuple[float, ...]]  # of each parameter
+    period: float  # time between requests [s], where a parameter is the period of a gait
+    swept: Swept  # what is swept, without outcomes
 
     @property
     def most_points(self) -> int:
@@ -166,7 +160,15 @@ def read_sweep(path: str) -> Space:
                 except (ValueError, OverflowError) as error:
                     words = f"got {value:g}, expected {expected}"
                     raise BadSetting(f"‹sweep.parameters.{name}›: {words}") from error
-    return Space(run, values, "cm" if of_foot else "deg", requirement, period)
+    swept = Swept(
+        file=run.source.path,
+        names=tuple(values),
+        outcomes=(),
+        speed_unit="cm/s" if gait else "times",
+        error_unit="cm" if of_foot else "deg",
+        requirement=requirement,
+    )
+    return Space(run, values, period, swept)
 
 
 def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
@@ -223,17 +225,10 @@ def planned_points(
             lambda places: outcomes_at(map(space.point, places)),
             [(each[0], each[-1]) for each in space.values.values()],
             most=space.most_points,
-            requirement=space.requirement,
+            requirement=space.swept.requirement,
             seed=search_settings.seed,
         )
-    return Swept(
-        file=space.settings.source.path,
-        names=tuple(space.values),
-        outcomes=tuple(by_point.values()),
-        speed_unit="cm/s" if space.settings.path.file is None else "times",
-        error_unit=space.error_unit,
-        requirement=space.requirement,
-    )
+    return replace(space.swept, outcomes=tuple(by_point.values()))
 
 
 def _prepared(content: dict[str, Any], folder: str) -> Desired:

@@ -275,9 +275,9 @@ def replay_many(
 ) -> tuple[Mapping[str, Any], Path]:
     """Replay recordings, and write those that have a plan as one LeRobot dataset.
 
-    The planned episodes are kept in a hidden folder beside the dataset, ``.NAME.results``, which is
-    removed once the dataset is written, unless a recording failed. Memory does not grow with the
-    number of recordings, but for their figures. Returns the answer for machines, and that folder.
+    The planned episodes are kept in a hidden folder beside the dataset, ``.NAME.results``, unless
+    all are written. Memory does not grow with the number of recordings, but for their figures.
+    Returns the answer for machines, and that folder.
     """
     first = recordings[0]
     run = first.settings

@@ -51,7 +51,7 @@ def replay(
         limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.  "
         "[default: none]",
     ),
-    log: Mapping[str, Any] = options.log_options(),
+    log: Any = options.log_options(),
     output: str = options.output_or_folder,
     work: Mapping[str, Any] = options.parallel,
 ) -> Answer:
@@ -84,7 +84,7 @@ def replay(
     from planner.recording.episode import left_out
 
     options.check_parallel(work)
-    recordings = recordings_in(logs, options.to_log_options({**log, "joint": "all"}))
+    recordings = recordings_in(logs, log)
     check_writing(run.replay.write_as, recordings, output)
     if work["resume"] and len(recordings) == 1:
         warn("--resume has no effect on one recording, which is planned anew")

@@ -112,10 +112,7 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Experiment:
 
 
 def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Experiment:
-    """The paper's experiment on the virtual robot, whose joints are not the model.
-
-    The files are the models, the logs of the step tests, and requests and angles of every walk.
-    """
+    """The paper's experiment on the virtual robot, with models, logs and every walk as files."""
     import numpy as np
 
     from planner.evaluation.virtual_experiment import play_experiment

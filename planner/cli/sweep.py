@@ -105,11 +105,7 @@ def _answer(document: Mapping[str, Any], words: str) -> Answer:
 def write_sweep(
     folder: Path, space: Space, swept: Swept, origin: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Write the table as CSV, and the page.
-
-    Returns:
-        ``results.json``.
-    """
+    """Write the table as CSV, and the page; returns ``results.json``."""
     from planner.cli.planning import origins_of
     from planner.files.results import made_from
     from planner.files.table import csv_text
