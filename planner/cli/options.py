@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import click
 from click.shell_completion import CompletionItem
 
-from planner.cli.console import MARKED, Answer, BadSetting, SettingsError, warn
+from planner.cli.console import MARKED, Answer, warn
 from planner.cli.declared import NUMBER, SOURCE, Count, Declared, Kind, Source, option, tables
 from planner.cli.settings import ReplayRun, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
@@ -279,14 +279,9 @@ def command(
             places = {"--report": report, "--expected-log": values.get("expected_log")}
             for name in [name for name, place in places.items() if as_json and place == "-"]:
                 raise click.UsageError(f"{name}: standard output takes the JSON; name a file.")
-            try:
-                own = {name: each.value(values) for name, each in groups.items()}
-                if answer := function(**own):
-                    answer.deliver(own.get("output", "-"), report, as_json=as_json)
-            except BadSetting as error:
-                raise click.UsageError(f"{in_options(error.args[0])}.") from error
-            except SettingsError as error:
-                raise click.ClickException(in_options(error.args[0])) from error
+            own = {name: each.value(values) for name, each in groups.items()}
+            if answer := function(**own):
+                answer.deliver(own.get("output", "-"), report, as_json=as_json)
 
         options = [option for each in groups.values() for option in each.options]
         if page:

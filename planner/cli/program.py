@@ -18,6 +18,8 @@ import click
 
 from planner._version import __version__
 from planner.cli.console import (
+    BadSetting,
+    SettingsError,
     add_verbosity,
     advised,
     coloured,
@@ -92,8 +94,11 @@ class Commands(click.Group):
             _discard(sys.stdout)
             raise click.exceptions.Exit(141) from error  # 128 + SIGPIPE, as shells have it
         except PlannerError as error:
-            command = self.get_command(ctx, ctx.invoked_subcommand or "")
-            words = [*getattr(error, "__notes__", ()), _in_options(error, command or self)]
+            name = ctx.invoked_subcommand or ""
+            message = _in_options(error, self.get_command(ctx, name) or self)
+            if isinstance(error, BadSetting):
+                message += f". See '{ctx.command_path} {name} --help'."
+            words = [*getattr(error, "__notes__", ()), message]
             failure: Any = click.ClickException(": ".join(words))
             failure.exit_code = BAD_INPUT if isinstance(error, InvalidInput) else FAILED
             raise failure from error
@@ -212,6 +217,8 @@ def _in_options(error: PlannerError, command: click.Command) -> str:
     """The message of an error, with the command's options in place of the library's arguments."""
     from planner.cli.options import in_options
 
+    if isinstance(error, SettingsError):
+        return in_options(error.args[0])
     message = advised(error, in_options)
     head, colon, rest = message.partition(": ")
     if colon and not isinstance(error, InvalidFile):
