@@ -95,9 +95,8 @@ def to_json(content: Mapping[str, Any]) -> str:
     return json.dumps(finite, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
+# Place of a value: the keys that lead to it, and the numbers of tables that repeat.
 Place = tuple[str | int, ...]
-"""Place of a value: the keys that lead to it, and the numbers of tables that repeat."""
-
 _KEY = r"(?:\"[^\"]*\"|'[^']*'|[A-Za-z0-9_-]+)"
 _DEEP = re.compile(
     r"(?<![A-Za-z0-9_-])(?:(?:\"[^\"\n]*+\"|'[^'\n]*+'|[A-Za-z0-9_-]++)[ \t]*+\.[ \t]*+)"

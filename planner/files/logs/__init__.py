@@ -31,8 +31,8 @@ BAM = Format("JSON of BAM", read_bam)
 LEROBOT = Format("a LeRobot dataset", read_lerobot, ("episodes",))
 BAG = Format("a bag", read_bag, ("topic", "command_topic"))
 
+# Formats by the end of a file's name; any other is CSV.
 BY_SUFFIX = {".parquet": LEROBOT, ".json": BAM, ".mcap": BAG, ".bag": BAG, ".db3": BAG}
-"""Formats by the end of a file's name; any other is CSV."""
 
 
 def read_logs(

@@ -169,8 +169,8 @@ class Rows:
         return missing if self.load is None else missing | np.isnan(self.load)
 
 
+# A recording in a file: its joints, and the rows of each, read on demand.
 Recorded = Mapping[str, Callable[[], Rows]]
-"""A recording in a file: its joints, and the rows of each, read on demand."""
 
 
 def make_log(rows: Rows) -> Log:
