@@ -308,8 +308,7 @@ def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyc
     """The part of an innovation to learn, (n, k): less noise, where the models' phase is certain.
 
     ``F^-1 [cos(min(2 pi f e, pi/2)) max(0, 1 - c N(f) / S(f)) F [innovation]]``, with S the power
-    of the innovation, the disturbance less the part that is learnt already, N that of its noise
-    [rad^2], (f, k), and e the error that the latency may have.
+    of the innovation, N that of its noise [rad^2], (f, k), and e the latency's error.
     """
     forward, backward = _transforms(cyclic=cyclic)
     spectrum = forward(innovation)

@@ -280,12 +280,7 @@ class JointModel:
         return evidence
 
     def with_evidence(self, evidence: Evidence | None) -> Self:
-        """The same joint, with this evidence.
-
-        Raises:
-            InvalidInput: It is no Evidence, or its correlations do not fit the parameters with
-                intervals.
-        """
+        """The same joint, with this evidence, or InvalidInput where its correlations do not fit."""
         if evidence is not None:
             if not isinstance(evidence, Evidence):
                 raise InvalidInput(f"evidence: got {shown(evidence)}, expected an Evidence or None")
@@ -448,12 +443,9 @@ class JointModel:
         return self.compliance != 0.0 or self.speed_per_torque != 0.0
 
     def sag(self, load: npt.ArrayLike = 0.0) -> Array:
-        """Angle at rest under a load, less the request [rad]: c + kappa tau of (2).
+        """Angle at rest under a load [N m], less the request [rad]: c + kappa tau of (2).
 
         The sag by the angle is :meth:`pose_sag`. An integral term makes up for both: c.
-
-        Args:
-            load: Torque on the joint in the direction of positive angles [N m].
         """
         compliance = 0.0 if self.has_integral else self.compliance
         return np.asarray(self.offset + compliance * np.asarray(load, dtype=np.float64))
@@ -496,10 +488,8 @@ class JointModel:
     ) -> Array:
         """Speed that errors demand [rad/s]: f of Equation 2 and of (1a).
 
-        Args:
-            error: Request plus :meth:`sag` and :meth:`pose_sag` minus angle [rad].
-            load: Torque on the joint in the direction of positive angles [N m].
-            angle: Angle at which gravity acts, by :meth:`gravity` [rad]; None for no gravity.
+        An error is request plus :meth:`sag` and :meth:`pose_sag` minus angle [rad]; the further
+        arguments are those of :meth:`speed_limits`.
         """
         band = self.steady.dead_band
         beyond = np.asarray(error, dtype=np.float64) - np.clip(error, -band, band)

@@ -97,9 +97,8 @@ def _run_steady_cycle(cycle: Cycle, near: float) -> float:
     high = cycle.history.max() + (law.offset + cycle.sags.max()) + beyond
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     if law.friction > 0.0 and not inert:
-        # There may be many: how much further a cycle ends than it starts does not increase with the
-        # angle where it starts, so they start in one range, and the nearest one is an end of it.
-        # With a sag by the pose there may be several ranges: one of them is found.
+        # There may be many, which start in one range, and the nearest one is an end of it. With a
+        # sag by the pose there may be several ranges: one of them is found.
         return _closing_start(cycle, State(near, 0.0, 0.0), low, high, tolerance, True)[1]
     size = moving_states(law) if inert else 1
     return _settled_motion(cycle, near, low, high, tolerance, size)
@@ -131,17 +130,13 @@ def _settled_motion(
 ) -> float:
     """Run the steady cycle into which a joint settles from an angle, by so many numbers of a state.
 
-    Without inertia, ``size`` 1, the end of a cycle is a continuous, piecewise linear function of
-    its start, of slope within [-1, 1]: a step of the secant method that halves the distance of the
-    ends is taken, and else bisection finds the fixed point. With a sag by the pose the function is
-    curved and may be steeper; of several fixed points one is found.
-
-    With inertia the motion is followed from rest, cycle by cycle; near its end a step of Newton's
-    method finishes. Where it does not settle, any such step that halves the distance of a cycle's
-    ends is taken; else bisection finds the angle at which a cycle of a given speed closes, and the
-    speeds follow Mann's iteration, a mean of earlier speeds and their images. (Without them 4 % of
-    2,900 random joints under random requests have no cycle, not 1 %.) With a dead band steady
-    cycles are not isolated: the step is the shortest one.
+    Without inertia, ``size`` 1, a step of the secant method that halves the distance of the ends is
+    taken, and else bisection finds the fixed point; of several, one. With inertia the motion is
+    followed from rest; near its end a step of Newton's method finishes, the shortest one, as with a
+    dead band steady cycles are not isolated. Where it does not settle, any step that halves the
+    distance is taken; else bisection finds the angle at which a cycle of a given speed closes, and
+    the speeds follow Mann's iteration, a mean of earlier speeds and their images. (Without them 4 %
+    of 2,900 random joints under random requests have no cycle, not 1 %.)
     """
     scale, inert = tolerance / CYCLE_TOLERANCE, size > 1
     state = begun(cycle, near) if inert else State(near, 0.0, 0.0)
