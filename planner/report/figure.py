@@ -143,10 +143,8 @@ class Figure:
     @property
     def x_range(self) -> tuple[float, float]:
         """Ends of the horizontal axis."""
-        if self.x.range is not None:
-            return self.x.range
         values = [curve.x for panel in self.panels for curve in panel.curves]
-        return around(values, margin=0.0 if self.over_time else MARGIN)
+        return self.x.range or around(values, margin=0.0 if self.over_time else MARGIN)
 
 
 class Timeline:
@@ -169,19 +167,11 @@ class Timeline:
         """The times of a plan."""
         return cls(plan.period, len(plan.desired), plan.cyclic)
 
-    def curve(
-        self,
-        values: Array,
-        role: Role,
-        label: str = "",
-        *,
-        held: bool = False,
-        hidden: bool = False,
-    ) -> Curve:
+    def curve(self, values: Array, role: Role, label: str = "", **more: Any) -> Curve:
         """A value per sample, shape (n,); of a cycle up to where it begins again."""
         heights = np.append(values, values[0]) if self.cyclic else values
         times = self.step * np.arange(float(len(heights)))
-        return Curve(role, times, heights, label, held=held, hidden=hidden)
+        return Curve(role, times, heights, label, **more)
 
     def leg(
         self,

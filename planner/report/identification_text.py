@@ -32,6 +32,7 @@ from planner.report.wording import (
     phrase,
     rendered_text,
     table_of,
+    two_digits,
 )
 
 ALTERNATIVES = {
@@ -134,7 +135,7 @@ def parameters(identification: Identification) -> list[Parameter]:
         elif not ends.bounded:
             known = f"only bounded from {'below' if math.isfinite(ends.lower) else 'above'}"
         elif name in beside:
-            known += f"± {two_figures(factor * half)} {unit}"
+            known += f"± {two_digits(factor * half)} {unit}"
         else:
             known = HARDLY if half > abs(estimate) else f"{known}± {percent_of(half, estimate)}"
         brief, value = PARAMETERS[name][1], rounded_by(factor * estimate, shown)
@@ -265,12 +266,7 @@ def between(interval: Interval) -> str:
 
 def percent_of(part: float, whole: float) -> str:
     """A part of a whole in percent."""
-    return f"{two_figures(100.0 * part / abs(whole))} %" if whole else "∞ %"
-
-
-def two_figures(number: float) -> str:
-    """A positive number with two figures, or all that stand before the point."""
-    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
+    return f"{two_digits(100.0 * part / abs(whole))} %" if whole else "∞ %"
 
 
 def identification_text(

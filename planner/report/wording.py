@@ -199,8 +199,8 @@ def number(value: float | None, digits: int = 2) -> str:
 
 
 def two_digits(value: float) -> str:
-    """Two digits of a number, without a power of ten."""
-    return f"{float(f'{value:.2g}'):g}"
+    """Two digits of a number, or all that stand before the point."""
+    return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"
 
 
 def at_most(value: float) -> str:
