@@ -28,7 +28,7 @@ from planner.files.paths import (
 )
 from planner.files.text import STANDARD_STREAM
 from planner.model.evidence import refusal
-from planner.model.joint import JointModel, joint_of_top_speed
+from planner.model.joint import JointModel
 from planner.planning.task import limits_of_each
 from planner.trajectory import Array, most_lost
 
@@ -484,7 +484,9 @@ def _by_file(run: settings.Run, joints: Sequence[str], leg: Leg | None) -> tuple
                 f"{key}: the URDF has no usable top speed of joint '{joint}'; give a model file, "
                 "as `identify` writes it"
             )
-    return tuple(joint_of_top_speed(speeds[joint]) for joint in joints)
+    paper = JointModel.ers210a()  # its theta_0 in the same ratio
+    share = paper.theta_0 / paper.v_max
+    return tuple(replace(paper, v_max=speeds[j], theta_0=speeds[j] * share) for j in joints)
 
 
 def _in_percent(model: JointModel) -> JointModel:

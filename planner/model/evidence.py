@@ -161,16 +161,6 @@ class Evidence(NamedTuple):
             intervals=intervals,
         )
 
-    def moved(self, factors: Mapping[str, float], shifts: Mapping[str, float]) -> Evidence:
-        """The same evidence, for other parameters: times a factor, plus a shift, 0 at least."""
-        moved = dict(self.intervals)
-        for name in {*factors, *shifts} & set(moved):
-            low, high = (
-                factors.get(name, 1.0) * end + shifts.get(name, 0.0) for end in moved[name]
-            )
-            moved[name] = max(low, 0.0), high
-        return self._replace(intervals=moved)
-
 
 def refusal(evidence: Mapping[str, Evidence | None]) -> str:
     """Which models are not to be planned with, and why, in a line; empty for none.

@@ -263,11 +263,16 @@ class JointModel:
             hold=hold,
             max_acceleration=self.max_acceleration + after - before,
         )
-        evidence = self.evidence and self.evidence.moved(
-            {GAIN: other / gain, "theta_0": gain / other},
-            {"lag": lag - self.lag, "max_acceleration": after - before},
-        )
-        return model.with_evidence(evidence)
+        if self.evidence is None:
+            return model
+        factors = {GAIN: other / gain, "theta_0": gain / other}
+        shifts = {"lag": lag - self.lag, "max_acceleration": after - before}
+        intervals = dict(self.evidence.intervals)
+        for name in {*factors, *shifts} & {*intervals}:
+            factor, shift = factors.get(name, 1.0), shifts.get(name, 0.0)
+            low, high = (factor * end + shift for end in intervals[name])
+            intervals[name] = max(low, 0.0), high
+        return model.with_evidence(self.evidence._replace(intervals=intervals))
 
     @property
     def evidence(self) -> Evidence | None:
@@ -593,12 +598,6 @@ def slowed_by_friction(gain: float, dead_band: float, time_constant: float, tick
     """Deceleration by dry friction [rad/s^2]: k gain dead_band / tick, without inertia 0."""
     share = motor_share(time_constant, tick)
     return share * gain * dead_band / tick if share < 1.0 else 0.0
-
-
-def joint_of_top_speed(v_max: float) -> JointModel:
-    """The paper's joint with another top speed [rad/s], and its theta_0 in the same ratio."""
-    paper = JointModel.ers210a()
-    return replace(paper, v_max=v_max, theta_0=v_max * (paper.theta_0 / paper.v_max))
 
 
 def checked_model(model: object) -> JointModel:
