@@ -135,7 +135,6 @@ def check_length(
 def recorded_path(
     recording: Any,
     models: Models,
-    *,
     track: Track = "state",
     joints: Sequence[str] = (),
     begin: float | None = None,

@@ -87,16 +87,7 @@ def replay(
         ((200, 1), True)
     """
     factor = as_positive("speed", speed, "a factor above 0, such as 1.5")
-    path = recorded_path(
-        recording,
-        models,
-        track=track,
-        joints=joints,
-        begin=begin,
-        end=end,
-        rate=rate,
-        limits=limits,
-    )
+    path = recorded_path(recording, models, track, joints, begin, end, rate, limits)
     moments = path.moments(factor)
     return replay_at(path, moments, speed=speed, load=load, progress=progress, **options)
 

@@ -162,16 +162,7 @@ def fastest(
         True
     """
     check_choice("retime", retime, get_args(Retime))
-    path = recorded_path(
-        recording,
-        models,
-        track=track,
-        joints=joints,
-        begin=begin,
-        end=end,
-        rate=rate,
-        limits=limits,
-    )
+    path = recorded_path(recording, models, track, joints, begin, end, rate, limits)
     measure = Measure.of(path, tolerance, foot_tolerance, leg)
     return fastest_at(path, measure, retime=retime, progress=progress, **options)
 
