@@ -104,12 +104,6 @@ class Leg(Summarised):
         path = Path(path)
         robot = read_robot(path, base=base, foot=foot, locked=locked)
         model, names = robot.model, robot.joint_names
-        if copies := [name for name in names if name in robot.mimics]:
-            raise UnsupportedLeg(
-                f"joint {copies[0]!r} between {base!r} and {foot!r} mimics another; every "
-                "joint of a leg must be driven: lock it, remove its <mimic> element, or choose a "
-                "foot above it"
-            )
         axes = [_axis(model, joint) for joint in robot.joints]
         placements = [model.jointPlacements[joint] for joint in robot.joints]
         placements[0] = robot.base.placement.inverse() * placements[0]

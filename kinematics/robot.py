@@ -40,7 +40,6 @@ class Robot:
     joints: tuple[int, ...]  # the joints that move the foot in the base frame, from the base
     joint_names: tuple[str, ...]
     between: tuple[str, ...]  # names of the joints between the frames, also of locked ones
-    mimics: frozenset[str]  # names of the joints that mimic another joint
     # Pinocchio's coordinates with all joints at rest: at 0, or where 0 is out of the range at its
     # nearer end
     rest: Any
@@ -115,12 +114,17 @@ def read_robot(
     names = tuple(str(model.names[joint]) for joint in between if joint not in held)
     if not names:
         raise UnsupportedLeg(f"every joint between {base!r} and {foot!r} is locked; leave one out")
+    if copies := [name for name in names if name in mimics]:
+        raise UnsupportedLeg(
+            f"joint {copies[0]!r} between {base!r} and {foot!r} mimics another; every joint of a "
+            "leg must be driven: lock it, remove its <mimic> element, or choose a foot above it"
+        )
     if held:
         model = pinocchio.buildReducedModel(model, held, rest)
         rest = np.clip(pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
         start, end = _frame(model, base, role="base"), _frame(model, foot, role="foot")
     joints = tuple(int(model.getJointId(name)) for name in names)
-    return Robot(model, start, end, joints, names, every, frozenset(mimics), read_only(rest))
+    return Robot(model, start, end, joints, names, every, read_only(rest))
 
 
 def named(joints: Sequence[str]) -> str:
