@@ -577,7 +577,7 @@ def tighten(
             objectives,
             equations=equations,
             balls=balls,
-            tolerance=1e-5,  # ranges are valid at any
+            tolerance=1e-6,  # ranges are valid at any
         )
         middle, room = (each[chosen] for each in problem.box(ranges))
         for end, (objective, answer) in enumerate(zip(objectives, answers, strict=True)):
