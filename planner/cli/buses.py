@@ -12,8 +12,9 @@ import click
 
 from planner.cli import options
 from planner.cli.console import complain
-from planner.cli.declared import Positive, Source, option, within
+from planner.cli.declared import Positive, Source, option
 from planner.exceptions import BusError
+from planner.files.text import within
 from planner.robot import EXPECTED_BUS, KINDS, bus_name
 
 if TYPE_CHECKING:

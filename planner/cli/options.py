@@ -18,10 +18,10 @@ import click
 from click.shell_completion import CompletionItem
 
 from planner.cli.console import MARKED, Answer, warn
-from planner.cli.declared import NUMBER, SOURCE, Count, Declared, Kind, Source, option, tables
+from planner.cli.declared import NUMBER, SOURCE, Count, Declared, Source, option, tables
 from planner.cli.settings import ReplayRun, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
-from planner.files.text import place_of
+from planner.files.text import Kind, place_of
 
 if TYPE_CHECKING:
     from planner.files.logs.rows import LogOptions

@@ -5,7 +5,6 @@ from typing import Annotated, Any, Literal
 
 from planner.cli.declared import (
     Count,
-    Expected,
     NotNegative,
     Positive,
     Settings,
@@ -17,8 +16,8 @@ from planner.cli.declared import (
     WrittenOrNone,
     option,
     setting,
-    within,
 )
+from planner.files.text import Expected, within
 
 FROM_LOG, FROM_URDF, SHIPPED_MODEL = "from-log", "urdf", "ers210a"
 """Models without a file: those that `replay` identifies from the recordings themselves, those with

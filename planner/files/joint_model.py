@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 
 import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
-from planner.files.text import Toml, key_name, read_toml, toml_value
+from planner.files.text import Expected, Kind, Toml, key_name, read_toml, toml_value, within
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
 from planner.robot import EXPECTED_BUS, bus_name
 from planner.trajectory import LARGEST
-from planner.validation import as_number, as_reals, as_whole, is_one_of, shown
+from planner.validation import as_number, as_whole, shown
 
 if TYPE_CHECKING:
     from planner.robot.arm import Servo
@@ -28,44 +29,35 @@ if TYPE_CHECKING:
 class Key(NamedTuple):
     """A key of a table: the value as it is used, or None, and what is expected, in words."""
 
-    fitted: Callable[[Any], Any]
+    fitted: Callable[[Any], Any]  # which may raise ValueError instead
     words: str = ""
     comment: str = ""  # beside the key in a file
 
 
-def _numbers(comment: str, *shape: int, least: float = 0.0) -> Key:
-    """Numbers of this shape, of which the first axis of pairs may have any length."""
+def _named(name: str) -> str:
+    if not name or "\0" in name:
+        raise ValueError
+    return name
 
-    def fitted(value: Any) -> Any:
-        try:
-            numbers = as_reals(value)
-        except (TypeError, ValueError):
-            return None
-        fits = numbers.ndim == len(shape) and numbers.shape[-1:] == shape[-1:]
-        fits = fits and bool(np.all((least <= numbers) & (numbers <= LARGEST)))
-        return _tuples(numbers.tolist()) if fits else None
 
-    kinds = ("a number from 0 to 1e9", "two numbers up to 1e9", "pairs of numbers from 0 to 1e9")
-    return Key(fitted, f"{kinds[len(shape)]}: {comment}", comment)
+# what the values of keys are: names, numbers, and angles by joint, in degrees in the file [rad]
+_text = Kind(Annotated[str, Expected("a text", _named)]).fitted
+_value = Annotated[float, within(ge=-LARGEST, le=LARGEST)]
+_pair = tuple[_value, _value]
+_pose = Kind(dict[str, Annotated[float, Expected("an angle", math.radians)]]).fitted
+_size = Annotated[float, within(ge=0.0, le=LARGEST)]
+
+
+def _tested(comment: str, kind: Any = _size, words: str = "a number from 0 to 1e9") -> Key:
+    return Key(Kind(kind).fitted, f"{words}: {comment}", comment)
 
 
 def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
-def _text(value: Any) -> str | None:
-    return value if isinstance(value, str) and value and "\0" not in value else None
-
-
 def _number(value: Any) -> float | None:
     return value if isinstance(value, int | float) and math.isfinite(as_number(value)) else None
-
-
-def _pose(value: Any) -> dict[str, float] | None:
-    """Angles by joint, in degrees in the file [rad]."""
-    if not isinstance(value, dict) or any(_number(each) is None for each in value.values()):
-        return None
-    return {joint: math.radians(angle) for joint, angle in value.items()}
 
 
 PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
@@ -73,18 +65,24 @@ REQUIRED = tuple(each.name for each in fields(JointModel) if each.default is MIS
 
 # Keys beside the parameters, for the first fields of Evidence.
 TESTED = {
-    "expected_error": _numbers("[rad] rms error on rows that were not fitted"),
-    "tested_speed": _numbers("[rad/s] fastest motion of the logs"),
-    "tested_load": _numbers("[N m] largest torque of the logs"),
-    "tested_angles": _numbers("[rad] least and largest angle of the logs", 2, least=-LARGEST),
-    "error_by_acceleration": _numbers(
-        "[rad/s^2, rad] accelerations, each with the error of such motion, all rms", 0, 2
+    "expected_error": _tested("[rad] rms error on rows that were not fitted"),
+    "tested_speed": _tested("[rad/s] fastest motion of the logs"),
+    "tested_load": _tested("[N m] largest torque of the logs"),
+    "tested_angles": _tested(
+        "[rad] least and largest angle of the logs", _pair, "two numbers up to 1e9"
     ),
-    "delay_error": _numbers("[s] uncertainty of the delay of moving requests, if none were logged"),
-    "error_spread": _numbers(
-        "[-] least and largest error of 90 % of motions over the expected one", 2
+    "error_by_acceleration": _tested(
+        "[rad/s^2, rad] accelerations, each with the error of such motion, all rms",
+        tuple[tuple[_size, _size], ...],
+        "pairs of numbers from 0 to 1e9",
     ),
-    "error_over_delay": _numbers("[-] error on rows that were not fitted over a pure delay's"),
+    "delay_error": _tested("[s] uncertainty of the delay of moving requests, if none were logged"),
+    "error_spread": _tested(
+        "[-] least and largest error of 90 % of motions over the expected one",
+        tuple[_size, _size],
+        "two numbers up to 1e9",
+    ),
+    "error_over_delay": _tested("[-] error on rows that were not fitted over a pure delay's"),
 }
 
 # The field of Evidence for each of its keys but the intervals.
@@ -102,7 +100,7 @@ MODEL = {
     **TESTED,
     "correlations": Key(_tuples, comment="of the intervals above"),
     "verdict": Key(
-        lambda value: value if is_one_of(value, get_args(Verdict)) else None,
+        Kind(Verdict).fitted,
         f"one of {', '.join(map(repr, get_args(Verdict)))}",
         f"to plan with only if {' or '.join(map(toml_value, ACCEPTED))}",
     ),
@@ -132,11 +130,7 @@ SERVO_KEYS = {
     "zero_tick": Key(as_whole, "a whole number", "count at angle 0"),
     "direction": Key(as_whole, "a whole number", "-1 where it is mounted the other way round"),
     "ticks_per_turn": Key(_number, "a number"),
-    "limits": Key(
-        _numbers("", 2, least=-LARGEST).fitted,
-        "two angles [rad]",
-        "[rad] least and largest request",
-    ),
+    "limits": Key(Kind(_pair).fitted, "two angles [rad]", "[rad] least and largest request"),
 }
 
 
@@ -457,8 +451,9 @@ def _checked(
             known = ", ".join(PARAMETER_UNITS if "v_max" in keys else keys)
             problem = f"unknown key '{key}'{nearest(key, [*keys])}; keys: {known}"
             raise file.fault(f"{where}{problem}", (*place, key))
-        values[key] = keys[key].fitted(value)
-        if values[key] is None:
+        with suppress(ValueError, OverflowError):
+            values[key] = keys[key].fitted(value)
+        if values.get(key) is None:
             expected = keys[key].words
             raise file.fault(
                 f"{where}{key}: got {shown(value)}, expected {expected}", (*place, key)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+import operator
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
-from typing import Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from planner.exceptions import InvalidFile
 from planner.files.staging import cannot_write, reason, staged
@@ -179,6 +182,79 @@ def place_of(name: str) -> Place:
         int(number) if number else json.loads(quoted) if quoted else key
         for number, quoted, key in parts
     )
+
+
+# The kinds of values.
+
+
+class Expected(NamedTuple):
+    """The expected value of a key in words, where its type is not enough, and a check of it."""
+
+    words: str
+    check: Callable[[Any], Any] = lambda value: value  # or ValueError with more words
+    choices: tuple[str, ...] = ()  # some of the values
+
+
+def within(words: str = "", **ends: float) -> Expected:
+    """Numbers above ``gt``, below ``lt``, from ``ge`` to ``le``: whole ones, or as in ``words``."""
+
+    def check(number: float) -> float:
+        if not all(getattr(operator, name)(number, end) for name, end in ends.items()):
+            raise ValueError
+        return number
+
+    texts = {"gt": "above", "ge": "of at least", "lt": "below"}
+    bounds = " and ".join(f"{texts[name]} {end:g}" for name, end in ends.items() if name in texts)
+    if "le" in ends:
+        return Expected(words or f"a whole number from {ends['ge']} to {ends['le']}", check)
+    return Expected(words or f"a number {bounds}", check)
+
+
+class Kind:
+    """The type of a value in TOML, and what its annotations expect of it."""
+
+    def __init__(self, annotation: Any) -> None:
+        self.notes, self.optional = tuple[Expected, ...](), False  # notes: the innermost first
+        self.parser: Any = None  # of the text of an option: a type of click
+        while (origin := get_origin(annotation)) in (Annotated, Union, UnionType):
+            annotation, *more = get_args(annotation)
+            self.notes = (*(each for each in more if isinstance(each, Expected)), *self.notes)
+            self.optional = self.optional or NoneType in more
+            others = (each for each in more if not isinstance(each, Expected | type))
+            self.parser = next(others, self.parser)
+        # the type without None and annotations; its origin is Literal, tuple, dict, or None
+        self.type, self.origin, self.inner = annotation, origin, get_args(annotation)
+        self.count = None if ... in self.inner else len(self.inner)  # of a tuple; None for any
+        self.choices: tuple[str, ...] = sum((note.choices for note in self.notes), ())
+        words = "true or false" if annotation is bool else "a number"
+        if origin is Literal:
+            self.choices, words = self.inner, f"one of {', '.join(self.inner)}"
+        else:
+            self.inner = tuple(Kind(each) for each in self.inner if each is not ...)
+        self.expected = [words, *(note.words for note in self.notes)][-1]
+        # a table of settings, one that may stand there several times, or one of values by any name
+        self.is_table = origin is None and annotation not in (bool, int, float, str)
+        self.is_repeated = origin is tuple and self.inner[0].is_table
+        self.is_free = origin is dict and not self.notes
+
+    def fitted(self, value: Any) -> Any:
+        """A value of this kind; ValueError, perhaps with a hint, if it does not fit."""
+        if self.origin is tuple and isinstance(value, list | tuple):
+            if self.count not in (None, len(value)):
+                raise ValueError
+            pairs = zip(cycle(self.inner), value, strict=False)
+            value = tuple(kind.fitted(each) for kind, each in pairs)
+        elif self.origin is dict and isinstance(value, Mapping):
+            value = {name: self.inner[1].fitted(each) for name, each in value.items()}
+        elif self.type is float:
+            if type(value) not in (int, float) or not math.isfinite(value):
+                raise ValueError
+            value = float(value)
+        elif not (value in self.inner if self.origin is Literal else type(value) is self.type):
+            raise ValueError
+        for note in self.notes:
+            value = note.check(value)
+        return value
 
 
 def toml_value(value: Any) -> str:
