@@ -42,7 +42,7 @@ def shortest_answer(
     cycle: ShortestCycle, tolerance: float, models: Sequence[JointModel]
 ) -> tuple[dict[str, Any], str]:
     """The shortest cycle that keeps a tolerance [cm], for machines and for people."""
-    period, shortest = models[0].period, cycle.samples
+    period = models[0].period
     of_model_only = any(each.evidence and each.evidence.leaves_top_speed_open for each in models)
     proof, plan = cycle.too_short, cycle.plan.plan
     too_short, proved = None, "no shorter one is proved impossible"
@@ -58,14 +58,14 @@ def shortest_answer(
     pairs = zip(plan.names, plan.expected, strict=True)
     document = {
         "tolerance_cm": tolerance,
-        "samples": shortest,
+        "samples": cycle.samples,
         "cycle_s": cycle.period,
         "max_cm": 100.0 * cycle.plan.max_error,
         "untested": {name: list(each.untested) for name, each in pairs},
         "too_short": too_short,
     }
     lines = [
-        f"a cycle of {shortest} samples, {shortest * period:.4g} s, is the shortest at which the "
+        f"a cycle of {cycle.samples} samples, {cycle.period:.4g} s, is the shortest at which the "
         f"planned foot stays within {tolerance:g} cm by the model; {proved}",
         "plan it with --method foot-optimal --norm max: the default, rms, lets the largest error "
         "be more",

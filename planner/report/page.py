@@ -54,12 +54,7 @@ PARAMETERS: Mapping[str, tuple[str, str]] = {
 
 
 class Page:
-    """A page: a template that extends ``base.html``, and the values that its blocks show.
-
-    The words of a page are its template's. There ``{{ table }}`` draws a table and
-    ``{{ show(figure) }}`` a figure, or a list of them side by side; ``macros.html`` has the parts
-    that pages are made of. Everything is escaped where it is drawn.
-    """
+    """A page: a template that extends ``base.html``, and the values that its blocks show."""
 
     def __init__(self, template: str, **values: Any) -> None:
         """Keep the template's name, such as "plan", and the values."""
@@ -68,12 +63,7 @@ class Page:
     def html(
         self, place: Path | str = "", origins: Iterable[tuple[str, str]] = (), written: Written = ()
     ) -> str:
-        """The whole page; the same content makes the same page.
-
-        Of a file at a ``place`` it ends with its inputs, ``origins``, and the files of its run,
-        ``written``, by role: links are relative to it, so that it may move together with them.
-        Standard input or output ("-"), missing files (None, "") and duplicates are left out.
-        """
+        """The whole page; at a ``place`` with its inputs and links to the files of its run."""
         templates, drawn = environment(), dict[str, Mapping[str, Any]]()
         element, downloads = templates.get_template("figure.html"), "files" in self.values
 
@@ -178,6 +168,7 @@ def sources_of(
     page: Path | str, origins: Iterable[tuple[str, str]] = (), files: Written = ()
 ) -> list[tuple[str, list[tuple[str, Any]]]]:
     """Title and pairs of name and content of the lists at the end of a page; none is empty."""
+    # "-" is standard input or output; one file may have several roles
     folder, links = Path(page).resolve().parent, dict[str, tuple[str, Markup]]()
     for role, file in files:
         if file and str(file) != "-":

@@ -157,11 +157,7 @@ def table_of(
 
 
 def _laid_out(rows: Sequence[Sequence[str]], about: int) -> str:
-    """Columns as wide as their widest cell, two blanks apart; the first row is a header.
-
-    Columns that do not fit the terminal (:func:`fitted_to`) follow right below, under a header that
-    begins with the ``about`` columns that identify a row, with words broken where one is too wide.
-    """
+    """Aligned columns; those beyond the terminal follow below, after the first ``about``."""
     most, first = _WIDTH.get() or math.inf, list(range(about))
     stub = sum(max(len(row[j]) + 2 for row in rows) for j in first)
 
