@@ -77,6 +77,7 @@ def dataset(tmp_path):
 UNITS = ("--unit", "range_m100_100,gripper=percent")
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
     result = run(
         *("replay", dataset, *UNITS, "--model", model, "--speed", 1.5),
