@@ -47,7 +47,7 @@ def stride(leg, *, samples=30, swing=0.35):
     """Angles of a stride about the middle of the limits, too fast for the ERS-210A [rad]."""
     rng = np.random.default_rng(1)
     phase = 2.0 * np.pi * np.arange(samples)[:, np.newaxis] / samples
-    middle = np.mean(leg.limits.finite, axis=0)
+    middle = leg.limits.middle
     shifts = rng.uniform(0.0, 2.0 * np.pi, (2, len(middle)))
     return middle + swing * (np.sin(phase + shifts[0]) + 0.3 * np.sin(2.0 * phase + shifts[1]))
 
