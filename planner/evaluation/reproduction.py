@@ -216,14 +216,7 @@ def measure_step_response(
     begun = int(np.argmax(np.abs(after - after[0]) > visible))
     full = int(np.argmax(after <= visible - fastest))
     lag = begun - 1  # sample `begun` ends the first interval in which the speed is another
-    return StepResponse(
-        requests=requests,
-        angles=angles,
-        step=step,
-        lag=lag,
-        acceleration=full - lag,
-        v_max=fastest / model.period,
-    )
+    return StepResponse(requests, angles, step, lag, full - lag, v_max=fastest / model.period)
 
 
 def reproduce(
