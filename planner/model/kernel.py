@@ -244,33 +244,21 @@ def rounded_moved(
 @compiled
 def periods(
     law: Law,
-    weights: Array,
-    window: Array,
-    sags: Array,
-    faster: Array,
-    rounded: Array,
-    states: Array,
+    weights: Array,  # of each request at each tick, youngest first, (hold, width)
+    window: Array,  # requests that act, youngest first [rad], then work space, (3, width, n)
+    sags: Array,  # under the load, kappa tau [rad], (n,)
+    faster: Array,  # how much faster it is in the positive direction [rad/tick], (n,)
+    rounded: Array,  # square of the radius of the corners [rad^2/tick^2], (n,)
+    states: Array,  # before each period, replaced by the one after it, (2, n), with integral (3, n)
+    # filled with those of the state after by the state before, by each request, and with the second
+    # ones by each request's distance from the angle, (2, 2 + 2 width, n) or (3, 3 + 2 width, n)
     derivatives: Array,
 ) -> None:
     """Request periods with rounded corners, to second order, each from its own initial state.
 
     All periods go through a tick together, in loops without sums over the periods: processors do
-    several turns of them at once.
-
-    Args:
-        law: The joint.
-        weights: Weight of each request at each tick, youngest first, (hold, width).
-        window: Requests that act, youngest first [rad], then work space, (3, width, n).
-        sags: Sag under the load, kappa tau [rad], (n,).
-        faster: How much faster it is in the positive direction [rad/tick], (n,).
-        rounded: Square of the radius of the corners [rad^2/tick^2], (n,).
-        states: State before each period, as :class:`planner.model.law.State`; replaced by the one
-            after it, (2, n), or (3, n) with an integral.
-        derivatives: Filled with those of the state after the period by the state before it, by each
-            request, and with the second ones by each request's distance from the angle,
-            (2, 2 + 2 width, n) or (3, 3 + 2 width, n). Where requests are held for several ticks,
-            or several saturate together, the second ones are an estimate; without their columns
-            they are left out.
+    several turns of them at once. Where requests are held for several ticks, or several saturate
+    together, second derivatives are an estimate; without their columns they are left out.
     """
     (hold, width), count, size = weights.shape, states.shape[1], len(states)
     gain, top, inside = law.gain, law.top, law.integral_inside
@@ -366,10 +354,11 @@ ROUNDING = 1e-15
 
 GAIN, V_MAX, LAG, WINDOW, SAG, BAND, FASTER, SAG_LOAD, FASTER_LOAD = range(9)
 SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS, INTEGRAL = range(9, 15)
-"""Parameters by which :func:`along` takes derivatives, in its order."""
-
 START = 15
-"""The derivative by the angle at which the run of a row starts."""
+"""Parameters by which :func:`along` takes derivatives: gain [1/tick], v_max [rad/tick], lag and
+acceleration time [ticks], sag and dead band [rad], ``faster`` [rad/tick], both by load, a motor's
+share [-], acceleration limit [rad/tick^2], play [rad], sag by sine and cosine of the angle [rad],
+the integral's share [-], and the angle at which the run of a row starts."""
 
 
 @compiled
@@ -388,34 +377,19 @@ def numbers_in_force(edges: Array, times: Array, lag: float, window: float) -> I
 def along(
     servo: Servo,
     track: Track,
-    columns: Indices,
-    apart: float,
-    angles: Array,
+    columns: Indices,  # requested derivatives, from GAIN to START, (c,); much quicker without any
+    apart: float,  # distance from the window's edges of the requests for its derivatives [s]
+    angles: Array,  # in each state [rad], (s,): given where a run starts, filled elsewhere
+    # filled with the least and the largest request that acts at each tick, plus sag but for that by
+    # the pose, less the angle before it [rad], (t, 2)
     errors: Array,
-    predicted: Array,
-    slopes: Array,
+    predicted: Array,  # filled with the angle at each row [rad], (rows,)
+    slopes: Array,  # filled with the derivatives of these, (rows, c)
 ) -> None:
     """Run a joint along a log, with the requested derivatives: (16) of ``docs/math.md``.
 
     At each tick the requests act that are in force in [t - lag - window, t - lag], each by its
     share of that time.
-
-    Args:
-        servo: The joint.
-        track: The log.
-        columns: Requested derivatives, from GAIN to START, (c,); without any it is much quicker.
-        apart: Distance to both sides of the edges of the window at which requests are read for the
-            derivatives by lag and acceleration time [s].
-        angles: Angle in each state [rad], (s,): given where a run starts, filled elsewhere.
-        errors: Filled with the least and the largest request that acts at each tick, plus sag,
-            less the angle before it [rad], (t, 2); without the sag by the pose, which moves the
-            corners of the drive by as much.
-        predicted: Filled with the angle at each row [rad], (rows,).
-        slopes: Filled with the derivatives of these by gain [1/tick], v_max [rad/tick], lag and
-            acceleration time [ticks], sag [rad], dead band [rad], ``faster`` [rad/tick], both by
-            load, the motor's share [-], the acceleration limit [rad/tick^2], the play [rad], the
-            sag by sine and cosine of the angle [rad], the integral's share [-], and by the first
-            angle of the row's run, (rows, c).
     """
     law, states, before, share = servo.law, track.states, track.before, track.share
     count, half = len(columns), servo.play / 2.0
