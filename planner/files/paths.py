@@ -142,8 +142,8 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         columns = [name for name in table.names if not (name in no_joints or name.endswith(LOAD))]
     problem, titles = "", "columns <joint>_deg or <joint>_rad"
     if not joints and is_foot_path(table):
-        problem = f"a foot path, expected joint angles in {titles}; request-planner plan makes such"
-        problem += " from it"
+        advice = "request-planner plan makes such from it"
+        problem = f"a foot path, expected joint angles in {titles}; {advice}"
     elif not columns:
         problem = f"only {', '.join(table.names)}; expected {titles}"
     elif len(columns) > MOST_JOINTS:

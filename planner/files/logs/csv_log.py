@@ -165,8 +165,8 @@ def _pairs(table: Table, options: LogOptions) -> list[Pair]:
         if complete := [pair for pair in candidates if pair.requested and pair.actual]:
             return complete
         half = next((pair for pair in candidates if pair.requested or pair.actual), None)
-        words, advice = "no column names a requested or an actual angle", "them with --requested"
-        advice += " and --actual"
+        words = "no column names a requested or an actual angle"
+        advice = "them with --requested and --actual"
         if half is not None:
             there, other = ROLES if half.requested else ROLES[::-1]
             column, advice = (half.requested or half.actual)[0], f"it with --{other}"

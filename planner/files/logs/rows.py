@@ -188,8 +188,8 @@ def make_log(rows: Rows) -> Log:
             "expected angles for both, or shares of the range for both"
         )
     elif len(rows.times) < FEWEST_ROWS:
-        problem = f"rows of samples: got {len(rows.times)}, expected at least {FEWEST_ROWS}"
-        problem += "; record longer"
+        least = f"expected at least {FEWEST_ROWS}; record longer"
+        problem = f"rows of samples: got {len(rows.times)}, {least}"
     if problem:
         raise rows.wrong(problem)
     check_increasing(_checked(rows, "time", rows.times, Scale("s", 1.0, 0.0, "s")), rows.fault)
@@ -346,9 +346,8 @@ def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
     values: Array = scale.factor * numbers + scale.shift
     largest = {"1": MOST_SHARE, "rad": LARGEST}.get(scale.unit, math.inf)
     for k in np.flatnonzero(np.abs(values) > largest)[:1].tolist():
-        what += f": got {numbers[k]:g}, expected "
-        what += "a share of the range" if scale.unit == "1" else "an angle"
-        raise rows.fault(f"{what} in {scale.name}; check the unit", k)
+        expected = f"{'a share of the range' if scale.unit == '1' else 'an angle'} in {scale.name}"
+        raise rows.fault(f"{what}: got {numbers[k]:g}, expected {expected}; check the unit", k)
     return values
 
 
