@@ -36,6 +36,7 @@ from planner.report.wording import (
     Table,
     number,
     percent,
+    phrase,
     rendered_text,
     signed,
 )
@@ -99,17 +100,6 @@ FEATURED = ("figure8_foot_paths", "foot_paths", "joints_by_method")
 PLANS = {method: pair for pair, method in PAIRS.items() if pair.startswith("Des")}
 """The row of Table 2 with a method's errors in the joints."""
 
-PAPER_NOTE = (
-    "The joint here is the paper's model with the parameters of its Table 1; "
-    "the paper's figures were measured on a robot, over 20 steps of the walk."
-)
-
-VIRTUAL_NOTE = (
-    "The joints here are physical servos simulated in MuJoCo, not the paper's model: the models "
-    "were identified from step tests that their sensors recorded, and they executed the walks. "
-    "The paper's figures were measured on a robot, over 20 steps of the walk."
-)
-
 
 def paper_results(planned: PlannedWalk) -> dict[str, Any]:
     """The document that ``reproduce`` writes and prints, in degrees, centimetres and seconds.
@@ -127,7 +117,7 @@ def paper_results(planned: PlannedWalk) -> dict[str, Any]:
     }
     return _document(
         planned,
-        PAPER_NOTE,
+        phrase("paper.txt", "note"),
         {"step_tests": steps, "best_shift_samples": planned.lead},
         {"model": planned.models[0].parameters()},
         planned.seconds,
@@ -277,7 +267,8 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     }
     sensed = {method: run.sensed for method, run in outcome.runs.items()}
     walked = (outcome.walks, sensed)
-    return _document(planned, VIRTUAL_NOTE, own, parameters, outcome.seconds, walked=walked)
+    note = phrase("virtual.txt", "note")
+    return _document(planned, note, own, parameters, outcome.seconds, walked=walked)
 
 
 def _norms(distance: Distance) -> dict[str, float]:

@@ -37,13 +37,6 @@ if TYPE_CHECKING:
 SIGNS = {unit.name: unit.sign for unit in UNITS.values()}
 """How a page writes units."""
 
-RESENT = (
-    "the recorded requests may serve better than the plan, as they have moved the robot along this "
-    "path: the error to expect of the plan is not clearly smaller than that of the requests as "
-    "recorded"
-)
-"""A remark on replays at the recorded speed."""
-
 MOST_ROWS = 500
 """Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
 
@@ -149,7 +142,6 @@ def _spoken(replay: Replay, models: str, fastest: Fastest | None) -> dict[str, A
         "allowed": _allowed(fastest)[0] if fastest else 0.0,
         "unknown": sorted(replay.path.open_top_speeds & fast),
         "open": OPEN_TOP_SPEED,
-        "better": RESENT,
         "resent": {joint.name: joint_numbers(joint) for joint in replay.resent_may_serve},
     }
 
@@ -437,12 +429,14 @@ def _short(recording: str) -> str:
 def episodes_text(document: Mapping[str, Any]) -> str:
     """Many recordings for people: a line each, about the joint with the largest planned error."""
     table = episodes_table(document["recordings"], fastest=document["speed"] is None)
-    return rendered_text("episodes.txt", **document, table=table, better=RESENT)
+    better = phrase("replay.txt", "better")
+    return rendered_text("episodes.txt", **document, table=table, better=better)
 
 
 def resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """The number of recordings whose own requests may be better, with the errors of one example."""
-    return list(filter(None, [phrase("episodes.txt", "resent", recordings=rows, better=RESENT)]))
+    better = phrase("replay.txt", "better")
+    return list(filter(None, [phrase("episodes.txt", "resent", recordings=rows, better=better)]))
 
 
 def episode_results(replay: Replay) -> dict[str, Any]:
