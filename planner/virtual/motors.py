@@ -88,26 +88,18 @@ def arm_of(motor: Motor, count: int) -> list[Motor]:
 
 
 class Motors:
-    """Servos in motion; arrays have one entry per servo.
-
-    Attributes:
-        goals: Goal positions [rad]; written by the caller.
-        powered: Whether their torque is on, 0 or 1.
-        gains: P, I and D, shape (n, 3).
-        profiles: Top speed [rad/s] and acceleration [rad/s²] of the goal, 0 for none, shape (n, 2).
-        limits: Largest duty, 0 to 1.
-        jammed: Whether something holds the joint, 0 or 1.
-    """
+    """Servos in motion; arrays have one entry per servo, and callers may write them."""
 
     def __init__(self, motors: list[Motor], angles: Array) -> None:
         """Servos at rest at these angles [rad], without torque."""
         count = len(motors)
         types = [(each.name, np.float64) for each in fields(Motor)]
         self._constants = np.array([astuple(motor) for motor in motors], dtype=types)
-        self.goals = np.array(angles, dtype=float)
-        self.powered, self.jammed = np.zeros(count), np.zeros(count)
-        self.gains, self.profiles = np.zeros((count, 3)), np.zeros((count, 2))
-        self.limits = np.ones(count)
+        self.goals = np.array(angles, dtype=float)  # [rad]
+        self.powered, self.jammed = np.zeros((2, count))  # 1 where torque is on, where it is held
+        self.gains = np.zeros((count, 3))  # P, I and D
+        self.profiles = np.zeros((count, 2))  # top speed and acceleration of the goal, 0 for none
+        self.limits = np.ones(count)  # largest duty, 0 to 1
         self._states = np.zeros(count, dtype=[(name, np.float64) for name in STATE])
         for name in ("angle", "through", "counted"):
             self._states[name] = self.goals
