@@ -15,6 +15,7 @@ import numpy as np
 from planner.exceptions import InvalidFile, nearest
 from planner.files.table import Table
 from planner.trajectory import Array, not_radians, turns_words
+from planner.validation import read_only
 
 
 def _words(text: str) -> frozenset[str]:
@@ -142,8 +143,7 @@ def with_unit(
         got, most = table.cells(columns[j])[k], f"{LARGEST / factors[j]:g}"
         words = f"got {got}, expected at most {most} either way; check the unit"
         raise table.fault(f"column '{columns[j]}': {words}", k)
-    values.setflags(write=False)
-    return names, endings, values
+    return names, endings, read_only(values)
 
 
 def pick(

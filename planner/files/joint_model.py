@@ -429,8 +429,8 @@ def read_servos(
             "direction, as calibrate writes them"
         )
     elif missing := [name for name in joints or () if name not in servos]:
-        problem = f"no servo of {', '.join(missing)}; servos are of {', '.join(servos)}: "
-        problem += "calibrate it, or name the columns alike"
+        advice = "calibrate it, or name the columns alike"
+        problem = f"no servo of {', '.join(missing)}; servos are of {', '.join(servos)}: {advice}"
     if problem:
         raise InvalidFile(file.path, problem)
     return servos if joints is None else {name: servos[name] for name in joints}

@@ -18,7 +18,7 @@ import numpy as np
 from planner.exceptions import InvalidFile, nearest
 from planner.files.text import read_text, write_text
 from planner.trajectory import Array
-from planner.validation import freeze
+from planner.validation import read_only
 
 MOST_COLUMNS = 10_000  # columns of a table: a robot that records everything has some thousands
 MOST_CELLS = 10_000_000  # cells of a table: some 70 bytes of memory each
@@ -89,8 +89,7 @@ class Table(Source):
                     got = f"'{_shortened(cells[k])}'" if cells[k] else "nothing"
                     words = "expected a finite number; remove or interpolate the sample"
                     raise self.fault(f"column '{name}': got {got}, {words}", k)
-        freeze(values)
-        return values
+        return read_only(values)
 
 
 def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
