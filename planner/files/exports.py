@@ -130,7 +130,7 @@ def joint_trajectory(
 
 def write_trajectory_yaml(path: Path | str, message: Mapping[str, Any]) -> None:
     """Write the message of :func:`joint_trajectory` to a file, or to standard output for ``-``."""
-    with importing("a trajectory as YAML", "yaml"):
+    with importing(*NEEDS["yaml"][1:]):
         import yaml  # with which ROS reads it, and which quotes names such as `on`
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # in C where there is one
     text = yaml.dump(
@@ -152,7 +152,7 @@ def write_bag(
     topic: str = TOPIC,
 ) -> None:
     """Write the message of :func:`joint_trajectory` as a ROS 2 bag, at time 0."""
-    with importing("a ROS 2 bag", "bags"):
+    with importing(*NEEDS["bag"][1:]):
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
     store, nothing = get_typestore(Stores.ROS2_HUMBLE), np.zeros(0)
@@ -199,7 +199,7 @@ def lerobot_dataset(
     path: Path | str, layout: Layout, *, beside: Mapping[str, str] | None = None
 ) -> Iterator[Callable[[Mapping[str, Array], str], None]]:
     """Write a dataset by episodes, and files ``beside`` it by name, unless the block raises."""
-    with importing("a LeRobot dataset", "parquet"):
+    with importing(*NEEDS["lerobot"][1:]):
         import pyarrow as pa
         from pyarrow import parquet
     # one number a row is a plain column, as LeRobot writes it
