@@ -14,18 +14,9 @@ import numpy as np
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
 from planner.exceptions import InvalidFile, InvalidModel, PlannerError, in_degrees, nearest
+from planner.files import paths
 from planner.files.columns import LEAST_DEG, SHARES
 from planner.files.joint_model import LegPlace, read_legs, read_model_file, read_servos
-from planner.files.paths import (
-    AXES,
-    SampledPath,
-    foot_path,
-    is_foot_path,
-    joint_path,
-    path_table,
-    read_joint_path,
-    write_joint_path,
-)
 from planner.files.text import STANDARD_STREAM
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
@@ -116,7 +107,7 @@ class Desired:
     def write(self, path: Path | str, angles: Array, loads: Array | None = None) -> None:
         """Write angles or requests [rad] and torques [N m], (n, k), as CSV in the joints' units."""
         period, units = self.period, self.units
-        write_joint_path(path, self.names, angles, period=period, units=units, loads=loads)
+        paths.write_joint_path(path, self.names, angles, period=period, units=units, loads=loads)
 
 
 def desired_of(run: settings.Run) -> Desired:
@@ -159,7 +150,7 @@ def desired_of(run: settings.Run) -> Desired:
     return replace(desired, load=_load_of(desired))
 
 
-def _path_of(run: settings.Run) -> tuple[SampledPath, Leg | None, bool]:
+def _path_of(run: settings.Run) -> tuple[paths.SampledPath, Leg | None, bool]:
     """The path of the settings, its leg, and whether it is a path of the leg's foot."""
     leg, path, walk = leg_of(run), run.path, run.path.half_ellipse
     if walk is not None:
@@ -180,23 +171,27 @@ def _path_of(run: settings.Run) -> tuple[SampledPath, Leg | None, bool]:
             leg = leg if run.leg.near else replace(leg, near=leg_stride.pose)
         else:
             positions = half_ellipse(**walk.arguments())
-        return SampledPath("path.half_ellipse", AXES, ("m",) * 3, positions, None), leg, True
+        return (
+            paths.SampledPath("path.half_ellipse", paths.AXES, ("m",) * 3, positions, None),
+            leg,
+            True,
+        )
     if path.file is None:
         raise BadSetting("no path: expected ‹path.file› or [path.half_ellipse]")
     file = run.place(path.file)
-    table, even = path_table(file), path.rate_hz is None and path.speed is None
-    if not is_foot_path(table):
-        return joint_path(table, joints=path.joints, even=even), leg, False
+    table, even = paths.path_table(file), path.rate_hz is None and path.speed is None
+    if not paths.is_foot_path(table):
+        return paths.joint_path(table, joints=path.joints, even=even), leg, False
     if leg is None:
         raise BadSetting(f"{file} is a foot path: name its leg with ‹leg.name›")
     if path.joints:
         raise BadSetting("‹path.joints› chooses columns of a joint path; a foot moves all joints")
-    return foot_path(table, even=even), leg, True
+    return paths.foot_path(table, even=even), leg, True
 
 
 def load_joints(run: settings.Run) -> Desired:
     """Read a joint path whose rate is that of the models."""
-    path = read_joint_path(str(run.path.file), joints=run.path.joints)
+    path = paths.read_joint_path(str(run.path.file), joints=run.path.joints)
     models = models_of(run, path.names, units=path.units)
     path.check_period(models[0].period)
     cyclic, closing = repeats(path.values, run.plan.cyclic)
@@ -207,8 +202,8 @@ def load_joints(run: settings.Run) -> Desired:
 
 
 def _in_step(
-    path: SampledPath, run: settings.Run, period: float
-) -> tuple[SampledPath, bool, list[str]]:
+    path: paths.SampledPath, run: settings.Run, period: float
+) -> tuple[paths.SampledPath, bool, list[str]]:
     """The path with a sample every ``period`` [s], whether it repeats, and remarks on it."""
     rows, speed = path.values, run.path.speed
     closed, closing = repeats(rows, run.plan.cyclic)

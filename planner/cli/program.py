@@ -17,17 +17,7 @@ from typing import Any, NoReturn, TextIO
 import click
 
 from planner._version import __version__
-from planner.cli.console import (
-    BadSetting,
-    SettingsError,
-    add_verbosity,
-    advised,
-    coloured,
-    complain,
-    detail,
-    terminal_width,
-    warn,
-)
+from planner.cli import console
 from planner.exceptions import InvalidFile, InvalidInput, OutsideEquation13, PlannerError
 from planner.files.text import STANDARD_STREAM, write_text
 from planner.report.wording import fitted_to
@@ -80,7 +70,7 @@ class Commands(click.Group):
         module = import_module(f"planner.cli.{MODULES.get(cmd_name, cmd_name)}")
         command: click.Command = getattr(module, cmd_name.replace("-", "_"))
         command.short_help = COMMANDS[cmd_name]
-        add_verbosity(command)
+        console.add_verbosity(command)
         return command
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -88,7 +78,7 @@ class Commands(click.Group):
         began = time.monotonic()
         try:
             answer = super().invoke(ctx)
-            detail(f"{time.monotonic() - began:.3g} s in all")
+            console.detail(f"{time.monotonic() - began:.3g} s in all")
             return answer
         except BrokenPipeError as error:
             _discard(sys.stdout)
@@ -96,7 +86,7 @@ class Commands(click.Group):
         except PlannerError as error:
             name = ctx.invoked_subcommand or ""
             message = _in_options(error, self.get_command(ctx, name) or self)
-            if isinstance(error, BadSetting):
+            if isinstance(error, console.BadSetting):
                 message += f". See '{ctx.command_path} {name} --help'."
             words = [*getattr(error, "__notes__", ()), message]
             failure: Any = click.ClickException(": ".join(words))
@@ -109,8 +99,8 @@ class Commands(click.Group):
         if not standalone_mode:
             return run(*args, standalone_mode=False, **extra)
         name = extra.pop("prog_name", None) or "request-planner"
-        with warnings.catch_warnings(), fitted_to(terminal_width(sys.stderr)):
-            warn_once = cache(warn)  # for the same warning from several places
+        with warnings.catch_warnings(), fitted_to(console.terminal_width(sys.stderr)):
+            warn_once = cache(console.warn)  # for the same warning from several places
             warnings.showwarning = lambda message, *_where: warn_once(str(message))
             warnings.simplefilter("default", OutsideEquation13)
             status = self._status(*args, prog_name=name, **extra)
@@ -138,7 +128,7 @@ class Commands(click.Group):
         except OSError as error:
             reason, status = (error.strerror or str(error)).lower(), BAD_INPUT
             message = f"{error.filename or 'standard output'}: {reason}; choose another place"
-        complain(message)
+        console.complain(message)
         return status
 
 
@@ -159,7 +149,7 @@ def cli(context: click.Context) -> None:
         request-planner plan foot.csv --leg reference --unreachable clamp -o requests.csv
         request-planner simulate requests.csv -o angles.csv
     """  # noqa: D301
-    context.color = coloured()
+    context.color = console.coloured()
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 
@@ -210,16 +200,16 @@ def main() -> NoReturn:
 
 
 cli.commands = dict.fromkeys(COMMANDS, cli)  # names alone: each is imported where it is called
-add_verbosity(cli)
+console.add_verbosity(cli)
 
 
 def _in_options(error: PlannerError, command: click.Command) -> str:
     """The message of an error, with the command's options in place of the library's arguments."""
     from planner.cli.options import in_options
 
-    if isinstance(error, SettingsError):
+    if isinstance(error, console.SettingsError):
         return in_options(error.args[0])
-    message = advised(error, in_options)
+    message = console.advised(error, in_options)
     head, colon, rest = message.partition(": ")
     if colon and not isinstance(error, InvalidFile):
         options = {"locked": "--lock"}
