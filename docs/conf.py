@@ -35,7 +35,7 @@ nitpick_ignore_regex = [
         r"(np|npt|os|pathlib)\..*|Path|Array(Like)?|Indices|Level|Norm|Solver|Topic"
         r"|Desired|Send|Models|ModelOrModels|JointLimits|LoadOfPose|Robust|Rule|Scenarios|Mask|Expectation"
         r"|Track|Retime|Progress|Method|planner\.learning\.refine\.AnyPlan"
-        r"|planner\.planning\.(task\.Task|plan\.RequestMotion)"
+        r"|(planner\.planning\.task\.)?Task|planner\.planning\.plan\.RequestMotion"
         r"|planner\.recording\.(retiming\.(Impossible|SpeedErrors)|recorded_path\.RecordedPath)"
         r"|Written|planner\.recording\.replaying\.JointReplay|TypeAliasForwardRef"
         r"|(planner\.planning\.plan\.)?ErrorsOfModels|PathSpeeds|tuple\[float"
