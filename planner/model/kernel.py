@@ -159,9 +159,9 @@ def run_period(
 ) -> State:
     """The state after one request period, whose first ``skipped`` ticks are left out.
 
-    ``weights`` are those of each request at each tick, youngest first, (hold, width), in a history
-    of requests, oldest first [rad], of which the ``first`` that acts has a number. The load makes
-    the sag kappa tau [rad], and the joint b ``faster`` [rad/tick].
+    ``weights`` are those of each request at each tick, youngest first, (hold, width); ``first`` is
+    the number of the oldest one that acts in the history of requests [rad]. The load makes the sag
+    kappa tau [rad], and the joint b ``faster`` [rad/tick].
     """
     angle, speed, integral = state
     hold, width = weights.shape

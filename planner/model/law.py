@@ -22,9 +22,9 @@ def motor_share(time_constant: float, tick: float) -> float:
 def fastest_integral(gain: float, share: float, *, inside: bool, slope: float) -> float:
     """The share of an integral from which on a joint oscillates for ever, by Jury's criterion [-].
 
-    By the gain gamma [1/tick], a motor's share k and the slope s of the sag by the angle it rests
-    below k (1 - s) ``inside`` the drive, and in a speed loop below 1 with i gamma < k (gamma (1 -
-    s) + i) for the share i of the integral.
+    With the gain gamma [1/tick], a motor's share k and the slope s of the sag by the angle it comes
+    to rest if the share i of the integral is below k (1 - s) ``inside`` the drive, or in a speed
+    loop below 1 with i gamma < k (gamma (1 - s) + i).
     """
     if inside:
         return share * (1.0 - slope)
