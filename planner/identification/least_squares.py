@@ -351,22 +351,27 @@ def least_squares(
         starts = grid.measured_starts
     box = box_of(grid)
     begin = Parameters(*np.where(free, np.clip(begin, box.lower, box.upper), begin).tolist())
-    fit = _fit_of(grid, begin, free, starts, respond(grid, begin, starts), scale or math.inf)
+    first, *others = effort.averaging if scale is None else effort.averaging[-1:]
+    response, slopes = linearised(grid, begin, starts, free, first)
+    fit = _fit_of(grid, begin, free, starts, response, scale or math.inf)
     if scale is not None:
-        return _minimised(fit, effort, enough, effort.averaging[-1])
-    for averaging in effort.averaging:
+        return _minimised(fit, slopes, effort, enough, first)[0]
+    for averaging in (first, *others):
+        slopes = slopes if averaging == first else fit.slopes(averaging=averaging)
         for number in range(effort.rounds):
             found = max(floor, sound_rms(fit.weighted, gross=1.0 - TRUSTED))
             settled = number > 0 and abs(found - fit.scale) <= 1e-3 * found
             fit = replace(fit, scale=found, cost=huber(fit.weighted, found))
             if settled:
                 break
-            fit = _minimised(fit, effort, enough, averaging)
+            fit, slopes = _minimised(fit, slopes, effort, enough, averaging)
     return fit
 
 
-def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> Fit:
-    """The best fit at a fixed scale."""
+def _minimised(
+    begin: Fit, slopes: Slopes, effort: Effort, enough: float, averaging: float
+) -> tuple[Fit, Slopes]:
+    """The best fit at a fixed scale, and its slopes, from those at the first."""
     from planner.identification.trust_region import most_reduction, quadratic_of, step_of
 
     grid, free = begin.grid, begin.free
@@ -376,7 +381,6 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
     radius = effort.first_step * float(np.linalg.norm(begin.weighted))
     sizes = np.zeros(len(lower))
     fit, near = begin, None
-    slopes = begin.slopes(averaging=averaging)
     for _ in range(effort.evaluations - 1):
         if fit.cost <= enough:
             break
@@ -413,7 +417,7 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
             fit, slopes, near = trial, by_trial, None
             if done:
                 break
-    return fit
+    return fit, slopes
 
 
 def _fit_of(
