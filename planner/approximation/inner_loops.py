@@ -129,8 +129,22 @@ def descend(
     evaluations, until the squared error decreases by a smaller share than ``progress``. Returns the
     curve and its squared error.
     """
-    size = len(curve) // 2
-    rows, limits = constraints(problem, size)
+    size, step = len(curve) // 2, problem.step
+    # The conditions A x <= b of curves x: slopes not too high, not too low, no segment too short.
+    count = size if problem.cyclic else size - 1
+    rows, limits = np.zeros((3 * count, 2 * size)), np.zeros(3 * count)
+    for start in range(count):
+        end = (start + 1) % size
+        period = problem.desired.size if end == 0 else 0
+        for way, sign in ((start, 1.0), (count + start, -1.0)):
+            rows[way, start] += step
+            rows[way, end] -= step
+            rows[way, size + start] -= sign
+            rows[way, size + end] += sign
+            limits[way] = step * period
+        rows[2 * count + start, start] += 1.0
+        rows[2 * count + start, end] -= 1.0
+        limits[2 * count + start] = period - 1.0
     error, gradient, hessian, diagonal = evaluate(problem, curve)
     damping, scales = 1e-3, np.zeros(2 * size)
     for _ in range(rounds):
@@ -218,26 +232,6 @@ def evaluate(problem: Problem, curve: Array) -> tuple[float, Array, Array, Array
         diagonal[size + start] += s00
         diagonal[size + end] += s11
     return error, gradient, hessian, diagonal
-
-
-@inner
-def constraints(problem: Problem, size: int) -> tuple[Array, Array]:
-    """The conditions A x <= b, (3S, 2K), of curves x: slopes not too high, too low, lengths."""
-    step, count = problem.step, size if problem.cyclic else size - 1
-    rows, limits = np.zeros((3 * count, 2 * size)), np.zeros(3 * count)
-    for start in range(count):
-        end = (start + 1) % size
-        period = problem.desired.size if end == 0 else 0
-        for way, sign in ((start, 1.0), (count + start, -1.0)):
-            rows[way, start] += step
-            rows[way, end] -= step
-            rows[way, size + start] -= sign
-            rows[way, size + end] += sign
-            limits[way] = step * period
-        rows[2 * count + start, start] += 1.0
-        rows[2 * count + start, end] -= 1.0
-        limits[2 * count + start] = period - 1.0
-    return rows, limits
 
 
 @inner
