@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from inspect import signature
 from pathlib import Path
@@ -295,7 +295,15 @@ def command(
     return decorate
 
 
+def _checked_work(**work: Any) -> dict[str, Any]:
+    """Refuse two places for the tasks."""
+    if work["workers"] is not None and work["scheduler"] is not None:
+        raise click.UsageError("--workers are of this machine: leave out --workers or --scheduler.")
+    return work
+
+
 parallel = group(
+    _checked_work,
     workers=(
         Count | None,
         option("Processes on this machine.", otherwise="one for each usable processor"),
@@ -398,12 +406,6 @@ def settings(*groups: str, path: Declared | None = None, **helps: str) -> Any:
             own = own or SETTINGS[key].purpose
         options.append(_option(name, SETTINGS[key], own))
     return Group(options, value)
-
-
-def check_parallel(work: Mapping[str, Any]) -> None:
-    """Refuse two places for the tasks."""
-    if work["workers"] is not None and work["scheduler"] is not None:
-        raise click.UsageError("--workers are of this machine: leave out --workers or --scheduler.")
 
 
 def in_options(text: str) -> str:

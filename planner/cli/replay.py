@@ -83,7 +83,6 @@ def replay(
     from planner.parallel import executor_of
     from planner.recording.episode import left_out
 
-    options.check_parallel(work)
     recordings = recordings_in(logs, log)
     check_writing(run.replay.write_as, recordings, output)
     if work["resume"] and len(recordings) == 1:

@@ -57,7 +57,6 @@ def sweep(
         return None
     if file is None:
         raise click.UsageError("name a sweep file, or begin one with --template.")
-    options.check_parallel(work)
     if file == "-":
         raise click.UsageError("a sweep is read from a file: the commands that it shows name it.")
     from planner.cli.points import planned_points, read_sweep
