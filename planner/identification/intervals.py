@@ -217,14 +217,18 @@ def at_edge(fit: Fit, name: str) -> bool:
 
 def rise_allowed(fit: Fit, name: str) -> float:
     """Rise of the loss from which on a value of a parameter is refuted: (18) [rad^2]."""
-    threshold = uncertainty_of(fit).threshold[Parameters._fields.index(name)]
-    return max(float(threshold), MISFIT * fit.cost)
+    of, index = uncertainty_of(fit), Parameters._fields.index(name)
+    threshold = 0.5 * of.quantile**2 * of.variance * float(of.inflation[index])
+    return max(threshold, MISFIT * fit.cost)
 
 
 class Uncertainty(NamedTuple):
     """Second moments of the estimate, by ``parameters.coordinates_of``."""
 
     covariance: Array  # infinite on the diagonal where a parameter has no effect at all, (p, p)
+    # the same of :data:`PARAMETERS`, the play and the gain in SI units, where what the log does not
+    # show at all counts as known, (p + 1, p + 1)
+    of_model: Array
     # by how much residuals that are correlated, or largest where the parameter acts, raise each
     # variance, at least 1, (p,)
     inflation: Array
@@ -235,11 +239,6 @@ class Uncertainty(NamedTuple):
     def deviations(self) -> Array:
         """Standard deviations, (p,)."""
         return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def threshold(self) -> Array:
-        """Rise of the loss at the ends of each interval [rad^2], (p,)."""
-        return 0.5 * self.quantile**2 * self.variance * self.inflation
 
 
 @lru_cache(maxsize=4)
@@ -285,7 +284,10 @@ def uncertainty_of(fit: Fit) -> Uncertainty:
     more = np.maximum(least / inflation, 1.0)
     root = np.sqrt(np.where(np.isfinite(np.diag(covariance)), more, 1.0))
     covariance = covariance * np.outer(root, root)
-    return Uncertainty(covariance, inflation * more, variance, quantile)
+    known = np.isfinite(np.diag(covariance))
+    change = model_derivatives(fit.grid, fit.parameters)[:, known]
+    of_model = change @ covariance[np.ix_(known, known)] @ change.T
+    return Uncertainty(covariance, of_model, inflation * more, variance, quantile)
 
 
 def _beside_starts(fit: Fit) -> Array:
@@ -377,7 +379,8 @@ def _theta_0(fit: Fit, bounds: Mapping[str, Interval]) -> Interval:
     gain, v_max = bounds["gain"], bounds["v_max"]
     if v_max.bounded and gain.bounded:
         value = fit.parameters.v_max / fit.parameters.gain
-        half = uncertainty_of(fit).quantile * math.sqrt(model_covariance(fit)[1, 1]) / value
+        uncertainty = uncertainty_of(fit)
+        half = uncertainty.quantile * math.sqrt(uncertainty.of_model[1, 1]) / value
         if half < 1.0:
             return Interval(value * math.exp(-half), value * math.exp(half))
     upper = v_max.upper / gain.lower if gain.lower > 0.0 else math.inf
@@ -389,20 +392,9 @@ def model_interval(fit: Fit, name: str) -> Interval:
     index = Parameters._fields.index(name)
     open_end = float(box_of(fit.grid).open_ends[index])
     value = float(getattr(fit.parameters.model(tick=fit.grid.tick, hold=1), TERMS[name]))
-    variance = float(model_covariance(fit)[index, index])
-    half = uncertainty_of(fit).quantile * math.sqrt(max(variance, 0.0))
+    uncertainty = uncertainty_of(fit)
+    half = uncertainty.quantile * math.sqrt(max(uncertainty.of_model[index, index], 0.0))
     return Interval(max(value - half, open_end), value + half)
-
-
-def model_covariance(fit: Fit) -> Array:
-    """Covariance of :data:`PARAMETERS`, of the play and of the gain, in SI units.
-
-    What the log does not show at all counts as known.
-    """
-    covariance = uncertainty_of(fit).covariance
-    known = np.isfinite(np.diag(covariance))
-    change = model_derivatives(fit.grid, fit.parameters)[:, known]
-    return np.asarray(change @ covariance[np.ix_(known, known)] @ change.T)
 
 
 def covariance_of(fit: Fit, intervals: Mapping[str, Interval]) -> Array | None:
@@ -411,14 +403,14 @@ def covariance_of(fit: Fit, intervals: Mapping[str, Interval]) -> Array | None:
     known = np.isfinite(np.diag(uncertainty_of(fit).covariance)[fitted]).all()
     if not (known and all(each.bounded for each in intervals.values())):
         return None
-    return model_covariance(fit)[np.ix_(fitted, fitted)]
+    return uncertainty_of(fit).of_model[np.ix_(fitted, fitted)]
 
 
 def correlations_of(fit: Fit) -> tuple[tuple[float, ...], ...]:
     """Correlations of the fitted :data:`PARAMETERS`, the gain instead of theta_0."""
     rows, of_gain = np.flatnonzero(fit.free), -1  # the last one of the covariance
     rows[rows == PARAMETERS.index("theta_0")] = of_gain
-    covariance = model_covariance(fit)[np.ix_(rows, rows)]
+    covariance = uncertainty_of(fit).of_model[np.ix_(rows, rows)]
     size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     shares = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
     found = np.clip(covariance * np.outer(shares, shares), -1.0, 1.0)
