@@ -151,7 +151,7 @@ class ScaledProblem:
         self.first = 0 if cyclic else 1  # first tick whose speed is known
         moved = np.arange(self.first, ticks)
         self.equations = len(moved)  # of motion, which are the relaxation's first rows
-        unknowns = sparse.eye_array(self.size, format="csr")
+        self.unknowns = unknowns = sparse.eye_array(self.size, format="csr")
         # rows w(t), the speed in each tick but from rest the first
         self.speeds = sparse.csr_array(unknowns[moved] - unknowns[(moved - 1) % ticks])
         at = (self.tick, np.arange(ticks, self.size))
@@ -225,32 +225,25 @@ class RelaxedSolution(NamedTuple):
 def conditions(
     problem: ScaledProblem, ranges: Array, cuts: list[Cut]
 ) -> tuple[sparse.csr_array, Array]:
-    """The relaxation's rows ``matrix @ z <= limits``, of which the first are equations.
-
-    max(0, -w) is convex in w, so between its values at the ends of w's range it is at most the
-    chord; the chord is exact where the direction is known.
-    """
+    """The relaxation's rows ``matrix @ z <= limits``, of which the first are equations."""
     changes, at, speeds = problem.changes, problem.changed_at, problem.speeds
     (lower, upper), (slow, fast) = ranges[:2], ranges[2:, problem.first :]
     width = np.maximum(fast - slow, np.finfo(np.float64).tiny)
     back, forth = np.maximum(-slow, 0.0), np.maximum(fast, 0.0)
-    # Slope and constant of the chord of max(0, -w), and of max(0, w).
+    # Slope and constant of the chord of max(0, -w), and of max(0, w), over w's range; max(0, -w) is
+    # convex, so that it is at most the chord, and the chord where the direction is known.
     falling = (np.maximum(-fast, 0.0) - back) / width
     rising = (forth - np.maximum(slow, 0.0)) / width
     fallen, risen = back - falling * slow, forth - rising * fast
-    unknowns = sparse.eye_array(problem.size, format="csr")
-    angles, contributions = unknowns[: problem.ticks], unknowns[problem.ticks :]
-    ones = np.ones(contributions.shape[0])
+    ones = np.ones(len(problem.tick))
     rows: list[tuple[Any, Array]] = [
         (problem.motion, np.full(problem.equations, problem.top * problem.excess)),
         (changes - sparse.diags_array(falling[at]) @ speeds[at], fallen[at]),
         (-changes - sparse.diags_array(rising[at]) @ speeds[at], risen[at]),
         (speeds, fast),
         (-speeds, -slow),
-        (angles, upper),
-        (-angles, -lower),
-        (contributions, ones),
-        (-contributions, ones),
+        (problem.unknowns, np.append(upper, ones)),
+        (-problem.unknowns, np.append(-lower, ones)),
     ]
     if cuts:
         windows = [problem.windows[cut.request] for cut in cuts]
