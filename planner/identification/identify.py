@@ -374,22 +374,15 @@ def _bounded(
 def _held_out(pair: _Pair, whole: Fit, timing: Timing, *, faster: bool) -> HeldOut | None:
     """Fit the first half of each log, predict the second; None where these hold nothing to fit.
 
-    The joint with those terms of the fit to all rows that the first halves call for is fitted to
-    some stretches of long ones; all rows of the others are predicted. It begins at the fit to all
-    rows, so that what the first halves do not determine at all stays. Where that leads far astray,
-    as in logs of a few seconds, a joint is sought among the first halves alone, and taken unless it
-    fits them much worse.
+    It begins at ``whole``, the fit to all rows, with those of its terms that the first halves call
+    for, so that what these do not determine at all stays. Where that leads far astray, as in logs
+    of a few seconds, a joint is sought among the first halves alone, on the ticks of the pair, and
+    taken unless it fits them much worse.
 
     A top speed that the first halves do not bound, and the others may exceed, cannot be predicted
     from them: there that of the fit to all rows is taken, or, where these do not bound it either,
     what the first halves call for if that is more; the other parameters are fitted beside it, and
-    tested.
-
-    Args:
-        pair: The joint with the ticks on which its terms were sought.
-        whole: The fit to all rows that are used in the end.
-        timing: The ticks of the pair.
-        faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
+    tested. It is taken, too, where it is ``faster`` than any that is fitted.
     """
     logs, grid = pair.joint.grid.logs, whole.grid
     out: list[Mask] = []

@@ -38,18 +38,11 @@ def quadratic_of(
     run: Indices,
     firsts: Array,
 ) -> Quadratic:
-    """J'WJ and J'Wr of Huber's loss of weighted residuals: W = w^2 min(1, corner / abs(w r)).
+    """J'WJ and J'Wr of Huber's loss of weighted residuals r: W = w^2 min(1, corner / abs(w r)).
 
-    Args:
-        slopes: Derivatives of the angles by the law's numbers, and last by the first angle of the
-            row's own run, (rows, c + 1).
-        change: Derivatives of the law's numbers by the coordinates, (c, p).
-        residuals: r [rad], (rows,).
-        weights: w, (rows,).
-        corner: Where the loss becomes linear [rad].
-        run: Run of each row, (rows,).
-        firsts: Weight of the first row of each run, (runs,). A first angle that counts hardly more
-            than in this row is held.
+    Slopes are derivatives of the angles by the law's numbers, and last by the first angle of the
+    row's own run, (rows, c + 1); ``change`` those of these numbers by the coordinates, (c, p). A
+    first angle that counts hardly more than in its own row, with the weight of ``firsts``, is held.
     """
     (laws, count), runs = change.shape, len(firsts)
     of_law, by_law = np.zeros((laws, laws)), np.zeros(laws)
@@ -111,18 +104,11 @@ def most_reduction(near: Quadratic) -> float:
 def step_of(
     near: Quadratic, sizes: Array, radius: float, lower: Array, upper: Array
 ) -> tuple[Array, Array, float, float]:
-    """The step in a trust region that stays between bounds of the coordinates.
+    """The step in a trust region that stays between least and largest changes of the coordinates.
 
-    Args:
-        near: The loss to second order.
-        sizes: Unit of each coordinate in the trust region [rad], (p,); one of 0 does not move.
-        radius: Its radius [rad].
-        lower: Least change of each coordinate, (p,).
-        upper: Largest change, (p,).
-
-    Returns:
-        The step, (p,); how the first angles follow [rad], (runs,); by how much the quadratic
-        falls [rad^2]; and the length of the step in the unit of the radius [rad].
+    ``sizes`` are the units of these in the region [rad], (p,); one of 0 does not move. Returned are
+    the step, how the first angles follow [rad], by how much the quadratic falls [rad^2], and the
+    length of the step in the unit of the radius [rad].
     """
     count, step, starts = len(sizes), np.zeros(len(sizes)), np.zeros(len(near.squares))
     moves = sizes > 0.0
