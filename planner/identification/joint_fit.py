@@ -95,7 +95,8 @@ def refitted(
     before, at = fit.grid, fit.parameters
     tick = before.tick if tick is None else tick
     grid = resampled_like(before, logs, tick)
-    if tick == before.tick and np.array_equal(grid.weights, before.weights):
+    rows = all(map(np.array_equal, grid.places, before.places))
+    if tick == before.tick and rows and np.array_equal(grid.weights, before.weights):
         return fit
     if tick != before.tick:
         inertia = at.time_constant > 0.0
