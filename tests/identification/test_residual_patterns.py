@@ -96,7 +96,7 @@ def test_a_stop_is_met_twice_for_long_by_a_model_that_goes_beyond_it(wave, limit
         first, last = np.flatnonzero(wave >= limit)[[0, -1]]
         assert stop.finding(log, "too many rows to leave out").words == (
             f"arm: a mechanical stop: in 99 rows between {first} and {last} the joint stays at its "
-            f"{'largest' if way > 0.0 else 'least'} angle, {way * 0.5:g} rad, while it is "
+            f"{'largest' if way > 0.0 else 'least'} angle, {way * 28.6:g} deg, while it is "
             "requested to go on; too many rows to leave out"
         )
 
@@ -123,7 +123,8 @@ def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places
     again = Held(held.rows[:5], "contact", {"places": 1, "most": 0.01})
     assert joined([held, again]).known == held.known | {"places": found + 1}
     fate = "these rows are left out"
-    words = f"in {found} places of rest the joint is up to {held.known['most']:.2g} rad beside"
+    most = np.degrees(held.known["most"])
+    words = f"in {found} places of rest the joint is up to {most:.2g} deg beside"
     said = joined([held]).finding(free.log, fate).words
     assert words in said
     first, last = held.rows[[0, -1]]
