@@ -180,7 +180,7 @@ def in_degrees(error: BaseException, unit: str = "deg") -> str:
     number = r"-?\d[\d.e+-]*"
     message = re.sub(rf"({number}) to (?={number} rad\b)", r"\1 rad to ", message)
     return re.sub(
-        rf"({number}) rad\b( to)?",
+        rf"({number}) rad\b(?!\^)( to)?",
         lambda each: f"{math.degrees(float(each[1])):.5g}{each[2] or f' {unit}'}",
         message,
     )
