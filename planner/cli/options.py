@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import click
 from click.shell_completion import CompletionItem
 
-from planner.cli.console import MARKED, Answer, warn
+from planner.cli.console import MARKED, Answer, BadSetting, marked, warn
 from planner.cli.declared import NUMBER, SOURCE, Count, Declared, Source, option, tables
 from planner.cli.settings import ReplayRun, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
@@ -443,6 +443,10 @@ def put(content: dict[str, Any], key: str, value: Any) -> None:
     for part in place:
         table = table.setdefault(part, {})
     if declared.by_joint:
+        joints = [joint for joint, _ in value]
+        if twice := next((joint for joint in joints if joints.count(joint) > 1), None):
+            key = ".".join([*place, declared.by_joint, twice])
+            raise BadSetting(f"{marked(key)}: got it twice, expected once")
         for joint, each in value:
             if joint:
                 table.setdefault(declared.by_joint, {})[joint] = each
