@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.trajectory import TURN, Array
-from planner.validation import freeze
+from planner.arrays import TURN, Array, freeze
 
 
 class Link(NamedTuple):

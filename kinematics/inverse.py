@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.chain import Chain, Limits, half_turned
+from planner.arrays import TURN, Array, Indices, check_choice, read_only
 from planner.exceptions import UnreachableFoot, UnsupportedLeg
-from planner.trajectory import TURN, Array, Indices
-from planner.validation import check_choice, read_only
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg

@@ -22,9 +22,17 @@ from kinematics.inverse import (
     solve_inverse,
 )
 from kinematics.robot import TO_LIMIT, Robot, named, read_robot
+from planner.arrays import (
+    Array,
+    Indices,
+    Summarised,
+    Summary,
+    as_path,
+    as_positive,
+    read_only,
+    shown,
+)
 from planner.exceptions import InvalidInput, InvalidTrajectory, UnsupportedLeg, angle_text
-from planner.trajectory import Array, Indices, as_path
-from planner.validation import Summarised, Summary, as_positive, read_only, shown
 
 GRAVITY = (0.0, 0.0, -9.80665)
 """Standard gravity [m/s^2] in the frame of the URDF's root link, whose z axis points up."""

@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from planner.arrays import Array, read_only, shown
 from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
-from planner.trajectory import Array
-from planner.validation import read_only, shown
 
 MOST_BYTES = 64 * 2**20  # longest readable file [bytes]; meshes are in files of their own
 MOST_MOVING = 200  # most joints of a robot: Pinocchio's tables grow with their square

@@ -15,9 +15,8 @@ from typing import Any, Self
 import numpy as np
 
 from kinematics.robot import Robot, captured_stderr, read_robot
+from planner.arrays import Array, read_only
 from planner.exceptions import InvalidInput
-from planner.trajectory import Array
-from planner.validation import read_only
 
 MOST_BYTES = 32 * 2**20  # largest readable mesh [bytes]
 

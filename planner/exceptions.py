@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from planner.trajectory import Array, Indices
+    from planner.arrays import Array, Indices
 
 LONGEST = 1500
 """Characters of a message; of a longer one the middle is left out."""

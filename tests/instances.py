@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner import JointModel, reference_walk, simulate
-from planner.trajectory import Array
+from planner.arrays import Array
 
 ERS210A = JointModel.ers210a()
 

@@ -10,9 +10,18 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import (
+    LARGEST,
+    MOST_SAMPLES,
+    Array,
+    ReadOnly,
+    as_count,
+    as_flag,
+    as_positive,
+    as_reals,
+    read_only,
+)
 from planner.exceptions import InvalidInput
-from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import ReadOnly, as_count, as_flag, as_positive, as_reals, read_only
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,8 +15,8 @@ import numpy as np
 
 from planner.approximation.fit_problem import Candidate, Problem, nearest_samples, residuals
 from planner.approximation.values import best_values, ideal_of
+from planner.arrays import Array, Indices
 from planner.exceptions import SolverFailed
-from planner.trajectory import Array, Indices
 
 Levels = list[Indices]
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.approximation.values import envelope_below
-from planner.trajectory import Array
+from planner.arrays import Array
 
 REACHED = 1e-13
 """Width of a gate that lines are known to reach, so that rounding does not keep them from it."""

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import LARGEST, Array, Indices, Mask, as_number, as_positive, as_whole, shown
 from planner.exceptions import Infeasible, InvalidInput, angle_text
-from planner.trajectory import LARGEST, Array, Indices, Mask
-from planner.validation import as_number, as_positive, as_whole, shown
 
 Required = Iterable[float] | Mapping[float, float | None]
 

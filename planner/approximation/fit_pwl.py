@@ -36,9 +36,8 @@ from planner.approximation.fit_problem import (
 from planner.approximation.knot_search import KnotSearch
 from planner.approximation.largest_error import within_largest_error
 from planner.approximation.values import best_values, slope_bounded, within_slopes
+from planner.arrays import Array, Summarised, Summary, as_flag, as_trajectory, read_only
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
-from planner.trajectory import Array, as_trajectory
-from planner.validation import Summarised, Summary, as_flag, read_only
 
 # Rms errors that are not worth the corners of more segments
 CLOSE_TO_IDEAL = 1.02  # relative to the ideal's

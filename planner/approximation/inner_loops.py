@@ -10,8 +10,8 @@ import math
 import numpy as np
 
 from planner.approximation.fit_problem import Problem
+from planner.arrays import Array, Indices, Mask
 from planner.compilation import compiled, inner
-from planner.trajectory import Array, Indices, Mask
 
 
 @compiled

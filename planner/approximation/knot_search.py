@@ -27,7 +27,7 @@ from planner.approximation.fit_problem import (
     with_required,
 )
 from planner.approximation.values import WINDOW, best_values, descend, ideal_of
-from planner.trajectory import Array
+from planner.arrays import Array
 
 # The effects of half and twice were measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40;
 # without moves errors of 100 fits are 2 % larger in the mean, without merging 1.8 %.

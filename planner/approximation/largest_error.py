@@ -25,8 +25,8 @@ from planner.approximation.fit_problem import (
     residuals,
 )
 from planner.approximation.values import attainable_error, solve_qp
+from planner.arrays import Array, Indices, Mask, steps
 from planner.exceptions import Infeasible, angle_text
-from planner.trajectory import Array, Indices, Mask, steps
 
 TIE = 0.25 * BARELY
 """Relative excess over the bound with which the segments are counted, so that ties are passed."""

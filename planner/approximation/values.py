@@ -23,8 +23,8 @@ from planner.approximation.fit_problem import (
     feasible_values,
     required_knots,
 )
+from planner.arrays import Array, steps
 from planner.exceptions import SolverFailed
-from planner.trajectory import Array, steps
 
 WINDOW = 16
 """Most knots that are moved together; of more, windows of so many are moved in turn. 80 fits of 14

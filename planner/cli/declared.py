@@ -231,7 +231,7 @@ def _plain(value: Any) -> Any:
 
 def _unfit(place: Place, value: Any, expected: str, hint: str = "") -> BadSetting:
     """The error that a value is not the expected one."""
-    from planner.validation import shown  # imports NumPy
+    from planner.arrays import shown  # imports NumPy
 
     got = toml_value(value) if isinstance(value, bool) else shown(value)
     got = "a table" if isinstance(value, Mapping) else got

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from planner.arrays import Array, most_lost
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
 from planner.exceptions import InvalidFile, InvalidModel, PlannerError, in_degrees, nearest
@@ -21,7 +22,6 @@ from planner.files.text import STANDARD_STREAM
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
 from planner.planning.task import limits_of_each
-from planner.trajectory import Array, most_lost
 
 if TYPE_CHECKING:
     from kinematics import Leg

@@ -46,10 +46,10 @@ def export(
         request-planner export requests.csv --format csv --unit ticks --cycles 10 -o ticks.csv
         request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_hip,lf_knee
     """  # noqa: D301, E501
+    from planner.arrays import as_positive
     from planner.cli.desired import check_angles
     from planner.files.paths import read_joint_path
     from planner.robot.schedule import Schedule
-    from planner.validation import as_positive
 
     (export,) = run.export
     path = read_joint_path(requests, joints=run.path.joints)

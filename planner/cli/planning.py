@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.arrays import index_of_largest
 from planner.cli import settings
 from planner.cli.console import BadSetting, SettingsError, marked
 from planner.cli.declared import flat
@@ -20,7 +21,6 @@ from planner.planning.inversion import planned
 from planner.planning.plan import Plan
 from planner.planning.task import Task, checked_leg
 from planner.report.plan_results import PlanAnswer, against_tolerances
-from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
     from planner.report.page import Written

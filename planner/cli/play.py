@@ -12,7 +12,7 @@ from planner.cli.declared import Count, Positive, Source, argument, option
 from planner.exceptions import InvalidFile
 
 if TYPE_CHECKING:
-    from planner.trajectory import Array
+    from planner.arrays import Array
 
 
 @options.command()

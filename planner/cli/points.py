@@ -19,6 +19,7 @@ from typing import Any, Literal
 import click
 import numpy as np
 
+from planner.arrays import error_norm, index_of_largest
 from planner.cli import options
 from planner.cli.console import BadSetting, speaking_of
 from planner.cli.declared import understand
@@ -32,7 +33,6 @@ from planner.files.results import Results, Task, digest_of
 from planner.files.text import read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
-from planner.trajectory import error_norm, index_of_largest
 
 REQUIRED = {
     "at_error_cm": "a foot",

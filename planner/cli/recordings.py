@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from planner.arrays import Array, error_norm
 from planner.cli import desired as loading
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
@@ -38,7 +39,6 @@ from planner.report.plan_results import off_by
 from planner.report.replay_page import episode_results, resent_words
 from planner.report.wording import UNITS
 from planner.robot.schedule import Schedule
-from planner.trajectory import Array, error_norm
 
 if TYPE_CHECKING:
     from kinematics import Leg

@@ -16,11 +16,11 @@ from planner.cli.settings import SMOOTHING, Run
 from planner.exceptions import about
 
 if TYPE_CHECKING:
+    from planner.arrays import Array
     from planner.cli.desired import Desired
     from planner.files.executed import LearningState
     from planner.planning.plan import Plan
     from planner.report.plan_results import Numbers
-    from planner.trajectory import Array
 
 FOOT = "foot"  # name of the plan of a foot
 

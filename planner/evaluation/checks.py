@@ -9,14 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, finite
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel, acting_requests
 from planner.model.response import load_by_period, motion_under
 from planner.planning.bounds.reachable_set import Level
 from planner.planning.plan import Inversion, Plan
 from planner.planning.task import SMOOTHNESS
-from planner.trajectory import Array
-from planner.validation import finite
 
 
 class Tolerance(NamedTuple):

@@ -15,6 +15,20 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.leg import Leg
+from planner.arrays import (
+    Array,
+    Distance,
+    Summarised,
+    Summary,
+    as_rows,
+    check_choice,
+    error_norm,
+    finite,
+    relative_gap,
+    rms,
+    shown,
+    size,
+)
 from planner.evaluation.checks import (
     ABOVE,
     ABOVE_BOUND,
@@ -49,8 +63,6 @@ from planner.planning.line_inverse import RULES
 from planner.planning.plan import FootInversion, Inversion, Plan
 from planner.planning.search import known_errors
 from planner.planning.task import Norm, Task, checked_leg
-from planner.trajectory import Array, Distance, as_rows, error_norm, relative_gap, rms, size
-from planner.validation import Summarised, Summary, check_choice, finite, shown
 
 # The compared plans: label by key.
 METHODS: Mapping[str, str] = {

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.trajectory import Array
+from planner.arrays import Array
 
 Point = tuple[float, ...]  # a value for each parameter, in their order
 

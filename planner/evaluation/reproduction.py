@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, Distance, size
 from planner.gait.half_ellipse import ReferenceWalk, reference_walk
 from planner.identification.excitation import step_test
 from planner.model.joint import JointModel
@@ -19,7 +20,6 @@ from planner.planning.inversion import planned
 from planner.planning.line_inverse import Rule
 from planner.planning.plan import Plan
 from planner.planning.task import Task
-from planner.trajectory import Array, Distance, size
 
 JOINTS = ("rotator", "abductor", "knee")
 

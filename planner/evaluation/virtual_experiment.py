@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from planner.arrays import Array, rms
 from planner.evaluation.reproduction import (
     SEGMENTS,
     Clock,
@@ -27,7 +28,6 @@ from planner.identification.result import Identification
 from planner.learning.refine import refine
 from planner.learning.trials import Learning
 from planner.planning.plan import Plan
-from planner.trajectory import Array, rms
 from planner.virtual.robot import CONSTANTS, Constants, VirtualRobot
 
 AMPLITUDES = (20.0, 40.0, 70.0)  # heights of the step tests [degrees], in the range of the walk

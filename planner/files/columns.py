@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, not_radians, read_only, turns_words
 from planner.exceptions import InvalidFile, nearest
 from planner.files.table import Table
-from planner.trajectory import Array, not_radians, turns_words
-from planner.validation import read_only
 
 
 def _words(text: str) -> frozenset[str]:

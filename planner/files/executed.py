@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
+from planner.arrays import Array, as_path
 from planner.exceptions import InvalidFile
 from planner.files.columns import JOINT_UNITS, pairs, split_unit, with_unit
 from planner.files.paths import SampledPath, check_step, joint_path, read_joint_path
@@ -18,7 +19,6 @@ from planner.files.text import read_json, to_json, write_text
 from planner.identification.grid import mean_period
 from planner.learning.trials import Learning, SensorDelay, Trial
 from planner.model.joint import JointModel
-from planner.trajectory import Array, as_path
 
 MOST_LOST = 3  # measured rows in sequence that may be missing, and are interpolated
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.exceptions import InvalidInput, MissingExtra, importing
 from planner.files.columns import ANGLES, TIME
 from planner.files.logs.lerobot import COUNTED
@@ -21,7 +22,6 @@ from planner.files.staging import cannot_write, output_folder
 from planner.files.table import DECIMALS, csv_text, write_table
 from planner.files.text import write_text
 from planner.robot.schedule import NANOSECONDS, Schedule
-from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.robot.arm import Servo

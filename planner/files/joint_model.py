@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 
 import numpy as np
 
+from planner.arrays import LARGEST, as_number, as_whole, shown
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
 from planner.files.text import Expected, Kind, Toml, key_name, read_toml, toml_value, within
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
 from planner.robot import EXPECTED_BUS, bus_name
-from planner.trajectory import LARGEST
-from planner.validation import as_number, as_whole, shown
 
 if TYPE_CHECKING:
     from planner.robot.arm import Servo

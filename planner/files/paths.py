@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
+from planner.arrays import MOST_SAMPLES, Array, read_only
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import (
     JOINT_UNITS,
@@ -38,8 +39,6 @@ from planner.files.columns import (
 from planner.files.staging import writing
 from planner.files.table import Table, read_table, write_table
 from planner.files.text import write_text
-from planner.trajectory import MOST_SAMPLES, Array
-from planner.validation import read_only
 
 LOAD = "_load_Nm"  # ending of the columns that hold the torque on a joint [N m]
 MOST_JOINTS = 1000  # joints of a path, each a plan of its own

@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from planner.arrays import Array, read_only
 from planner.exceptions import InvalidFile, nearest
 from planner.files.text import read_text, write_text
-from planner.trajectory import Array
-from planner.validation import read_only
 
 MOST_COLUMNS = 10_000  # columns of a table: a robot that records everything has some thousands
 MOST_CELLS = 10_000_000  # cells of a table: some 70 bytes of memory each

@@ -10,9 +10,18 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from kinematics.robot import urdf_path
+from planner.arrays import (
+    LARGEST,
+    MOST_SAMPLES,
+    Array,
+    Summarised,
+    Summary,
+    as_count,
+    as_number,
+    read_only,
+    shown,
+)
 from planner.exceptions import InvalidInput
-from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import Summarised, Summary, as_count, as_number, read_only, shown
 
 
 def half_ellipse(

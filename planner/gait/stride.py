@@ -11,13 +11,12 @@ import numpy as np
 from kinematics.chain import Chain
 from kinematics.inverse import MOST_JOINTS, check_joints
 from kinematics.leg import Leg
+from planner.arrays import Array, as_positive, check_choice, read_only, shown
 from planner.exceptions import Infeasible, InvalidInput, UnreachableFoot, UnsupportedLeg, nearest
 from planner.gait.half_ellipse import half_ellipse, in_range
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot
 from planner.planning.plan import FootInversion
-from planner.trajectory import Array
-from planner.validation import as_positive, check_choice, read_only, shown
 
 LONGEST = 0.25  # half of the longest stroke chosen by default, over the length of the leg
 HIGHEST = 0.15  # the highest swing chosen by default, over the length of the leg

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import MOST_SAMPLES, Array, as_number, as_whole, freeze, shown
 from planner.exceptions import InvalidInput, angle_text
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.identification.result import Identification
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.trajectory import MOST_SAMPLES, Array
-from planner.validation import as_number, as_whole, freeze, shown
 
 PARTS = (
     ("slow_triangle", 0.4, "dead band, static sag, sag by the angle"),

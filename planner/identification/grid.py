@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array, Indices, Mask, as_number, as_whole, rms, shown, stretches
 from planner.exceptions import InvalidInput
 from planner.identification.log import IMPOSSIBLE, Log, pieces_of
 from planner.model.joint import MOST_HOLD, MOST_TERMS
 from planner.model.response import load_by_period
-from planner.trajectory import Array, Indices, Mask, rms, stretches
-from planner.validation import as_number, as_whole, shown
 
 if TYPE_CHECKING:
     from planner.model.kernel import Track

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, Mask, as_flag, rms
 from planner.exceptions import InvalidInput
 from planner.identification.grid import (
     Timing,
@@ -86,8 +87,6 @@ from planner.identification.terms import (
     with_terms,
 )
 from planner.model.joint import JointModel
-from planner.trajectory import Array, Mask, rms
-from planner.validation import as_flag
 
 SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
 """Standard deviations of the noise that the angles at both ends of 0.1 s may be off [1/s]."""

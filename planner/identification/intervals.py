@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
+from planner.arrays import Array
 from planner.identification.least_squares import FULL, PROFILE, Fit, correlation_time
 from planner.identification.parameters import (
     COUNT,
@@ -21,7 +22,6 @@ from planner.identification.parameters import (
     only,
 )
 from planner.identification.result import Interval
-from planner.trajectory import Array
 
 MISFIT = 0.01
 """Share by which the loss has to rise before a value counts as refuted, however many the rows: real

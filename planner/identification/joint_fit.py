@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, rms
 from planner.exceptions import InvalidInput
 from planner.identification.grid import (
     ON_A_TICK,
@@ -36,7 +37,6 @@ from planner.identification.least_squares import (
 from planner.identification.log import Log, pieces_of
 from planner.identification.parameters import Parameters, only
 from planner.model.joint import with_ticks
-from planner.trajectory import Array, rms
 
 SETTLED_ERRORS = 2.0
 """The first rows of a piece are used where the model, with the first request in force before, errs

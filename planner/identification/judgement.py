@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from planner.arrays import Array, rms
 from planner.identification.grid import Grid, Timing, unequal
 from planner.identification.intervals import at_edge
 from planner.identification.joint_fit import delayed_errors
@@ -20,7 +21,6 @@ from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import GAP, Log
 from planner.identification.result import Finding, HeldOut, Interval, Topic, told
 from planner.model.evidence import PROVEN, Verdict
-from planner.trajectory import Array, rms
 
 SIMPLER = {
     "raw": "the request itself",

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
+from planner.arrays import Array, Indices, rms
 from planner.identification.grid import Grid
 from planner.identification.parameters import (
     BASE,
@@ -27,7 +28,6 @@ from planner.identification.parameters import (
 )
 from planner.identification.result import Interval, Term
 from planner.model.law import Law
-from planner.trajectory import Array, Indices, rms
 
 USUAL = only(*BASE)
 """What is fitted where nothing else is asked for: the terms stay what they are."""

@@ -10,9 +10,19 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import (
+    LARGEST,
+    TURN,
+    Array,
+    ReadOnly,
+    Summarised,
+    Summary,
+    as_trajectory,
+    freeze,
+    is_one_of,
+    shown,
+)
 from planner.exceptions import InvalidInput, InvalidTrajectory
-from planner.trajectory import LARGEST, TURN, Array, as_trajectory
-from planner.validation import ReadOnly, Summarised, Summary, freeze, is_one_of, shown
 
 GAP = 10.0
 """Pause between rows, in median periods, after which nothing is assumed of what was requested."""

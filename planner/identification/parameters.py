@@ -12,10 +12,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from planner.arrays import Array, Mask
 from planner.identification.grid import Grid
 from planner.model.joint import JointModel, slowed_by_friction
 from planner.model.law import fastest_integral, motor_share
-from planner.trajectory import Array, Mask
 
 Free = Mask
 """Which parameters a fit may change, in the order of the fields of :class:`Parameters`."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, Indices, stretches
 from planner.identification.log import Log
 from planner.identification.result import (
     Finding,
@@ -25,7 +26,6 @@ from planner.identification.result import (
 from planner.identification.terms import Backlash
 from planner.model.evidence import errors_of_motion
 from planner.model.joint import JointModel
-from planner.trajectory import Array, Indices, stretches
 
 FEW_ROWS = 20
 """Fewer rows show neither a stop nor where a joint rests."""

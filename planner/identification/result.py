@@ -11,6 +11,18 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from planner.arrays import (
+    Array,
+    Mask,
+    ReadOnly,
+    Summarised,
+    Summary,
+    finite,
+    freeze,
+    read_only,
+    rms,
+    stretches,
+)
 from planner.identification.log import Log, pieces_of
 from planner.model.evidence import (
     ACCEPTED,
@@ -22,8 +34,6 @@ from planner.model.evidence import (
     under_moving_requests,
 )
 from planner.model.joint import JointModel
-from planner.trajectory import Array, Mask, rms, stretches
-from planner.validation import ReadOnly, Summarised, Summary, finite, freeze, read_only
 
 if TYPE_CHECKING:
     import jinja2

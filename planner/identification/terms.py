@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, rms
 from planner.identification.grid import Grid, resampled, resampled_like
 from planner.identification.intervals import at_edge, model_interval, rise_allowed, uncertainty_of
 from planner.identification.least_squares import (
@@ -43,7 +44,6 @@ from planner.identification.parameters import (
     only,
 )
 from planner.identification.result import Interval
-from planner.trajectory import Array, rms
 
 ORDER = ("time_constant", "dead_band", "compliance", "slowing", "sag_sin", "asymmetry")
 """In which order the terms are tried, each beside those that were kept before it."""

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, Indices
 from planner.compilation import compiled, inner
-from planner.trajectory import Array, Indices
 
 
 class Quadratic(NamedTuple):

@@ -18,13 +18,12 @@ import numpy.typing as npt
 from scipy import fft
 from scipy.ndimage import convolve1d
 
+from planner.arrays import LARGEST, Array, as_reals, rms
 from planner.exceptions import InvalidTrajectory, angle_text
 from planner.learning.trials import SensorDelay, Trial
 from planner.model.joint import JointModel
 from planner.planning.line_inverse import advanced
 from planner.planning.plan import Plan
-from planner.trajectory import LARGEST, Array, rms
-from planner.validation import as_reals
 
 COUNT = 2.0 * math.pi / 4096.0  # count of a sensor of 12 bit [rad]
 

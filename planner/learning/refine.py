@@ -20,6 +20,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array, as_flag, as_number, freeze, rms, shown
 from planner.exceptions import InvalidInput, NoSteadyCycle, PlannerError, about
 from planner.identification.identify import identify
 from planner.identification.log import Log
@@ -30,8 +31,6 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate, simulate_joints
 from planner.planning.inversion import planned
 from planner.planning.plan import FootInversion, Inversion, Plan, joined
-from planner.trajectory import Array, rms
-from planner.validation import as_flag, as_number, freeze, shown
 
 WORTHWHILE = 0.003
 """Share of the error that the next requests must save by the model, else learning has ended."""

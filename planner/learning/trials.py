@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.trajectory import Array
-from planner.validation import ReadOnly, Summarised, Summary, freeze
+from planner.arrays import Array, ReadOnly, Summarised, Summary, freeze
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

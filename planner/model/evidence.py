@@ -10,9 +10,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array, as_reals, rms, shown
 from planner.exceptions import InvalidInput
-from planner.trajectory import Array, rms
-from planner.validation import as_reals, shown
 
 WINDOW = 2.0
 """Part of a log whose error and acceleration are one point of the fit [s]: several times the lag

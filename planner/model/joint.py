@@ -11,11 +11,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array, as_number, as_whole, shown
 from planner.exceptions import InvalidInput, InvalidModel
 from planner.model.evidence import GAIN, Evidence, check_correlations, warn_of_refused
 from planner.model.law import REST_STEPS, Law, fastest_integral, motor_share
-from planner.trajectory import Array
-from planner.validation import as_number, as_whole, shown
 
 WHOLE_TICKS = 1e-9
 """Times this close to whole ticks count as whole [ticks]."""

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, Indices
 from planner.compilation import compiled, inner
 from planner.model.law import REST_STEPS, Law, State
-from planner.trajectory import Array, Indices
 
 
 @inner

@@ -8,11 +8,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import (
+    LARGEST,
+    SAME,
+    Array,
+    Mask,
+    as_flag,
+    as_number,
+    as_trajectory,
+    shown,
+    steps,
+)
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.model.joint import JointModel, acting_requests, checked_model
 from planner.model.law import MOST_CYCLES
-from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
-from planner.validation import as_flag, as_number, shown
 
 Loads = Sequence[Array | None]
 """For each joint the torque on it at every sample [N m], shape (n,), or None."""

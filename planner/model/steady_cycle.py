@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.compilation import compiled, inner
 from planner.model.kernel import at_rest, exceeds_drive, moving_states, rest_angle, run_period
 from planner.model.law import MOST_CYCLES, Law, State
-from planner.trajectory import Array
 
 CYCLE_TOLERANCE = 1e-12
 """A cycle is closed when its ends agree to this [rad], relative to angles beyond 1 rad."""

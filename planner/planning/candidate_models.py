@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.exceptions import InvalidInput, InvalidModel
 from planner.model.evidence import GAIN
 from planner.model.joint import JointModel
-from planner.trajectory import Array
 
 PAIRS = 4
 """Pairs of models beside the nominal one, either side of it."""

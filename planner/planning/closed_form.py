@@ -12,6 +12,7 @@ import numpy.typing as npt
 from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_force
 from planner.approximation.fit_pwl import fit_pwl
 from planner.approximation.values import slope_bounded
+from planner.arrays import Array, as_flag, steps
 from planner.exceptions import InvalidInput, about, angle_text
 from planner.model.joint import JointModel, acting_requests, checked_model
 from planner.model.response import checked_load
@@ -28,8 +29,6 @@ from planner.planning.line_inverse import (
 )
 from planner.planning.plan import Inversion, Plan
 from planner.planning.task import Task
-from planner.trajectory import Array, steps
-from planner.validation import as_flag
 
 if TYPE_CHECKING:
     from planner.planning.problem import Problem

@@ -27,10 +27,10 @@ from typing import Any
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.exceptions import SolverFailed
 from planner.model.symbolic import period_function
 from planner.planning.problem import Problem
-from planner.trajectory import Array
 
 # Measured on 14 instances of the benchmark: the rms is 0.02 % above that of "gauss-newton" on
 # average, 0.2 % at worst. In brackets this excess with half and twice of a number.

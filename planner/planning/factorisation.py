@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array, Indices
 from planner.compilation import inner
-from planner.trajectory import Array, Indices
 
 Places = npt.NDArray[np.uint32]
 """Unsigned: Numba tests each signed index for being negative, a sixth of the time of a solution."""

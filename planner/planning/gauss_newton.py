@@ -18,11 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, Indices
 from planner.compilation import compiled, inner
 from planner.model.kernel import at_rest, law_of, moving_states, periods
 from planner.model.steady_cycle import motion_of
 from planner.planning.factorisation import Factor, Places, factor_of, solved
-from planner.trajectory import Array, Indices
 
 
 class Rows(NamedTuple):

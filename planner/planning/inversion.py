@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array, as_reals, check_choice
 from planner.exceptions import InvalidInput, SolverFailed, angle_text
 from planner.planning.closed_form import closed_forms
 from planner.planning.line_inverse import Rule
@@ -28,8 +29,6 @@ from planner.planning.task import (
     checked_leg,
 )
 from planner.planning.time_shift import shifted
-from planner.trajectory import Array
-from planner.validation import as_reals, check_choice
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg

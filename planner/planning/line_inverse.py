@@ -9,12 +9,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array, check_choice, shown
 from planner.exceptions import InvalidInput, OutsideEquation13, angle_text
 from planner.model.joint import JointModel, acting_requests, checked_model
 from planner.model.law import Law
 from planner.model.response import checked_load
-from planner.trajectory import Array
-from planner.validation import check_choice, shown
 
 Rule = Literal["paper", "exact"]
 

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
+from planner.arrays import Array
 from planner.compilation import compiled, inner
 from planner.model.kernel import law_of, left_at_rest, pose_sag
 from planner.model.law import MOST_CYCLES, Law
@@ -30,7 +31,6 @@ from planner.planning.line_inverse import (
     slope_limits,
 )
 from planner.planning.problem import Problem
-from planner.trajectory import Array
 
 
 class Lines(NamedTuple):

@@ -15,12 +15,21 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, final
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
+from planner.arrays import (
+    Array,
+    ReadOnly,
+    Summarised,
+    Summary,
+    error_norm,
+    freeze,
+    relative_gap,
+    reversals,
+    steps,
+)
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds, path_speeds
 from planner.planning.task import Norm, Solver, Task, columns_of
-from planner.trajectory import Array, error_norm, relative_gap, reversals, steps
-from planner.validation import ReadOnly, Summarised, Summary, freeze
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg

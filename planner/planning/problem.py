@@ -13,6 +13,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.exceptions import Infeasible
 from planner.model.joint import Acting, JointModel, acting_requests
 from planner.model.response import load_by_period, rest_angles, rest_requests
@@ -30,7 +31,6 @@ from planner.planning.gauss_newton import (
     simulate_all,
 )
 from planner.planning.task import Task
-from planner.trajectory import Array
 
 LEAST_FOOT_MOTION = 1e-9
 """Movement of the foot per radian that is rounding, relative to the last link's length."""

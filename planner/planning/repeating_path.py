@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, Mask
 from planner.compilation import compiled, inner
-from planner.trajectory import Array, Mask
 
 LEAST_SPREAD = 1e-12
 """Sum of squares about the mean below which a stretch does not move [rad^2]."""

@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, Mask, reversals, rms, without_small_reversals
 from planner.exceptions import SolverFailed, about
 from planner.model.evidence import ENCODER_STEP, UNFORESEEN, Evidence
 from planner.model.joint import JointModel
@@ -39,7 +40,6 @@ from planner.planning.gauss_newton import (
 )
 from planner.planning.problem import Problem, problem_of
 from planner.planning.task import Solver, Task
-from planner.trajectory import Array, Mask, reversals, rms, without_small_reversals
 
 LOGGER = logging.getLogger(__name__)
 

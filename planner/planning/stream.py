@@ -16,20 +16,25 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import Infeasible, InvalidInput, angle_text
-from planner.model.evidence import warn_of_refused
-from planner.model.joint import JointModel, acting_requests, checked_model
-from planner.planning.task import joint_names, limits_of_each, steps_of_each
-from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
-from planner.validation import (
+from planner.arrays import (
+    LARGEST,
+    MOST_TURNS,
+    TURN,
+    Array,
     Summarised,
     Summary,
     as_count,
     as_reals,
     as_whole,
     check_choice,
+    not_radians,
     shown,
+    turns_words,
 )
+from planner.exceptions import Infeasible, InvalidInput, angle_text
+from planner.model.evidence import warn_of_refused
+from planner.model.joint import JointModel, acting_requests, checked_model
+from planner.planning.task import joint_names, limits_of_each, steps_of_each
 
 OnBad = Literal["hold", "raise"]
 

@@ -13,6 +13,26 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import (
+    MOST_TURNS,
+    TURN,
+    Array,
+    Mask,
+    ReadOnly,
+    as_flag,
+    as_number,
+    as_positive,
+    as_reals,
+    as_rows,
+    as_trajectory,
+    check_choice,
+    check_radians,
+    error_norm,
+    freeze,
+    shown,
+    steps,
+    turns_words,
+)
 from planner.exceptions import (
     Infeasible,
     InvalidInput,
@@ -28,28 +48,6 @@ from planner.model.response import (
     load_columns,
     rest_angles,
     simulate_joints,
-)
-from planner.trajectory import (
-    MOST_TURNS,
-    TURN,
-    Array,
-    Mask,
-    as_rows,
-    as_trajectory,
-    check_radians,
-    error_norm,
-    steps,
-    turns_words,
-)
-from planner.validation import (
-    ReadOnly,
-    as_flag,
-    as_number,
-    as_positive,
-    as_reals,
-    check_choice,
-    freeze,
-    shown,
 )
 
 if TYPE_CHECKING:

@@ -30,6 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.arrays import LARGEST, TURN, Array
 from planner.compilation import compiled, inner
 from planner.model.kernel import (
     at_rest,
@@ -43,7 +44,6 @@ from planner.model.kernel import (
 from planner.model.law import Law, State
 from planner.planning.repeating_path import Repeating, continue_path
 from planner.planning.task import NEGLIGIBLE_SAG, ON_THE_LIMIT
-from planner.trajectory import LARGEST, TURN, Array
 
 SHARES = (1.0, 0.4, 0.15)
 """Trial lengths of a step, as shares of it."""

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array, rms
 from planner.exceptions import NoSteadyCycle
 from planner.model.evidence import ENCODER_STEP, unproven_gains
 from planner.model.joint import JointModel, checked_model
@@ -15,7 +16,6 @@ from planner.model.response import rest_requests
 from planner.planning.line_inverse import advanced
 from planner.planning.plan import Inversion, Plan
 from planner.planning.task import Norm, Task
-from planner.trajectory import Array, rms
 
 USUAL = 2.0
 """All leads of up to this many delays of the joint are tried. (With the first rise as the end, 5 of

@@ -10,12 +10,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.files.exports import LEROBOT_TASK, Layout, frame_rate, lerobot_dataset
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.paths import write_joint_path, write_samples
 from planner.recording.replaying import JointReplay, Replay
-from planner.trajectory import Array
 
 HEAD = "head"  # the array of an encoded episode that holds all but its rows, as JSON
 

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from planner.arrays import MOST_SAMPLES, Array, as_number, as_positive, check_choice, freeze, shown
 from planner.exceptions import InvalidInput, InvalidModel, PlannerError, nearest
 from planner.identification.grid import sound_rows, timing_of
 from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
 from planner.model.evidence import with_reasons
 from planner.model.joint import JointModel
 from planner.planning.task import JointLimits, LoadOfPose, limits_of_each
-from planner.trajectory import MOST_SAMPLES, Array
-from planner.validation import as_number, as_positive, check_choice, freeze, shown
 
 if TYPE_CHECKING:
     from planner.files.logs import Recording

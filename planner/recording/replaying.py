@@ -10,14 +10,25 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from planner.arrays import (
+    Array,
+    Mask,
+    ReadOnly,
+    Summarised,
+    Summary,
+    as_positive,
+    freeze,
+    most_lost,
+    read_only,
+    rms,
+    stretches,
+)
 from planner.identification.grid import measured_speed
 from planner.planning.inversion import plan
 from planner.planning.plan import Inversion, Plan
 from planner.planning.task import JointLimits, LoadOfPose
 from planner.planning.time_shift import shifted
 from planner.recording.recorded_path import Models, Path, RecordedPath, Track, recorded_path
-from planner.trajectory import Array, Mask, most_lost, rms, stretches
-from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze, read_only
 
 # Requests of a joint: as recorded, the path as it is, that with the best time shift, a plan.
 Kind = Literal["resent", "direct", "shifted", "planned"]

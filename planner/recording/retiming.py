@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from planner.arrays import Array, Summarised, Summary, as_number, check_choice, shown
 from planner.exceptions import Infeasible, InvalidInput, PlannerError
 from planner.planning.bounds.certify import lower_bound
 from planner.planning.task import JointLimits
 from planner.recording.recorded_path import Models, Path, RecordedPath, Track, recorded_path
 from planner.recording.replaying import JointReplay, Kind, Replay, replay_at
-from planner.trajectory import Array
-from planner.validation import Summarised, Summary, as_number, check_choice, shown
 
 if TYPE_CHECKING:
     from kinematics import Leg

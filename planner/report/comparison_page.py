@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.leg import Leg
+from planner.arrays import error_norm, index_of_largest
 from planner.evaluation.checks import AGREES, Check, beyond_limits
 from planner.evaluation.cross_check import (
     METHODS,
@@ -22,7 +23,6 @@ from planner.report import figure, style
 from planner.report.figure import Axis, Figure, Panel, Timeline, line
 from planner.report.page import Page, models_table
 from planner.report.wording import NOTHING, Column, Row, Table, number, percent, words_of
-from planner.trajectory import error_norm, index_of_largest
 
 SHOWN = "closed_form_paper"
 """The closed form that is drawn."""

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from planner.arrays import Array, rms
 from planner.report.style import DESIRED, LIMIT, MUTED, Role
 from planner.report.wording import words_of
-from planner.trajectory import Array, rms
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from planner.arrays import Array, index_of_largest, stretches
 from planner.identification.result import (
     Identification,
     Interval,
@@ -32,7 +33,6 @@ from planner.report.identification_text import (
 from planner.report.page import Page, parameters_of
 from planner.report.style import Role
 from planner.report.wording import UNITS, Column, Row, Table, words_of
-from planner.trajectory import Array, index_of_largest, stretches
 
 CLOSE_UP = 3.0
 """Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Page
 from planner.report.plan_results import Numbers, in_unit
 from planner.report.wording import NOTHING, Row, Table, table_of, words_of
-from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan

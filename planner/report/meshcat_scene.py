@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array
 from planner.exceptions import importing
 from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL, GRID
 from planner.report.wording import environment
-from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics.scene import Scene

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.evaluation.reproduction import STEP_AMPLITUDES
 from planner.report import style
 from planner.report.figure import (
@@ -29,7 +30,6 @@ from planner.report.figure import (
 )
 from planner.report.style import Role
 from planner.report.wording import words_of
-from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from planner._version import __version__
+from planner.arrays import Array, Distance
 from planner.evaluation.reproduction import (
     PAIRS,
     REFINE,
@@ -40,7 +41,6 @@ from planner.report.wording import (
     rendered_text,
     signed,
 )
-from planner.trajectory import Array, Distance
 
 Results = Mapping[str, Any]
 

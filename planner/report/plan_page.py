@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.planning.plan import Plan
 from planner.report import figure, style
@@ -14,7 +15,6 @@ from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
 from planner.report.plan_results import NORMS, SHIFTED, WITHOUT, PlanAnswer, no_bound, sizes_of
 from planner.report.wording import Column, Row, Table, signed, table_of, words_of
-from planner.trajectory import Array
 
 DIRECT = style.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.arrays import Array, error_norm, rms, size
 from planner.model.evidence import (
     ENCODER_STEP,
     OPEN_TOP_SPEED,
@@ -27,7 +28,6 @@ from planner.planning.time_shift import (
     shifted,
 )
 from planner.report.wording import Column, Table, number, percent, table_of
-from planner.trajectory import Array, error_norm, rms, size
 
 if TYPE_CHECKING:
     from kinematics import Leg

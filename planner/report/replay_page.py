@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure, style
@@ -27,7 +28,6 @@ from planner.report.wording import (
     table_of,
     words_of,
 )
-from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from planner.arrays import finite
 from planner.evaluation.pareto_front import Outcome, Swept
 from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.wording import Column, Row, Table, phrase, rendered_text, table_of, words_of
-from planner.validation import finite
 
 WORDS = {
     "length": ("half stroke", "m"),

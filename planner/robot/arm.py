@@ -15,10 +15,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array
 from planner.exceptions import BusError, InvalidInput, angle_text
 from planner.robot.bus import Bus
 from planner.robot.play import Playback, play
-from planner.trajectory import Array
 
 Numbers = TypeVar("Numbers", float, Array)
 

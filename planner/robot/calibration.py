@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, rms
 from planner.exceptions import BusError, InvalidFile, InvalidInput, angle_text
 from planner.files.logs import read_logs
 from planner.files.logs.rows import LogOptions
@@ -27,7 +28,6 @@ from planner.planning.inversion import invert_optimal
 from planner.planning.plan import Inversion
 from planner.planning.time_shift import invert_shift
 from planner.robot.arm import Arm
-from planner.trajectory import Array, rms
 
 WORSE = 2.0
 """A model still holds while it misses the motion by at most this factor over the error that its

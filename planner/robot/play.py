@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array, as_count, as_positive, as_rows, shown
 from planner.exceptions import InvalidInput
 from planner.robot.schedule import MOST_ROWS
-from planner.trajectory import Array, as_rows
-from planner.validation import as_count, as_positive, shown
 
 if TYPE_CHECKING:
     from planner.planning.stream import Stream

@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import Array
 from planner.exceptions import InvalidInput
-from planner.trajectory import Array
 
 NANOSECONDS = 10**9  # nanoseconds in a second, the resolution of ROS times
 MOST_ROWS = 1_000_000  # longest schedule [rows]: more than two hours at a request every 8 ms

@@ -20,8 +20,8 @@ from dataclasses import astuple, dataclass, fields, replace
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.compilation import compiled
-from planner.trajectory import Array
 
 STEP = 1e-3  # period of the loop and of the integration [s]
 MOST_DELAY = 64  # steps by which a goal may be late

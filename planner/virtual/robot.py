@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.robot import urdf_path
+from planner.arrays import Array, as_path
 from planner.exceptions import importing
-from planner.trajectory import Array, as_path
 
 if TYPE_CHECKING:
     import mujoco

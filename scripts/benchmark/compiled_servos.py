@@ -11,8 +11,8 @@ import numba
 import numpy as np
 
 import planner
+from planner.arrays import Array
 from planner.identification.excitation import excite
-from planner.trajectory import Array
 
 STEP = 2e-4  # time step of the physics [s]
 

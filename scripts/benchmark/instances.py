@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 import planner
-from planner.trajectory import Array
+from planner.arrays import Array
 from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
 
 FREE = (-math.inf, math.inf)  # no limits on the requests

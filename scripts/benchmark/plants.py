@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import planner
-from planner.trajectory import Array
+from planner.arrays import Array
 
 
 @dataclass

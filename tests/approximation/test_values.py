@@ -13,7 +13,7 @@ from planner.approximation.values import (
     best_values,
     slope_bounded,
 )
-from planner.trajectory import steps
+from planner.arrays import steps
 from tests.approximation.samples import KINDS, samples_of
 from tests.from_python import from_python
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import planner
+from planner.arrays import Distance, size
 from planner.evaluation import reproduction as paper
 from planner.evaluation.reproduction import best_lead, measure_step_response
 from planner.model.joint import JointModel
 from planner.model.response import simulate, simulate_joints
-from planner.trajectory import Distance, size
 from tests.independent import equation_3
 from tests.instances import ERS210A
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
+from planner.arrays import rms
 from planner.identification import grid
 from planner.identification.grid import MOST_ROWS, glitches, resampled, thinned
 from planner.identification.least_squares import (
@@ -22,7 +23,6 @@ from planner.identification.least_squares import (
 from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, only
 from planner.identification.trust_region import most_reduction, quadratic_of, step_of
-from planner.trajectory import rms
 from tests.identification.made import (
     AIBO,
     NOISE,

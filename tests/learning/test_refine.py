@@ -10,8 +10,8 @@ import pytest
 from benchmark.plants import MadeJoint, random_joint, random_path
 
 import planner
+from planner.arrays import Array, rms
 from planner.learning import refine as refining
-from planner.trajectory import Array, rms
 from tests.instances import ERS210A
 
 ENCODER_STEP = 2.0 * math.pi / 4096.0

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import planner
+from planner.arrays import rms
 from planner.learning import refine as refining
 from planner.learning.trials import Trial
-from planner.trajectory import rms
 from tests.instances import ERS210A
 
 OTHER = replace(ERS210A, theta_0=1.5 * ERS210A.theta_0)

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.model import kernel
 from planner.model.joint import JointModel, acting_requests
-from planner.trajectory import Array
 
 
 class Periods(NamedTuple):

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
+from planner.arrays import rms
 from planner.model.joint import MOST_POSE_SAG, JointModel
 from planner.model.response import load_columns, path_speeds, rest_angles, rest_requests, simulate
 from planner.planning.line_inverse import line_offset
-from planner.trajectory import rms
 from tests.strategies import INTEGRALS, models
 
 PAPER = JointModel.ers210a()

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
+from planner.arrays import rms, turning_points, without_small_reversals
 from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
@@ -19,7 +20,6 @@ from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import RULES
 from planner.planning.task import NORMS
-from planner.trajectory import rms, turning_points, without_small_reversals
 from tests.strategies import models, trajectories
 
 WITHOUT = JointModel(v_max=4.0, theta_0=0.25, lag=0.02, acceleration_time=0.04, tick=0.005, hold=4)

@@ -18,10 +18,10 @@ from planner import (
     reference_walk,
     simulate,
 )
+from planner.arrays import rms
 from planner.model.evidence import ENCODER_STEP
 from planner.planning.closed_form import nearest_within_speeds, within_attainable_range
 from planner.planning.line_inverse import RULES
-from planner.trajectory import rms
 from tests.instances import (
     ERS210A,
     REFERENCE_JOINTS,

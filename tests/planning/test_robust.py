@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from planner import InvalidInput, JointModel, Log, identify, invert_optimal, plan, simulate
+from planner.arrays import error_norm
 from planner.model.evidence import Evidence
 from planner.planning.candidate_models import drawn_models
-from planner.trajectory import error_norm
 from tests.instances import ERS210A
 
 SINE = 0.3 * np.sin(2.0 * np.pi * np.arange(60) / 60)

@@ -15,11 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
+from planner.arrays import rms
 from planner.model.joint import acting_requests
 from planner.model.law import State
 from planner.planning import tick
 from planner.planning.tick import EXCEEDING, JOINT, RESTING, SAMPLE, Problem
-from planner.trajectory import rms
 from tests.from_python import from_python
 from tests.instances import ERS210A, attainable, random_model, saturating
 from tests.model.rounded_periods import rounded_periods

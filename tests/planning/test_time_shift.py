@@ -10,6 +10,7 @@ import pytest
 
 import planner
 from planner import JointModel, NoSteadyCycle, Plan, simulate
+from planner.arrays import error_norm, rms
 from planner.model.evidence import Evidence
 from planner.planning.plan import joined
 from planner.planning.task import Task
@@ -20,7 +21,6 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.trajectory import error_norm, rms
 from tests.instances import ERS210A, random_model, saturating
 
 NEARBY = 1e-3  # share of the error that a lead within the tolerance of the best one may cost

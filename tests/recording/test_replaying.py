@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from planner import InvalidInput, Log, replay, simulate
+from planner.arrays import rms
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import is_gripper, recorded_path
 from planner.recording.replaying import replay_at
-from planner.trajectory import rms
 from tests.instances import SERVO
 
 OWN = SERVO.period

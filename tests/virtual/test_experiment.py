@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.arrays import rms
 from planner.evaluation import reproduction as paper
 from planner.evaluation import virtual_experiment
 from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
-from planner.trajectory import rms
 from planner.virtual.robot import VirtualRobot
 
 PLANS = {"closed_form": "Des,MB", "optimal": "Des,Opt"}

@@ -50,7 +50,7 @@ def imports_of(path):
 def test_nothing_of_the_planners_model_is_in_the_robot():
     files = sorted(Path(planner.virtual.__file__).parent.glob("*.py"))
     allowed = (
-        *("planner.virtual", "planner.exceptions", "planner.trajectory"),
+        *("planner.virtual", "planner.exceptions", "planner.arrays"),
         *("planner.compilation", "planner.robot.protocols"),  # no model: compiled code, packets
     )
     for file in files:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+from planner.arrays import shown
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.logs.bag import read_bag
 from planner.files.logs.csv_log import read_bam, read_csv_log
@@ -15,7 +16,6 @@ from planner.files.logs.rows import ROLES, LogOptions, Recorded, chosen_joints, 
 from planner.files.staging import reason
 from planner.files.text import STANDARD_STREAM
 from planner.identification.log import Log
-from planner.validation import shown
 
 
 class Format(NamedTuple):

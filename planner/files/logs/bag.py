@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.arrays import Array, Indices
 from planner.exceptions import InvalidFile, PlannerError, importing, nearest
 from planner.files.columns import scale
 from planner.files.logs.rows import ALL_JOINTS, LogOptions, Recorded, Rows
 from planner.files.table import Source
-from planner.trajectory import Array, Indices
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.arrays import Array, Mask, as_number
 from planner.exceptions import InvalidFile, nearest
 from planner.files.columns import (
     ANGLE_NAMES,
@@ -35,8 +36,6 @@ from planner.files.logs.rows import ALL_JOINTS, ROLES, LogOptions, Recorded, Row
 from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
 from planner.files.text import read_json
-from planner.trajectory import Array, Mask
-from planner.validation import as_number
 
 TORQUES = ("torque_on", "torque_enable", "torque_enabled")  # names for whether the torque is on
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}

@@ -13,13 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array, as_number
 from planner.exceptions import InvalidFile, importing, nearest
 from planner.files.columns import scale
 from planner.files.logs.rows import LogOptions, Recorded, Rows
 from planner.files.table import Source
 from planner.files.text import read_json, read_text
-from planner.trajectory import Array
-from planner.validation import as_number
 
 ACTION, STATE = "action", "observation.state"  # features of the requested and the actual angles
 INFO = Path("meta", "info.json")  # the description of a dataset

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.arrays import Array, Indices, Mask, as_positive, not_radians, shown
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import (
     ANGLE_NAMES,
@@ -23,8 +24,6 @@ from planner.files.columns import (
 from planner.files.table import Source
 from planner.identification.log import FASTEST, FEWEST_ROWS, Log, Written
 from planner.model.evidence import ENCODER_STEP
-from planner.trajectory import Array, Indices, Mask, not_radians
-from planner.validation import as_positive, shown
 
 ALL_JOINTS = "all"  # the key of all joints of a log
 ROLES = ("requested", "actual")  # columns of a joint that may have units of their own

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planner.arrays import as_positive, as_trajectory, check_choice, error_norm, relative_gap
 from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_load, checked_start
@@ -16,8 +17,6 @@ from planner.planning.bounds.multipliers import linear_bound
 from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.planning.inversion import planned
 from planner.planning.task import NORMS, Norm, Task
-from planner.trajectory import as_trajectory, error_norm, relative_gap
-from planner.validation import as_positive, check_choice
 
 TIME_LIMIT = 60.0
 """Approximate time after which the search stops with the bound so far [s]."""

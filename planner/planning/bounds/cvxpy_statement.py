@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.planning.bounds.reachable_set import BoundProblem, Level
-from planner.trajectory import Array
 
 
 def stated_bound(problem: BoundProblem, level: Level) -> float:

@@ -29,11 +29,11 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import least_squares
 
+from planner.arrays import Array, Indices, error_norm
 from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel
 from planner.planning.bounds.multipliers import conic_solutions, dual_value, nearest_point
 from planner.planning.bounds.reachable_set import BoundProblem, distance_from_rest
-from planner.trajectory import Array, Indices, error_norm
 
 WORK_PER_SECOND = 600_000
 """Work that counts as a second, so that the bound does not depend on the clock; five problems of 19

@@ -21,12 +21,12 @@ import numpy as np
 from scipy import sparse
 
 from kinematics.chain import Chain
+from planner.arrays import Array, Indices
 from planner.model.joint import JointModel
 from planner.model.response import Loads, rest_angles
 from planner.planning.bounds.multipliers import conic_solutions
 from planner.planning.bounds.reachable_set import BoundProblem, farthest_per_period, reachable_set
 from planner.planning.task import Norm, Task
-from planner.trajectory import Array, Indices
 
 MOST_SAMPLES_BOUNDED = 1000
 """Longest path whose bound is computed for reports [samples]: it takes half a minute at most."""

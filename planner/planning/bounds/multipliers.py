@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from planner.arrays import Array
 from planner.exceptions import SolverFailed
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
@@ -23,7 +24,6 @@ from planner.planning.bounds.reachable_set import (
     reachable_set,
 )
 from planner.planning.task import Norm
-from planner.trajectory import Array
 
 BOUND_TOLERANCE = 1e-10
 """Clarabel's gap and residuals, in units of the desired range or of a tick at top speed [-]. The

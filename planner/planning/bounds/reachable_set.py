@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from planner.arrays import Array
 from planner.model.joint import JointModel
 from planner.model.law import Law
 from planner.model.response import load_by_period
 from planner.planning.task import Norm
-from planner.trajectory import Array
 
 Level = Literal["slope", "envelope", "exact"]
 

@@ -16,6 +16,7 @@ import numpy as np
 from benchmark.parts import Options
 from benchmark.parts.servos import Array, early, motions
 from benchmark.table import Table
+from planner.arrays import rms
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_optimal
 from planner.planning.time_shift import invert_shift
@@ -23,7 +24,6 @@ from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus, SerialPort
 from planner.robot.calibration import Compared, calibrate, check, with_ranges
 from planner.robot.protocols import FEETECH, PROTOCOLS
-from planner.trajectory import rms
 from planner.virtual.motors import Motor
 from planner.virtual.servo_bus import KINDS, Kind, VirtualPort, VirtualServos
 

@@ -15,7 +15,7 @@ from benchmark.machine import median_time, timed
 from benchmark.parts import Options
 from benchmark.rivals import piecewise_linear
 from benchmark.table import Table
-from planner.trajectory import rms
+from planner.arrays import rms
 
 PATIENCE = 1.0  # seconds up to which a call is repeated, and its time the median
 SEGMENTS = 6

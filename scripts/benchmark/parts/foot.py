@@ -14,7 +14,7 @@ from benchmark.machine import median_time, timed
 from benchmark.parts import Options
 from benchmark.table import Table
 from kinematics import Leg, urdf_path
-from planner.trajectory import rms
+from planner.arrays import rms
 
 JOINT = planner.JointModel.ers210a()
 

@@ -18,7 +18,7 @@ from benchmark.parts.pairs import errors_of, four_numbers
 from benchmark.pendulum import STS3215, Pendulum
 from benchmark.table import Table
 from kinematics import Leg
-from planner.trajectory import Array, rms
+from planner.arrays import Array, rms
 from planner.virtual.robot import Constants, VirtualRobot
 
 PERIOD = STS3215.request_period  # time between requests [s]

@@ -12,10 +12,10 @@ import numpy as np
 import planner
 from benchmark.parts import Options
 from benchmark.table import Table
+from planner.arrays import rms
 from planner.identification.grid import timing_of
 from planner.identification.joint_fit import fit_joint, with_observed_speed
 from planner.identification.terms import backlash_of, with_motor, with_terms
-from planner.trajectory import rms
 from tests.identification.made import (
     NOISE,
     QUANTUM,

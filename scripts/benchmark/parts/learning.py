@@ -14,7 +14,7 @@ from benchmark.compiled_servos import random_servo
 from benchmark.parts import Options
 from benchmark.plants import random_joint, random_path
 from benchmark.table import Table
-from planner.trajectory import Array, rms
+from planner.arrays import Array, rms
 
 TRIALS = 10  # trials of each: the first is the plan, the rest are learnt
 EARLY = 5  # trials that have learnt, after which the error is compared with the floor

@@ -13,8 +13,8 @@ from benchmark.parts import Options
 from benchmark.parts.identify import recovered
 from benchmark.parts.pairs import joints
 from benchmark.table import Table
+from planner.arrays import Array, rms
 from planner.model.evidence import expectation
-from planner.trajectory import Array, rms
 from tests.identification.made import logged
 
 TERMS = "dead band, mrad | time constant, ms | acceleration, rad/s^2"

@@ -14,13 +14,13 @@ from benchmark.compiled_servos import random_servo
 from benchmark.parts import Options, recordings
 from benchmark.plants import random_path
 from benchmark.table import Table
+from planner.arrays import Array, rms
 from planner.identification.excitation import excite
 from planner.identification.grid import resampled, timing_of
 from planner.identification.joint_fit import fit_joint
 from planner.identification.least_squares import respond
 from planner.identification.parameters import Parameters
 from planner.identification.result import Identification
-from planner.trajectory import Array, rms
 
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
 

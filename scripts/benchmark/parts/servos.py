@@ -12,7 +12,7 @@ import planner
 from benchmark.compiled_servos import SERVOS, CompiledServo
 from benchmark.parts import Options
 from benchmark.table import Table
-from planner.trajectory import Array, rms
+from planner.arrays import Array, rms
 
 SETTLED = 3  # cycles before the one that counts
 LEADS = np.arange(0.0, 0.3, 0.004)

@@ -13,10 +13,10 @@ from benchmark.instances import FREE, Array, Instance, reference
 from benchmark.parts import Options
 from benchmark.table import Table
 from kinematics import Leg, urdf_path
+from planner.arrays import rms
 from planner.gait.stride import stride
 from planner.planning.candidate_models import PAIRS, drawn_models
 from planner.planning.plan import RequestMotion, request_motion
-from planner.trajectory import rms
 
 JOINT = planner.JointModel.ers210a()
 

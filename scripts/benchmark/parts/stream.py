@@ -14,7 +14,7 @@ import numpy as np
 import planner
 from benchmark.parts import Options, friction, recordings
 from benchmark.table import Table
-from planner.trajectory import Array, rms
+from planner.arrays import Array, rms
 
 AHEAD = 0.2  # preview of a stream [s]
 LONGER = 0.3  # a longer preview, for comparison [s]

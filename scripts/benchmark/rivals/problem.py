@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import planner
-from planner.trajectory import Array
+from planner.arrays import Array
 
 Limits = tuple[float, float]
 Solve = Callable[[Array, Limits, Array], Array]

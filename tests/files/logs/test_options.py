@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from planner import LogOptions, joints_in, read_logs
+from planner.arrays import MOST_TURNS
 from planner.files import columns
 from planner.files.logs import csv_log, rows
 from planner.files.logs.bag import ACTUAL_TYPES, REQUEST_TYPES
 from planner.identification.log import SLOWEST
-from planner.trajectory import MOST_TURNS
 
 BAD = {
     "an unknown unit": {"unit": "radd"},

@@ -12,6 +12,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 import planner
+from planner.arrays import error_norm
 from planner.exceptions import InvalidInput, NoSteadyCycle, SolverFailed
 from planner.model.joint import JointModel
 from planner.model.response import load_by_period, motion_under, simulate
@@ -23,7 +24,6 @@ from planner.planning.bounds.reachable_set import (
     reachable_set,
 )
 from planner.planning.task import NORMS
-from planner.trajectory import error_norm
 from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 from tests.strategies import INTEGRALS, models, trajectories
 

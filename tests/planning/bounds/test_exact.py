@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import JointModel, certify, invert_optimal, lower_bound, simulate
+from planner.arrays import error_norm
 from planner.planning.bounds.exact import (
     UNBOUNDED,
     Node,
@@ -26,7 +27,6 @@ from planner.planning.bounds.exact import (
     without_load,
 )
 from planner.planning.bounds.reachable_set import BoundProblem
-from planner.trajectory import error_norm
 from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
 from tests.strategies import models, trajectories

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import JointModel, NoSteadyCycle, invert_foot, simulate
+from planner.arrays import error_norm
 from planner.gait.stride import stride
 from planner.planning.bounds.foot_bound import (
     Distance,
@@ -22,7 +23,6 @@ from planner.planning.bounds.foot_bound import (
 )
 from planner.planning.bounds.multipliers import ConicSolution
 from planner.planning.task import Task
-from planner.trajectory import error_norm
 from tests.instances import ERS210A, random_model
 from tests.kinematics.made_up_robots import ers210a_leg
 from tests.plans import foot_distances

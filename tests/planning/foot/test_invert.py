@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import planner
+from planner.arrays import error_norm, rms
 from planner.gait.half_ellipse import reference_walk
 from planner.model.response import simulate
 from planner.planning import search
 from planner.planning.inversion import invert_foot
 from planner.planning.line_inverse import RULES
-from planner.trajectory import error_norm, rms
 from tests.independent import from_rest, next_cycle
 from tests.instances import ERS210A, random_model
 from tests.kinematics.made_up_robots import SHAPES, ers210a_leg, made_up_leg

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from planner import invert_foot, reference_walk
+from planner.arrays import error_norm
 from planner.model.evidence import Evidence
 from planner.planning.candidate_models import drawn_models
 from planner.planning.task import models_of_joints
-from planner.trajectory import error_norm
 from tests.instances import ERS210A
 from tests.plans import foot_distances
 

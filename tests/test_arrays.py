@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from planner.arrays import check_radians, error_norm, index_of_largest, relative_gap, steps
 from planner.exceptions import InvalidTrajectory
-from planner.trajectory import check_radians, error_norm, index_of_largest, relative_gap, steps
 
 
 @pytest.mark.parametrize(
