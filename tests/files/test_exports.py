@@ -46,7 +46,10 @@ def test_what_is_written_is_read_back_as_a_joint_path(schedule, tmp_path, unit):
     assert np.max(np.abs(given.times - schedule.times)) <= ROUNDING
 
 
-def test_a_servo_cannot_go_beyond_its_turn():
+def test_a_servo_gets_the_nearest_count_and_cannot_go_beyond_its_turn(tmp_path):
+    near = Schedule(("knee",), np.array([[2.6], [-2.6]]) * 2.0 * np.pi / 4096.0, 0.02)
+    write_controller_csv(tmp_path / "t.csv", near, unit="ticks", servos={"knee": Servo()})
+    assert (tmp_path / "t.csv").read_text().split() == ["t_s,knee_ticks", "0.0,2051", "0.02,2045"]
     schedule = Schedule(("knee",), np.array([[np.pi]]), 0.02)
     with pytest.raises(InvalidInput) as caught:
         write_controller_csv("-", schedule, unit="ticks", servos={"knee": Servo()})

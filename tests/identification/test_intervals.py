@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
     correlation_time,
     intervals_of,
+    over_ticks,
     over_top_speeds,
     rise_allowed,
     uncertainty_of,
@@ -20,6 +22,7 @@ from planner.identification.intervals import (
 from planner.identification.joint_fit import fit_joint, with_observed_speed
 from planner.identification.least_squares import least_squares
 from planner.identification.parameters import Parameters, only
+from planner.identification.result import Interval
 from tests.identification.made import AIBO, NOISE, logged, measured, rich_log, step_logs
 
 SEEDS = 12
@@ -203,3 +206,23 @@ def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude
     for end in ends:
         assert 0.95 < rise(end) < 2.0
         assert rise((end + fit.parameters.v_max) / 2.0) < 0.6
+
+
+def test_intervals_reach_as_far_as_longer_ticks_move_a_parameter_and_a_rough_loss_hides_it():
+    fine = Parameters(20.0, 5.0, 0.021, 0.03, 0.0, dead_band=0.018, time_constant=0.03)
+    coarse = fine._replace(lag=0.02, dead_band=0.02)
+    ends = {"v_max": (4.0, math.inf), "lag": (0.019, 0.023), "acceleration_time": (0.001, 0.06)}
+    ends = {name: Interval(*each) for name, each in (ends | {"dead_band": (0.016, 0.02)}).items()}
+    for motor, expected in (
+        (0.03, ((0.016, 0.026), (0.0, 0.09), (0.0136, 0.0224))),
+        (0.0, ((0.018, 0.024), (0.001, 0.06), (0.014, 0.022))),
+    ):
+        longer, fit = (
+            SimpleNamespace(
+                parameters=each._replace(time_constant=motor), grid=SimpleNamespace(tick=tick)
+            )
+            for each, tick in ((coarse, 0.002), (fine, 0.001))
+        )
+        found = over_ticks(ends, fit, fit, longer)
+        assert found.pop("v_max") == ends["v_max"]
+        np.testing.assert_allclose(list(found.values()), expected, atol=1e-12)

@@ -100,3 +100,10 @@ def test_a_top_speed_that_the_trials_do_not_show_stays_as_it_was(size, v_max):
     assert found.v_max == pytest.approx(v_max, rel=0.02)
     assert found.gain == pytest.approx(20.0, rel=0.05)
     assert (found.tick, found.hold) == (ERS210A.tick, ERS210A.hold)
+
+
+def test_a_motion_from_rest_is_identified_after_more_rest_than_any_lag():
+    log = refining._log(ERS210A, 0.1 + PHASE, PHASE, cyclic=False, load=2.0 * PHASE)
+    np.testing.assert_array_equal(log.requests, np.r_[np.full(20, 0.1), 0.1 + PHASE])
+    np.testing.assert_array_equal(log.angles[20:], PHASE)
+    np.testing.assert_array_equal(log.load[20:], 2.0 * PHASE)

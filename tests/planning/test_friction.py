@@ -263,3 +263,8 @@ def test_a_rough_path_is_followed_as_well_as_by_the_closed_form_whatever_the_dea
     exact, plan = (invert_optimal(servo, path, smoothness=share) for share in (0.0, 0.005))
     assert exact.rms <= other.rms
     assert plan.rms <= max(1.005 * exact.rms, ENCODER_STEP)
+
+
+def test_an_integral_makes_up_for_the_time_constant_in_the_switching_time():
+    followed = replace(INERT, integral_rate=12.0)
+    assert INERT.switching_time - followed.switching_time == pytest.approx(0.024)

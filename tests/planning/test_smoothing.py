@@ -14,6 +14,7 @@ from planner.planning import search
 from planner.planning.problem import problem_of
 from planner.planning.search import (
     NARROW,
+    allowed,
     judged,
     known_errors,
     minimise,
@@ -302,3 +303,19 @@ def test_the_first_request_leaves_the_middle_of_the_band_for_the_side_of_the_mot
     first = float(made[0, 0])
     assert abs(first) < 0.03
     assert first == 0.0 if several else way * first == pytest.approx(0.03, rel=1e-6)
+
+
+def test_no_more_is_allowed_than_the_share_but_where_many_requests_lead_to_one_motion():
+    """The share is of the shown error; for a foot and dry friction an encoder's step is."""
+    sticky = track(replace(ERS210A, dead_band=0.01), np.zeros(5), cyclic=True)
+    for problem in (track(ERS210A, np.zeros(5), cyclic=True), sticky, foot_problem()[0]):
+        smooth, plan = replace(problem, smoothness=0.1), replace(problem, smoothness=0.0)
+        motion = judged(problem, problem.resting)
+        many = problem.goal == "foot" or problem is sticky
+        assert motion.negligible == (motion.unseen if many else 0.0)
+        best = motion._replace(error=0.3, model_error=0.4, negligible=0.05 if many else 0.0)
+        assert allowed(smooth, best._replace(error=0.37), best)  # hypot(0.37, 0.4) is 0.545
+        assert not allowed(smooth, best._replace(error=0.39), best)
+        assert allowed(smooth, best._replace(error=0.04, model_error=2.0), best) == many
+        assert allowed(plan, best, best)
+        assert not allowed(plan, best._replace(error=0.3001), best)

@@ -190,3 +190,14 @@ def test_joined_tasks_have_what_any_of_them_has():
     assert (single.names, single.limits, single.starts) == (("knee",), ((-1.0, 2.0),), (0.2,))
     np.testing.assert_array_equal(single.max_step, [0.2])
     np.testing.assert_array_equal(single.disturbance, 0.1 * PATH[:, 1:])
+
+
+def test_deviations_of_joints_move_a_foot_in_its_weighted_norm():
+    walk = reference_walk()
+    task = Task.of(AIBO, walk.desired_foot[::8], leg=walk.leg, weights=(1.0, 4.0, 0.0))
+    squares = 0.0
+    for off in 1e-5 * np.eye(3):
+        moved = walk.leg.foot_positions(task.desired + off) - walk.leg.foot_positions(task.desired)
+        squares += np.mean(np.sum((moved * [0.5, 1.0, 0.0]) ** 2, axis=1))
+    made = task.error_made_by(np.full(3, 1e-5), task.desired)
+    assert made == pytest.approx(np.sqrt(squares), rel=1e-3)
