@@ -13,6 +13,8 @@ from planner.identification.grid import timing_of
 from planner.identification.joint_fit import fit_joint
 from planner.identification.residual_patterns import (
     Held,
+    _contradiction,
+    _drift,
     contacts,
     joined,
     patterns,
@@ -181,3 +183,22 @@ def test_rows_weigh_by_the_error_to_expect_of_their_acceleration():
     for share in (0.5, 1.0, 1.1):
         assert with_weights([uneven(share)], 1e-5) is None
     assert with_weights([uneven(8.0)], 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "rough", "said"), [(0.02, 0.001, 1), (0.004, 0.0005, 0), (0.02, 0.05, 0)]
+)
+def test_a_drift_is_more_than_the_noise_and_explains_a_part_of_the_residuals(change, rough, said):
+    rows = np.arange(200)
+    left = change * (rows / 199.0 - 0.5) + rough * (-1.0) ** rows
+    assert len(_drift(seen(left, 0.0 * left), 0.001)) == said
+
+
+def test_logs_contradict_each_other_from_twice_the_spread_of_their_errors_on():
+    rough = 0.01 * np.where(np.arange(60) % 2, 1.0, -1.0)
+    for apart, said in ((0.019, 0), (0.021, 1)):
+        levels = {"low": 1.0, "high": 1.0 - apart}
+        fits = [seen(rough, level + 0.0 * rough, name=name) for name, level in levels.items()]
+        words = [each.words for each in _contradiction(fits)]
+        assert len(words) == said
+        assert all("higher in high than in low" in each for each in words)
