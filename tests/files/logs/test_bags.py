@@ -311,3 +311,10 @@ def test_code_in_a_definition_is_never_run(tmp_path, place):
     with pytest.raises(InvalidFile):
         _read(tmp_path / "run")
     assert not marker.exists()
+
+
+def test_a_bag_that_is_cut_short_is_refused(tmp_path):
+    path = _controller_bag(tmp_path / "run.bag", storage="ros1")
+    path.write_bytes(path.read_bytes()[:10])
+    with pytest.raises(InvalidFile, match=r"not a bag that can be read \(.*\); is it cut short\?$"):
+        _read(path, joint="hip")

@@ -248,3 +248,10 @@ def test_a_description_that_cannot_be_understood_is_refused(tmp_path, snapshot):
         _read(root)
 
     snapshot.refusals("lerobot_descriptions", read, INFOS, FILE=file, SET=root)
+
+
+def test_a_file_that_is_cut_short_is_refused(tmp_path):
+    root, file = _with_table(tmp_path, lambda table: table)
+    file.write_bytes(file.read_bytes()[:-1])
+    with pytest.raises(InvalidFile, match=r"not Parquet that .*; is the file cut short\?$"):
+        _read(root, **GRIPPER, episodes="0")
