@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+import planner.robot.protocols as protocols
 from planner.exceptions import BusError
-from planner.robot import protocols
 from planner.robot.protocols import BROADCAST, SYNC_WRITE, WRITE, Packet, ServoProtocol
 from planner.virtual.motors import Motor, Motors, arm_of
 
