@@ -82,37 +82,42 @@ def figure_of(page, name):
     """The curves of a figure of a page, in the colours of the light page, as SVG."""
     plot = json.loads(LIVE.search(page)[1])[name]
     colours = dict(reversed(re.findall(r"(--[\w-]+):\s*([^;]+);", page)))  # light ones come first
-    panels = list(dict.fromkeys(curve["yaxis"] for curve in plot["data"]))
+    panels = plot["panels"]
     picture = Figure(figsize=(WIDTH, ROW * len(panels)), layout="constrained")
     rows = picture.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
     for axes, panel in zip(rows, panels, strict=True):
-        axes.set_ylabel(plot["layout"][panel.replace("y", "yaxis")]["title"]["text"])
+        axes.set_ylabel(_title(panel["y"]))
         axes.grid(alpha=0.3)
-        for curve in plot["data"]:
-            if curve["yaxis"] == panel and curve["visible"] is True:
-                looks = curve.get("line") or curve["marker"]["line"]
-                colour = colours[looks["color"].removeprefix("var(").removesuffix(")")]
-                style = _line(looks) if "line" in curve else {"ls": "", "marker": "."}
+        for curve in panel["curves"]:
+            if not curve["hidden"]:
+                role = curve["role"]
+                colour = colours[role["colour"].removeprefix("var(").removesuffix(")")]
+                style = {"ls": "", "marker": "."} if curve["marks"] else _line(role, curve["held"])
                 axes.plot(_numbers(curve["x"]), _numbers(curve["y"]), color=colour, **style)
-    rows[-1].set_xlabel(plot["layout"]["xaxis"]["title"]["text"])
+    rows[-1].set_xlabel(_title(plot["x"]))
     file = io.StringIO()
     picture.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
 
 
-def _line(looks):
+def _title(axis):
+    """The words of an axis."""
+    return f"{axis['title']} [{axis['unit']}]{axis['note']}" if axis["unit"] else axis["title"]
+
+
+def _line(role, held):
     """The looks of a line in Matplotlib's terms."""
-    width, dashes = looks["width"], looks["dash"].replace("px", "").split(",")
-    solid = looks["dash"] == "solid"
+    width, dashes = role["pixels"], role["strokes"].replace("px", "").split(",")
+    solid = role["strokes"] == "solid"
     return {
         "lw": 0.7 * width,
         "ls": "-" if solid else (0, [float(each) / width for each in dashes]),
-        "drawstyle": "steps-post" if looks["shape"] == "hv" else "default",
+        "drawstyle": "steps-post" if held else "default",
     }
 
 
 def _numbers(packed):
-    return np.frombuffer(base64.b64decode(packed["bdata"]), dtype=packed["dtype"])
+    return np.frombuffer(base64.b64decode(packed), dtype="<f4")
 
 
 def written(item, folder):
