@@ -131,11 +131,11 @@ def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -
     gaits = gait_of(legs, pattern, **walk.arguments(given_only=True))
     document, rows = {}, []
     for name, each in gaits.items():
-        figures = stride_results(legs[name], each.stride, period)
+        figures = stride_results(legs[name], each, period)
         document[name] = {"phase": each.phase, **figures}
         fastest = {"fastest": max(figures["speeds_deg_s"].values())}
         rows.append((name, document[name] | fastest))
-    stride = next(iter(gaits.values())).stride
+    stride = next(iter(gaits.values()))
     names = [joint for leg in legs.values() for joint in leg.joint_names]
     angles = np.hstack([each.angles for each in gaits.values()])
     columns = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -46,6 +46,9 @@ class Stride:
     centre: Array  # middle of the stroke on the ground [m], shape (3,), read-only
     pose: Array  # the standing pose around which it lies [rad], shape (k,), read-only
     angles: Array  # angles of the joints that trace it [rad], shape (n, k), read-only
+    phase: float = (
+        0.0  # in a gait, the share of the cycle by which it is later than the first leg's
+    )
 
 
 def stride(
@@ -146,15 +149,7 @@ Alexander, 1984, *International Journal of Robotics Research* 3): the walk in la
 three feet on the ground; diagonal feet in pairs, lateral ones, and front and hind ones."""
 
 
-class LegOfGait(NamedTuple):
-    """One leg of a gait."""
-
-    stride: Stride  # its walk, as it is before the phase
-    phase: float  # share of the cycle by which it is later than the left hind leg
-    angles: Array  # angles of its joints [rad], shape (n, k), read-only
-
-
-def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, LegOfGait]:
+def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Stride]:
     """The walk of four legs, named as in :data:`LEGS`, in a pattern of footfalls, over one cycle.
 
     All legs have the same stroke and swing: those of :func:`planner.gait.stride.stride` that every
@@ -174,8 +169,11 @@ def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Le
     walks = {}
     for name, leg in legs.items():
         leg_stride, phase = stride(leg, **walk), phases[LEGS.index(name)]
-        angles = np.roll(leg_stride.angles, round(phase * len(leg_stride.angles)), axis=0)
-        walks[name] = LegOfGait(leg_stride, phase, read_only(angles))
+        later = round(phase * len(leg_stride.angles))
+        foot, angles = (
+            read_only(np.roll(each, later, axis=0)) for each in (leg_stride.foot, leg_stride.angles)
+        )
+        walks[name] = replace(leg_stride, foot=foot, angles=angles, phase=phase)
     return walks
 
 
@@ -245,19 +243,14 @@ def dexterity(chain: Chain, angles: Array) -> Array:
     return np.asarray(np.prod(np.linalg.svd(jacobians, compute_uv=False), axis=-1))
 
 
-class TooShort(NamedTuple):
-    """The proof that a period is too short."""
-
-    samples: int  # samples of the cycle, the most for which it is proved here
-    bound: float  # lower bound on the largest distance of the foot [m]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShortestCycle:
     """The shortest cycle found."""
 
     plan: FootInversion  # its requests, under which the foot stays within the tolerance
-    too_short: TooShort | None  # a period that is proved too short; None where none is
+    # the most samples that are proved too few, and the lower bound on the largest distance of the
+    # foot [m]; None where none are
+    too_short: tuple[int, float] | None
 
     @property
     def samples(self) -> int:
@@ -316,7 +309,7 @@ def shortest_cycle(
         progress(f"the lower bound for {count} samples")
         bound = plan(count).lower_bound
         if bound > tolerance:
-            proof, low = TooShort(count, bound), count + 1
+            proof, low = (count, bound), count + 1
         else:
             high = count - 1
         count = (low + high) // 2

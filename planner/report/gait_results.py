@@ -47,13 +47,14 @@ def shortest_answer(
     proof, plan = cycle.too_short, cycle.plan.plan
     too_short, proved = None, "no shorter one is proved impossible"
     if proof is not None:
+        samples, bound = proof
         too_short = {
-            "samples": proof.samples,
-            "cycle_s": proof.samples * period,
-            "lower_bound_cm": 100.0 * proof.bound,
+            "samples": samples,
+            "cycle_s": samples * period,
+            "lower_bound_cm": 100.0 * bound,
             "of_model_only": of_model_only,
         }
-        proved = f"in {proof.samples * period:.4g} s no requests keep it there"
+        proved = f"in {samples * period:.4g} s no requests keep it there"
         proved += f", which holds for the models only: {OPEN_TOP_SPEED}" if of_model_only else ""
     pairs = zip(plan.names, plan.expected, strict=True)
     document = {

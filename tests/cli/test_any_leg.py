@@ -170,7 +170,7 @@ def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
 
 
 def test_a_cycle_that_is_proved_too_short_is_told_with_what_the_proof_holds_for(fastest):
-    proof = stride.TooShort(12, 0.0022)
+    proof = (12, 0.0022)
     evidence = Evidence(0.01, intervals={"v_max": (5.0, 5.5)})
     knee = "[front_left_knee]\nv_max_interval = [5.0, inf]\n"
     said = fastest(evidence, proof, of_knee=knee).stderr

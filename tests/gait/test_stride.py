@@ -153,7 +153,7 @@ def legs():
 def heights(legs, made):
     """Heights of the feet above the ground [m], by leg, (n,)."""
     return {
-        name: legs[name].foot_positions(each.angles)[:, 2] - each.stride.centre[2]
+        name: legs[name].foot_positions(each.angles)[:, 2] - each.centre[2]
         for name, each in made.items()
     }
 
@@ -201,7 +201,7 @@ def test_all_legs_have_one_stroke_at_the_height_of_the_body_at_which_the_lowest_
     made = gait(legs, pattern, samples=SAMPLES, **walk)
     hips = [-float(leg.foot_positions(standing_pose(leg)[None])[0, 2]) for leg in legs.values()]
     assert min(hips) < max(hips)
-    strides = [each.stride for each in made.values()]
+    strides = list(made.values())
     for one in strides:
         assert (one.length, one.height) == (strides[0].length, strides[0].height)
         assert one.centre[2] == pytest.approx(-min(hips))
