@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.report import style
+from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.identification_page import cloud_figure
 from planner.report.identification_text import explained, joints_table, next_step
@@ -19,12 +19,12 @@ from planner.report.wording import Row, Table, number, phrase, words_of
 from planner.robot.arm import SETTINGS, Servo
 from planner.robot.calibration import WORDS, Check, Compared, Recheck, Way
 
-ROLES: Mapping[Way, style.Role] = {
-    "direct": style.DIRECT,
-    "shift": style.SHIFT._replace(label=WORDS["shift"]),
-    "closed_form": style.CLOSED_FORM,
-    "optimal": style.OPTIMAL,
-    "optimal_friction": style.FOOT_OPTIMAL._replace(label=WORDS["optimal_friction"], width=1.6),
+ROLES: Mapping[Way, figure.Role] = {
+    "direct": figure.DIRECT,
+    "shift": figure.SHIFT._replace(label=WORDS["shift"]),
+    "closed_form": figure.CLOSED_FORM,
+    "optimal": figure.OPTIMAL,
+    "optimal_friction": figure.FOOT_OPTIMAL._replace(label=WORDS["optimal_friction"], width=1.6),
 }
 """Looks of every way."""
 
@@ -154,7 +154,7 @@ def ways_figure(comparisons: Mapping[str, Compared]) -> Figure:
         ]
         curves.append(Curve(role, np.degrees(errors), places, marks="dots"))
     best = np.degrees([each.recommended.error for each in comparisons.values()])
-    curves.append(Curve(style.INK, best, places, "recommended", marks="rings"))
+    curves.append(Curve(figure.INK, best, places, "recommended", marks="rings"))
     top = 1.06 * float(np.nanmax(np.concatenate([curve.x for curve in curves])))
     joints = Axis("", range=(count - 0.5, -0.5), names=dict(enumerate(comparisons)))
     panel = Panel(joints, curves, height=0.6 + 0.25 * count)
@@ -167,7 +167,7 @@ def motion_figure(joint: str, compared: Compared, number: int) -> Figure:
     desired = compared.desired
     timeline = Timeline(compared.model.period, len(desired), cyclic=False)
     shown = (compared.recommended.way, "shift")
-    angles, errors = [timeline.curve(np.degrees(desired), style.DESIRED)], list[Curve]()
+    angles, errors = [timeline.curve(np.degrees(desired), figure.DESIRED)], list[Curve]()
     for each in compared.candidates:
         looks, hidden = ROLES[each.way], each.way not in shown
         angles.append(timeline.curve(np.degrees(each.angles), looks, hidden=hidden))

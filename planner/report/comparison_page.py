@@ -19,7 +19,7 @@ from planner.evaluation.cross_check import (
     JointComparison,
 )
 from planner.model.evidence import untested_words
-from planner.report import figure, style
+from planner.report import figure
 from planner.report.figure import Axis, Figure, Panel, Timeline, line
 from planner.report.page import Page, models_table
 from planner.report.wording import NOTHING, Column, Row, Table, number, percent, words_of
@@ -28,9 +28,9 @@ SHOWN = "closed_form_paper"
 """The closed form that is drawn."""
 
 FOOT_ROLES = {
-    SHOWN: style.CLOSED_FORM,
-    "optimal": style.OPTIMAL,
-    "foot_optimal": style.FOOT_OPTIMAL,
+    SHOWN: figure.CLOSED_FORM,
+    "optimal": figure.OPTIMAL,
+    "foot_optimal": figure.FOOT_OPTIMAL,
 }
 """The plans whose feet are drawn."""
 
@@ -228,8 +228,8 @@ def figures_of(check: CrossCheck, leg: Leg | None) -> tuple[Figure | None, list[
 
 def joint_figure(timeline: Timeline, joint: JointComparison, j: int) -> Figure:
     """A joint: its angles, its requests, and how far these differ."""
-    plans = [(joint.plans[SHOWN], style.CLOSED_FORM), (joint.plans["optimal"], style.OPTIMAL)]
-    look = style.INK._replace(label="difference", width=1.3)
+    plans = [(joint.plans[SHOWN], figure.CLOSED_FORM), (joint.plans["optimal"], figure.OPTIMAL)]
+    look = figure.INK._replace(label="difference", width=1.3)
     zero = line((0.0, timeline.step * timeline.last), (0.0, 0.0))
     difference = timeline.curve(np.degrees(joint.difference(SHOWN)), look, held=True)
     title = "requests, closed form − optimised"
@@ -237,7 +237,7 @@ def joint_figure(timeline: Timeline, joint: JointComparison, j: int) -> Figure:
         timeline,
         f"joint_{j}",
         words_of("comparison_joint", name=joint.name),
-        angles=[(joint.desired, style.DESIRED), *((plan.predicted, role) for plan, role in plans)],
+        angles=[(joint.desired, figure.DESIRED), *((plan.predicted, role) for plan, role in plans)],
         requests=[(plan.requests, role) for plan, role in plans],
         limits=joint.limits,
         below=[Panel(Axis("difference", "deg"), (zero, difference), title, height=0.8)],

@@ -7,9 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, line
+from planner.report.figure import (
+    APPROXIMATION,
+    DESIRED,
+    DIRECT,
+    INK,
+    LOWER_BOUND,
+    MUTED,
+    Axis,
+    Curve,
+    Figure,
+    Panel,
+    Timeline,
+    joined,
+    line,
+)
 from planner.report.page import Page
-from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, LOWER_BOUND, MUTED
 from planner.report.wording import Table, table_of, words_of
 
 if TYPE_CHECKING:

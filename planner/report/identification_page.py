@@ -17,8 +17,8 @@ from planner.identification.result import (
     SpeedPoints,
     telling_error,
 )
-from planner.report import style
-from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
+from planner.report import figure
+from planner.report.figure import Axis, Curve, Figure, Panel, Role, Span, Words, line
 from planner.report.identification_text import (
     errors_table,
     explained,
@@ -31,7 +31,6 @@ from planner.report.identification_text import (
     verdict,
 )
 from planner.report.page import Page, parameters_of
-from planner.report.style import Role
 from planner.report.wording import UNITS, Column, Row, Table, words_of
 
 CLOSE_UP = 3.0
@@ -137,16 +136,16 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     right, high = factor * reach, factor * highest
     curves = [line((-right, right), (0, 0)), line((0, 0), (-high, high))]
     measured = points.errors, points.speeds
-    off = [(points.off, style.MUTED, 0.3, "window across a corner of f", *measured)]
+    off = [(points.off, figure.MUTED, 0.3, "window across a corner of f", *measured)]
     if model.has_inertia:
         predicted = points.predicted_errors, points.predicted_speeds
         off = [
-            (points.off, style.OPTIMAL, 0.35, "model, as its speed changes", *predicted),
-            (points.off, style.MUTED, 0.55, "measured, as its speed changes", *measured),
+            (points.off, figure.OPTIMAL, 0.35, "model, as its speed changes", *predicted),
+            (points.off, figure.MUTED, 0.55, "measured, as its speed changes", *measured),
         ]
     for mask, role, opacity, name, errors, speeds in (
         *off,
-        (~points.off, style.INK, 0.6, "measured", *measured),
+        (~points.off, figure.INK, 0.6, "measured", *measured),
     ):
         places = np.flatnonzero(mask)
         places = places[:: max(1, math.ceil(len(places) / 1500))]  # enough to see a shape
@@ -159,14 +158,14 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     corner, level = factor * float(corners[-1]), factor * float(model.speed(corners[-1]))
     seen = corners[-1] <= reach
     if identification.saturates and seen:
-        dotted = style.MUTED._replace(dashes=(0, (1.0, 1.5)))
+        dotted = figure.MUTED._replace(dashes=(0, (1.0, 1.5)))
         curves.append(line((corner, corner), (-high, level), dotted))
         threshold = "θ₀ + dead band" if model.steady.dead_band else "θ₀"
         side: Literal["left", "right"] = "left" if corner < right / 3 else "right"  # within it
         # at the lower edge, where a joint has no dots: they lie about f
         words.append(Words(threshold, corner, -high, side, "bottom"))
         words.append(Words("v_max", -right, factor * model.v_max, across="left"))
-    wide, speeds = style.CLOSED_FORM._replace(width=2.4), factor * model.speed(ends)
+    wide, speeds = figure.CLOSED_FORM._replace(width=2.4), factor * model.speed(ends)
     curves.append(Curve(wide, factor * ends, speeds, "f, identified"))
     about = words_of(
         "speed",
@@ -195,13 +194,13 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
         marks = np.linspace(-most if row.name in about_zero else 0.0, most, 3)
         places = np.clip([*row.ends, row.estimate], marks[0], most)
         low, high, estimated = np.interp(places, (marks[0], most), (0.0, 100.0)).tolist()
-        role, label = style.DIRECT, "interval without an end"
+        role, label = figure.DIRECT, "interval without an end"
         if row.ends.bounded:
-            role, label = style.CLOSED_FORM, "95 % interval"
+            role, label = figure.CLOSED_FORM, "95 % interval"
         for looks, x, name, height in (
-            (style.GRID._replace(width=BAR, dashes="-"), (0.0, 100.0), "", 0.0),
+            (figure.GRID._replace(width=BAR, dashes="-"), (0.0, 100.0), "", 0.0),
             (role._replace(width=BAR, dashes="-"), (low, high), label, 0.0),
-            (style.INK._replace(width=2.0), (estimated, estimated), "estimate", 0.22),
+            (figure.INK._replace(width=2.0), (estimated, estimated), "estimate", 0.22),
         ):
             y = np.array([k - height, k + height])
             curves.append(Curve(looks, np.array(x), y, name, legend=bool(name)))
@@ -227,25 +226,25 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     predicted = factor * np.where(held_out, fit.held_out_predicted, fit.predicted)
     outliers = np.flatnonzero(fit.used & (fit.weights < 0.5))  # which count by less than half
     residuals = angles - predicted
-    fitted, unseen = (each._replace(width=1.4) for each in (style.CLOSED_FORM, style.OPTIMAL))
-    requested, ink = style.REQUESTED._replace(width=1.1), style.INK._replace(width=0.9)
+    fitted, unseen = (each._replace(width=1.4) for each in (figure.CLOSED_FORM, figure.OPTIMAL))
+    requested, ink = figure.REQUESTED._replace(width=1.1), figure.INK._replace(width=0.9)
     above = [
-        _log_curve(style.DESIRED, "measured", times, angles),
+        _log_curve(figure.DESIRED, "measured", times, angles),
         _log_curve(requested, "", times, factor * log.requests, held=True),
         _log_curve(fitted, "model, fitted", times, np.where(held_out, np.nan, predicted)),
         _log_curve(unseen, "model, rows held out", times, np.where(held_out, predicted, np.nan)),
     ]
     below = [
         _log_curve(ink, "residual", times, residuals),
-        Curve(style.DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
+        Curve(figure.DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
     ]
     shades = [
-        Span(float(times[rows.start]), float(times[rows.stop - 1]), style.GRID, 0.45)
+        Span(float(times[rows.start]), float(times[rows.stop - 1]), figure.GRID, 0.45)
         for rows in stretches(held_out)
         if not held_out.all()
     ]
     noise, known = factor * identification.noise, math.isfinite(identification.noise)
-    noises = [Span(-2.0 * noise, 2.0 * noise, style.CLOSED_FORM, 0.16, "y")] if known else []
+    noises = [Span(-2.0 * noise, 2.0 * noise, figure.CLOSED_FORM, 0.16, "y")] if known else []
     top, low = ([curve for curve in curves if len(curve.y)] for curves in (above, below))
     quantity, whole = "angle" if units.words == "deg" else "position", (0.0, float(times[-1]))
     about = words_of(

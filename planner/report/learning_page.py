@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.arrays import Array
-from planner.report import figure, style
+from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Page
 from planner.report.plan_results import Numbers, in_unit
@@ -18,13 +18,13 @@ from planner.report.wording import NOTHING, Row, Table, table_of, words_of
 if TYPE_CHECKING:
     from planner.planning.plan import Plan
 
-BOUND = style.LOWER_BOUND._replace(label="lower bound of the model")
-EXECUTED = style.CLOSED_FORM._replace(label="measured, mean cycle")
-BEFORE = style.DIRECT._replace(label="requests executed", width=1.2)
-AFTER = style.REQUESTED._replace(label="next requests")
-NEXT = style.OPTIMAL._replace(label="predicted next")
-ERROR = style.INK._replace(label="error, measured", width=1.4)
-LEARNT = style.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
+BOUND = figure.LOWER_BOUND._replace(label="lower bound of the model")
+EXECUTED = figure.CLOSED_FORM._replace(label="measured, mean cycle")
+BEFORE = figure.DIRECT._replace(label="requests executed", width=1.2)
+AFTER = figure.REQUESTED._replace(label="next requests")
+NEXT = figure.OPTIMAL._replace(label="predicted next")
+ERROR = figure.INK._replace(label="error, measured", width=1.4)
+LEARNT = figure.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
 
 def learning_page(
@@ -61,7 +61,7 @@ def errors_figure(joint: str, numbers: Numbers, suffix: str = "") -> Figure:
     goes_on = not math.isnan(predicted) and not numbers["stopped"]
     last = count + goes_on
     trials, ends = np.arange(1.0, count + 1.0), (0.8, last + 0.2)
-    error, errors = style.OPTIMAL._replace(label="error", dashes="-"), np.array(numbers["errors"])
+    error, errors = figure.OPTIMAL._replace(label="error", dashes="-"), np.array(numbers["errors"])
     curves = [Curve(error, trials, errors, marks=marks) for marks in ("", "dots")]
     if not math.isnan(bound):
         curves.insert(0, Curve(BOUND, np.array(ends), np.full(2, bound)))
@@ -85,7 +85,11 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
         Timeline.of(plan),
         f"learning_joint_{j + 1}",
         words_of("learning_joint", name=plan.names[j]),
-        angles=[(desired, style.DESIRED), (measured[:, j], EXECUTED), (plan.predicted[:, j], NEXT)],
+        angles=[
+            (desired, figure.DESIRED),
+            (measured[:, j], EXECUTED),
+            (plan.predicted[:, j], NEXT),
+        ],
         errors=[(error, ERROR), (disturbance[:, j], LEARNT)],
         requests=[(executed[:, j], BEFORE), (plan.requests[:, j], AFTER)],
         clock=False,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from planner.arrays import Array
 from planner.exceptions import importing
-from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL, GRID
+from planner.report.figure import DESIRED, DIRECT, FOOT_OPTIMAL, GRID
 from planner.report.wording import environment
 
 if TYPE_CHECKING:

@@ -20,8 +20,7 @@ import numpy as np
 from markupsafe import Markup
 
 from planner._version import __version__
-from planner.report.figure import Figure
-from planner.report.style import ROLES, Role
+from planner.report.figure import ROLES, Figure, Role
 from planner.report.wording import NOTHING, Row, Table, breakable, environment, signed
 
 if TYPE_CHECKING:

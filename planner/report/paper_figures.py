@@ -14,13 +14,15 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.evaluation.reproduction import STEP_AMPLITUDES
-from planner.report import style
+from planner.report import figure
 from planner.report.figure import (
+    INK,
     MARGIN,
     Axis,
     Curve,
     Figure,
     Panel,
+    Role,
     Span,
     Timeline,
     Words,
@@ -28,7 +30,6 @@ from planner.report.figure import (
     joined,
     line,
 )
-from planner.report.style import Role
 from planner.report.wording import words_of
 
 if TYPE_CHECKING:
@@ -39,11 +40,11 @@ if TYPE_CHECKING:
     from planner.evaluation.virtual_experiment import VirtualOutcome
 
 ROLES = {
-    "direct": style.DIRECT,
-    "shift": style.SHIFT,
-    "closed_form_plain": style.PLAIN,
-    "optimal": style.OPTIMAL,
-    "foot_optimal": style.FOOT_OPTIMAL,
+    "direct": figure.DIRECT,
+    "shift": figure.SHIFT,
+    "closed_form_plain": figure.PLAIN,
+    "optimal": figure.OPTIMAL,
+    "foot_optimal": figure.FOOT_OPTIMAL,
 }
 """The methods that are drawn, in order; the closed form with knots refined is not the paper's."""
 
@@ -55,7 +56,7 @@ REQUESTED_TOO = "requested = desired"
 
 ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
 
-PREDICTED = Role("predicted", style.INK.light, style.INK.dark, width=1.1, dashes=(0, (1, 1.6)))
+PREDICTED = Role("predicted", figure.INK.light, figure.INK.dark, width=1.1, dashes=(0, (1, 1.6)))
 
 
 WIDTH = 4.8
@@ -69,16 +70,16 @@ def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
     step, plans, plain = timeline_of(planned).step, planned.plans, "closed_form_plain"
     angles = {method: plan.predicted for method, plan in plans.items()}
     feet = {method: plan.foot for method, plan in plans.items()}
-    requests = {method: (plan.requests, style.REQUESTED) for method, plan in plans.items()}
+    requests = {method: (plan.requests, figure.REQUESTED) for method, plan in plans.items()}
     actual = {
         method: (angles[method], role._replace(label="actual")) for method, role in ROLES.items()
     }
-    lines = (planned.approximations[plain], style.APPROXIMATION)
-    for_foot = style.REQUESTED._replace(label="requests, foot-optimised")
+    lines = (planned.approximations[plain], figure.APPROXIMATION)
+    for_foot = figure.REQUESTED._replace(label="requests, foot-optimised")
     hidden = (plans["foot_optimal"].requests, for_foot)
 
     def knots(j: int) -> list[Curve]:
-        fit, role = plans[plain].approximations[j], style.APPROXIMATION
+        fit, role = plans[plain].approximations[j], figure.APPROXIMATION
         fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
         at, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
         curve = Curve(role, step * fine, np.degrees(fit(fine)))
@@ -106,14 +107,14 @@ def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
 def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
     """Every figure of the virtual robot with every cycle, in the order of the paper's."""
     planned, walks, plain = outcome.planned, outcome.walks, "closed_form_plain"
-    plans, lines = planned.plans, (planned.approximations[plain], style.APPROXIMATION)
-    requests = (plans[plain].requests, style.REQUESTED)
-    for_foot = (outcome.runs["foot_optimal"].requests, style.REQUESTED)
+    plans, lines = planned.plans, (planned.approximations[plain], figure.APPROXIMATION)
+    requests = (plans[plain].requests, figure.REQUESTED)
+    for_foot = (outcome.runs["foot_optimal"].requests, figure.REQUESTED)
     predicted = {method: (plan.predicted, PREDICTED) for method, plan in plans.items()}
     actual = {
         method: (walks[method], role._replace(label="actual")) for method, role in ROLES.items()
     }
-    cycles = style.DIRECT._replace(label=f"actual, {len(walks['direct'])} cycles")
+    cycles = figure.DIRECT._replace(label=f"actual, {len(walks['direct'])} cycles")
     direct = (walks["direct"], cycles), predicted["direct"]
     foot = for_foot, actual["foot_optimal"], predicted["foot_optimal"]
     first = {method: outcome.legs[method][0] for method in ROLES}
@@ -151,12 +152,12 @@ def direct_foot_figure(planned: PlannedWalk) -> Figure:
     """Figure 1: the foot's paths from the side, joined at the same instants by thin lines."""
     desired, actual = planned.walk.desired_foot, planned.plans["direct"].foot
     pairs = 100.0 * np.stack([desired[::8], actual[::8]], axis=1)
-    ties = style.GRID._replace(label="the same instants", width=1.2)
+    ties = figure.GRID._replace(label="the same instants", width=1.2)
     draw, name = timeline_of(planned).path, "figure1_foot_direct"
     curves = (
         Curve(ties, joined(pairs[:, :, 0]), joined(pairs[:, :, 2])),
-        draw(desired, style.DESIRED),
-        draw(actual, style.DIRECT),
+        draw(desired, figure.DESIRED),
+        draw(actual, figure.DIRECT),
     )
     upward = replace(UPWARD, range=around([curve.y for curve in curves]))
     return Figure(name, *words_of(name), ACROSS, (Panel(upward, curves, height=1.8),), equal=True)
@@ -172,8 +173,8 @@ def foot_paths_figure(
     ends = around([100.0 * foot[:, 0]])
     curves = [
         line(ends, (100.0 * ground,) * 2),
-        Curve(style.GRID._replace(width=9.0), joints[:, 0], joints[:, 2], "leg", legend=False),
-        timeline.path(foot, style.DESIRED),
+        Curve(figure.GRID._replace(width=9.0), joints[:, 0], joints[:, 2], "leg", legend=False),
+        timeline.path(foot, figure.DESIRED),
     ]
     for method, role in ROLES.items():
         if method not in HIDDEN:
@@ -214,7 +215,7 @@ def by_method_figure(
     axis = Axis("distance", "cm", from_zero=True)
     below = Panel(axis, curves, "foot, from its desired path")
     drawn = [(angles[method], role) for method, role in ROLES.items() if method != "shift"]
-    hidden = [role.label for role in (style.OPTIMAL, *(role for _, role in more))]
+    hidden = [role.label for role in (figure.OPTIMAL, *(role for _, role in more))]
     name = "joints_by_method"
     return joints_figure(planned, name, *drawn, *more, words=words, below=[below], hidden=hidden)
 
@@ -231,11 +232,11 @@ def joints_figure(
 ) -> Figure:
     """A panel per joint: values [rad], (n, k) or (cycles, n, k), and ``more`` by its index."""
     timeline, panels = timeline_of(planned), list[Panel]()
-    wanted = (planned.walk.desired, style.DESIRED._replace(label=desired))
+    wanted = (planned.walk.desired, figure.DESIRED._replace(label=desired))
     for j, joint in enumerate(planned.walk.joint_names):
         curves: list[Curve] = []
         for values, role in (wanted, *drawn):
-            held = role.light == style.REQUESTED.light
+            held = role.light == figure.REQUESTED.light
             draw = partial(timeline.curve, role=role, held=held, hidden=role.label in hidden)
             curves += with_cycles(draw, np.degrees(values[..., j]))
         panels.append(Panel(Axis("angle", "deg"), (*curves, *more(j)), joint))
@@ -255,10 +256,10 @@ def _step_test(planned: PlannedWalk, number: int, amplitude: float) -> Figure:
     speed = math.degrees(response.v_max) * planned.models[0].period
     low, top = -0.12 * amplitude, 1.24 * amplitude
     curves = (
-        timeline.curve(np.degrees(response.requests), style.REQUESTED, held=True),
-        timeline.curve(np.degrees(response.angles), style.CLOSED_FORM, "actual"),
+        timeline.curve(np.degrees(response.requests), figure.REQUESTED, held=True),
+        timeline.curve(np.degrees(response.angles), figure.CLOSED_FORM, "actual"),
     )
-    spans = (Span(start, middle, style.MUTED, 0.16), Span(middle, end, style.CLOSED_FORM, 0.16))
+    spans = (Span(start, middle, figure.MUTED, 0.16), Span(middle, end, figure.CLOSED_FORM, 0.16))
     words = (
         Words(f"lag {response.lag} ticks", start, top, "right", "top"),
         Words(f"acceleration {response.acceleration} ticks", end, top, "left", "top"),
@@ -276,13 +277,13 @@ def _speed(planned: PlannedWalk) -> Figure:
     errors = np.linspace(-2.2, 2.2, 89) * theta_0
     speeds = model.tick * np.degrees(model.speed(np.radians(errors)))
     far, high = float(errors[-1]), 1.35 * v_max
-    dotted = style.MUTED._replace(dashes=(0, (1.0, 1.5)))
+    dotted = figure.MUTED._replace(dashes=(0, (1.0, 1.5)))
     curves = (
         line((-far, far), (0.0, 0.0)),
         line((0.0, 0.0), (-high, high)),
         line((theta_0, theta_0), (0.0, v_max), dotted),
         line((-theta_0, -theta_0), (0.0, -v_max), dotted),
-        Curve(style.CLOSED_FORM, errors, speeds, "f"),
+        Curve(figure.CLOSED_FORM, errors, speeds, "f"),
     )
     words = (
         Words("θ₀", theta_0, 0.0, upward="top"),
@@ -309,18 +310,18 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
         measured, predicted = [], []
         for fit in identification.fits:
             middle = float(np.mean(fit.log.requests[last]))
-            measured.append(once.curve(np.degrees(fit.log.angles[last] - middle), style.INK))
+            measured.append(once.curve(np.degrees(fit.log.angles[last] - middle), figure.INK))
             predicted.append(
-                once.curve(np.degrees(fit.predicted[last] - middle), style.CLOSED_FORM)
+                once.curve(np.degrees(fit.predicted[last] - middle), figure.CLOSED_FORM)
             )
         times = joined(curve.x for curve in measured)
         angles, model = (joined(curve.y for curve in each) for each in (measured, predicted))
         curves = (
-            Curve(style.CLOSED_FORM._replace(width=1.4), times, model, "identified model"),
-            Curve(style.INK, times, angles, "measured by the sensor", marks="dots", opacity=0.55),
+            Curve(figure.CLOSED_FORM._replace(width=1.4), times, model, "identified model"),
+            Curve(figure.INK, times, angles, "measured by the sensor", marks="dots", opacity=0.55),
         )
         panels.append(Panel(Axis("angle", "deg"), curves, joint))
-        rest = Curve(style.MUTED._replace(width=0.9), times, angles - model, "residual")
+        rest = Curve(figure.MUTED._replace(width=0.9), times, angles - model, "residual")
         title = f"{joint}, residual, {np.degrees(identification.rms):.2f} deg rms"
         panels.append(Panel(Axis("residual", "deg"), (rest,), title, height=0.6))
     return once.figure("step_tests", panels, words_of("step_tests"))
@@ -335,11 +336,11 @@ def _learning(outcome: VirtualOutcome) -> Figure:
     deviations = np.array([each.deviation.rms for each in outcome.learnt_foot])
     low, high = min(bound, float(np.min(errors - deviations))), float(np.max(errors + deviations))
     room = 0.2 * (high - low)
-    bound_role = style.APPROXIMATION._replace(label="lower bound of the models")
+    bound_role = figure.APPROXIMATION._replace(label="lower bound of the models")
     curves = (
         Curve(bound_role, np.array(ends), np.full(2, bound)),
-        Curve(style.FOOT_OPTIMAL._replace(label="mean of the cycles"), trials, errors),
-        Curve(style.INK, trials, errors, "trials", legend=False, marks="dots"),
+        Curve(figure.FOOT_OPTIMAL._replace(label="mean of the cycles"), trials, errors),
+        Curve(figure.INK, trials, errors, "trials", legend=False, marks="dots"),
     )
     trial = Axis("trial", names={each: f"{each:.0f}" for each in trials}, range=ends)
     axis = Axis("rms distance", "cm", (low - room, high + room), decimals=3)
@@ -426,7 +427,7 @@ def _draw_panel(axes: Axes, panel: Panel, figure: Figure) -> None:
             ha=words.across,
             va={"middle": "center"}.get(words.upward, words.upward),
             fontsize=8.5,
-            color=style.INK.light,
+            color=INK.light,
             zorder=6.0,
         )
     axes.set_title(panel.title, loc="left")

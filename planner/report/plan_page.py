@@ -10,13 +10,13 @@ import numpy as np
 from planner.arrays import Array
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.planning.plan import Plan
-from planner.report import figure, style
+from planner.report import figure
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
 from planner.report.plan_results import NORMS, SHIFTED, WITHOUT, PlanAnswer, no_bound, sizes_of
 from planner.report.wording import Column, Row, Table, signed, table_of, words_of
 
-DIRECT = style.DIRECT._replace(label="without a plan")
+DIRECT = figure.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
 
 
@@ -24,7 +24,7 @@ def plan_page(
     answer: PlanAnswer, *, title: str, foot_given: Array | None = None, notes: Sequence[str] = ()
 ) -> Page:
     """The whole page; ``foot_given`` [m], (n, 3), is what the leg may not reach."""
-    plan, role, timeline = answer.plan, style.ROLES[answer.method], Timeline.of(answer.plan)
+    plan, role, timeline = answer.plan, figure.ROLES[answer.method], Timeline.of(answer.plan)
     requests = [  # may be long
         Row(f"{timeline.step * k:.6g}", [f"{angle:.3f}" for angle in angles])
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
@@ -110,7 +110,7 @@ def joints_table(answer: PlanAnswer) -> Table:
 # The figures.
 
 
-def leg_figure(plan: Plan, role: style.Role) -> Figure:
+def leg_figure(plan: Plan, role: figure.Role) -> Figure:
     """The moving leg, as desired, without a plan and with it."""
     task = plan.task
     assert task.leg is not None, "only a leg moves"
@@ -122,15 +122,15 @@ def leg_figure(plan: Plan, role: style.Role) -> Figure:
     return Timeline.of(plan).leg("leg", words_of("plan_leg"), desired, drawn)
 
 
-def joint_figure(plan: Plan, role: style.Role, j: int) -> Figure:
+def joint_figure(plan: Plan, role: figure.Role, j: int) -> Figure:
     """A joint's angles as desired, without a plan and with it, and its requests."""
-    desired = (plan.desired[:, j], style.DESIRED)
+    desired = (plan.desired[:, j], figure.DESIRED)
     return figure.joint_figure(
         Timeline.of(plan),
         f"joint_{j}",
         words_of("plan_joint", name=plan.names[j], shift=plan.method == "shift"),
         angles=[desired, (plan.direct.predicted[:, j], DIRECT), (plan.predicted[:, j], role)],
-        requests=[desired, (plan.requests[:, j], style.REQUESTED)],
+        requests=[desired, (plan.requests[:, j], figure.REQUESTED)],
         limits=(plan.task.lower[j], plan.task.upper[j]),
         clock=plan.task.leg is not None or len(plan.names) > 1,
     )

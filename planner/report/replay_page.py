@@ -13,7 +13,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
-from planner.report import figure, style
+from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, joined, line, rounded
 from planner.report.page import Page, models_table
 from planner.report.plan_results import MOTIONS, Numbers, in_unit, motion_of, sizes_of
@@ -40,7 +40,7 @@ SIGNS = {unit.name: unit.sign for unit in UNITS.values()}
 MOST_ROWS = 500
 """Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
 
-AS_IT_IS = style.DIRECT._replace(label="as it is")
+AS_IT_IS = figure.DIRECT._replace(label="as it is")
 """The path itself as requests."""
 
 
@@ -220,7 +220,7 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
         return arm.joint_positions(np.column_stack(angles))
 
     desired = arm.joint_positions(np.column_stack([each.desired for each in joints]))
-    others = ((AS_IT_IS, points("direct")), (style.OPTIMAL, points("planned")))
+    others = ((AS_IT_IS, points("direct")), (figure.OPTIMAL, points("planned")))
     return timeline.leg("arm", words_of("arm"), desired, others)
 
 
@@ -228,14 +228,14 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     """A joint: its angles and errors, where it is planned, and its requests."""
     timeline, joint = Timeline(replay.period, len(replay.moments), cyclic=False), replay.joints[j]
     unit = UNITS[joint.path.unit]
-    desired = (joint.desired, style.DESIRED._replace(label="path"))
-    recorded = (joint.recorded_requests, style.APPROXIMATION._replace(label="recorded requests"))
-    planned, fast = list[tuple[Array, style.Role]](), list[Span]()
+    desired = (joint.desired, figure.DESIRED._replace(label="path"))
+    recorded = (joint.recorded_requests, figure.APPROXIMATION._replace(label="recorded requests"))
+    planned, fast = list[tuple[Array, figure.Role]](), list[Span]()
     if joint.inversion is not None:
-        planned = [(joint.angles("direct"), AS_IT_IS), (joint.angles("shifted"), style.SHIFT)]
-        planned.append((joint.angles("planned"), style.OPTIMAL))
+        planned = [(joint.angles("direct"), AS_IT_IS), (joint.angles("shifted"), figure.SHIFT)]
+        planned.append((joint.angles("planned"), figure.OPTIMAL))
         fast = [
-            Span(timeline.per_second * a, timeline.per_second * b, style.DIRECT, 0.16)
+            Span(timeline.per_second * a, timeline.per_second * b, figure.DIRECT, 0.16)
             for a, b in joint.too_fast
         ]
     return figure.joint_figure(
@@ -245,7 +245,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         unit=(unit.sign, unit.factor),
         angles=[desired, *planned] if planned else [],
         errors=[(angles - joint.desired, role) for angles, role in planned[1:]],
-        requests=[desired, recorded, (joint.requests, style.REQUESTED)],
+        requests=[desired, recorded, (joint.requests, figure.REQUESTED)],
         limits=replay.path.limits.get(joint.name) if planned else None,
         spans=tuple(fast),
     )
@@ -255,14 +255,14 @@ def speeds_figures(fastest: Fastest) -> list[Figure]:
     """Largest errors against the speed, with the tolerance; and the speed along the replay."""
     tolerance, unit = _allowed(fastest)
     speeds = np.array([each.speed for each in fastest.curve])
-    looks = {"direct": AS_IT_IS, "shifted": style.SHIFT, "planned": style.OPTIMAL}
+    looks = {"direct": AS_IT_IS, "shifted": figure.SHIFT, "planned": figure.OPTIMAL}
     curves = [
         Curve(role, speeds, tolerance * np.array([getattr(each, kind) for each in fastest.curve]))
         for kind, role in looks.items()
     ]
     bounds = tolerance * np.array([each.bound for each in fastest.curve])
     if np.isfinite(bounds).any():
-        curves.append(Curve(style.LOWER_BOUND, speeds, bounds))
+        curves.append(Curve(figure.LOWER_BOUND, speeds, bounds))
     ends = (float(speeds[0]), float(speeds[-1]))
     finite = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves[1:]])
     top = min(20.0 * tolerance, 1.05 * max(float(np.max(finite)), tolerance))
@@ -270,7 +270,7 @@ def speeds_figures(fastest: Fastest) -> list[Figure]:
         replace(each, label=f"{each.role.label}, off the scale") if np.all(each.y > top) else each
         for each in curves
     ]
-    curves.insert(0, line(ends, (tolerance, tolerance), style.LIMIT))
+    curves.insert(0, line(ends, (tolerance, tolerance), figure.LIMIT))
     panel = Panel(Axis("largest error", unit, (0.0, top)), curves, height=1.8)
     across = Axis("times the recorded speed", range=ends)
     errors = Figure("speeds", *words_of("speeds"), across, [panel])
@@ -279,8 +279,8 @@ def speeds_figures(fastest: Fastest) -> list[Figure]:
     timeline = Timeline(fastest.replay.period, len(fastest.replay.moments), cyclic=False)
     factors = np.append(fastest.factors, fastest.factors[-1:])
     curves = [
-        timeline.curve(np.full(len(factors), fastest.constant), style.LIMIT, "largest constant"),
-        timeline.curve(factors, style.OPTIMAL, "speed"),
+        timeline.curve(np.full(len(factors), fastest.constant), figure.LIMIT, "largest constant"),
+        timeline.curve(factors, figure.OPTIMAL, "speed"),
     ]
     panel = Panel(Axis("times the recorded speed", from_zero=True), curves, height=1.8)
     return [errors, timeline.figure("factors", [panel], words_of("factors"), clock=True)]
@@ -403,19 +403,19 @@ def episodes_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     few = range(1, len(rows) + 1) if len(rows) <= 12 else ()  # more have round numbers on the axis
     numbers = {float(k): str(k) for k in few} or None
     looks = {
-        "direct_rms": style.DIRECT,
-        "shifted_rms": style.SHIFT,
-        "planned_rms": style.OPTIMAL,
+        "direct_rms": figure.DIRECT,
+        "shifted_rms": figure.SHIFT,
+        "planned_rms": figure.OPTIMAL,
     }
     curves = []
     for kind, role in looks.items():
-        marks: Literal["rings", "dots"] = "rings" if role is style.SHIFT else "dots"
-        hidden = role is style.DIRECT
+        marks: Literal["rings", "dots"] = "rings" if role is figure.SHIFT else "dots"
+        hidden = role is figure.DIRECT
         curves.append(Curve(role, places, values(kind), marks=marks, notes=notes, hidden=hidden))
     if np.isfinite(bounds := values("lower_bound")).any():
         ends = places[:, None] + np.array([-0.4, 0.4])
         heights = np.column_stack([bounds, bounds])
-        curves.append(Curve(style.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
+        curves.append(Curve(figure.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
     across = Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers)
     panel = Panel(Axis("error, rms", SIGNS[unit], from_zero=True), curves, height=2.2)
     return Figure(f"errors_{unit}", *words_of("episodes"), across, [panel])

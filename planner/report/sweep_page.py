@@ -10,9 +10,19 @@ import numpy as np
 
 from planner.arrays import finite
 from planner.evaluation.pareto_front import Outcome, Swept
-from planner.report.figure import Axis, Curve, Figure, Panel
+from planner.report.figure import (
+    DIRECT,
+    FOOT_OPTIMAL,
+    INK,
+    LIMIT,
+    OPTIMAL,
+    Axis,
+    Curve,
+    Figure,
+    Panel,
+    Role,
+)
 from planner.report.page import Page
-from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.wording import Column, Row, Table, phrase, rendered_text, table_of, words_of
 
 WORDS = {

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from planner.report.style import ROLES
+from planner.report.figure import ROLES
 
 SKIPPED = ("script", "style", "svg")
 """Elements without text for the reader."""

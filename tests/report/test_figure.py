@@ -9,6 +9,10 @@ from functools import partial
 import numpy as np
 
 from planner.report.figure import (
+    DESIRED,
+    DIRECT,
+    MUTED,
+    REQUESTED,
     Axis,
     Curve,
     Figure,
@@ -21,7 +25,6 @@ from planner.report.figure import (
 )
 from planner.report.page import Page
 from planner.report.paper_figures import draw, with_cycles
-from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED
 
 X = np.array([0.0, 1.0, 2.0])
 

@@ -7,7 +7,7 @@ import io
 import pytest
 from PIL import Image
 
-from planner.report.style import ROLES
+from planner.report.figure import ROLES
 from tests.browser import INVALID
 
 LEG, JOINTS = "figure8_foot_paths", "joints_by_method"

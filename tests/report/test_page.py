@@ -11,9 +11,8 @@ from urllib.parse import unquote, urljoin, urlsplit
 import numpy as np
 import pytest
 
-from planner.report.figure import Axis, Curve, Figure, Panel
+from planner.report.figure import DIRECT, Axis, Curve, Figure, Panel
 from planner.report.page import live_scripts, plot, sources_of
-from planner.report.style import DIRECT
 from tests.browser import ARGUMENTS
 
 PICTURES = (

@@ -11,9 +11,9 @@ import pytest
 import planner
 from kinematics import Limits
 from planner.model.response import PathSpeeds
+from planner.report.figure import FOOT_OPTIMAL
 from planner.report.plan_page import joints_table, jumps_of, leg_figure, plan_page
 from planner.report.plan_results import PlanAnswer
-from planner.report.style import FOOT_OPTIMAL
 from tests.corpus.page_text import text_of
 
 DRAWN = 0.0051

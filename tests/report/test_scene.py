@@ -11,8 +11,8 @@ import pytest
 
 from kinematics import Leg, urdf_path
 from kinematics.scene import Scene
+from planner.report.figure import DESIRED, DIRECT, FOOT_OPTIMAL
 from planner.report.meshcat_scene import scene_page
-from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL
 
 PERIOD = 0.008
 
