@@ -237,15 +237,17 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 
 def check_writing(form: str, recordings: Sequence[Recording], output: str) -> None:
     """Refuse outputs that cannot be written, before anything is computed; claim those that can."""
-    check_place("replay.write_as", form, output)
+    if form in FOLDERS:  # which with the results beside it is this command's
+        check_place("replay.write_as", form, output)
     if form != "lerobot" and len(recordings) > 1:
         raise BadSetting(
             f"{len(recordings)} recordings, and {marked('replay.write_as', form)} holds one: name "
             "one file, or one episode (--episodes 0), or write them all with ‹replay.write_as = "
             '"lerobot"›'
         )
-    check_installed(form)
-    if form in FOLDERS:  # which with the results beside it is this command's
+    if form not in ("csv", "joints"):
+        check_installed(form)
+    if form in FOLDERS:
         click.get_current_context().with_resource(claimed(output))
     else:
         check_writable(output)
