@@ -177,13 +177,14 @@ def in_degrees(error: BaseException, unit: str = "deg") -> str:
     message = str(error)
     if not isinstance(error, PlannerError) or isinstance(error, InvalidFile | InvalidModel):
         return message
-    number = r"-?\d[\d.e+-]*"
+    number = r"(?<![\w.-])-?(?:inf|nan|\d+(?:\.\d*)?(?:e[+-]?\d+)?)"
+
+    def converted(each: re.Match[str]) -> str:
+        digits = 5 if len(re.sub(r"e.*|\D", "", each[1]).lstrip("0")) > 2 else 3
+        return f"{math.degrees(float(each[1])):.{digits}g}{each[2] or f' {unit}'}"
+
     message = re.sub(rf"({number}) to (?={number} rad\b)", r"\1 rad to ", message)
-    return re.sub(
-        rf"({number}) rad\b(?!\^)( to)?",
-        lambda each: f"{math.degrees(float(each[1])):.5g}{each[2] or f' {unit}'}",
-        message,
-    )
+    return re.sub(rf"({number}) rad\b(?!\^)( to)?", converted, message)
 
 
 def nearest(name: str, names: Sequence[str]) -> str:

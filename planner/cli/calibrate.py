@@ -240,24 +240,24 @@ def check(
     """  # noqa: D301
     from tempfile import TemporaryDirectory
 
-    from planner.files.joint_model import read_model_file
+    from planner.files.joint_model import read_model_file, read_servos
     from planner.report.calibration_text import recheck_answer
     from planner.robot import calibration
 
     document, lines, outdated = {}, [], []
+    joints = _chosen(joint, read_servos(port["model"]))
+    models = dict(zip(joints, read_model_file(port["model"]).for_joints(joints), strict=True))
+    for name, joint_model in models.items():
+        if joint_model.evidence is None or math.isnan(joint_model.evidence.error):
+            raise InvalidFile(
+                port["model"],
+                f"[{name}] has no expected_error to compare with; calibrate the joint first",
+            )
     with (
         buses.open_arm(port, advice="nothing was changed") as arm,
         TemporaryDirectory() as folder,
         Progress() as progress,
     ):
-        joints = _chosen(joint, arm.servos)
-        models = dict(zip(joints, read_model_file(port["model"]).for_joints(joints), strict=True))
-        for name, joint_model in models.items():
-            if joint_model.evidence is None or math.isnan(joint_model.evidence.error):
-                raise InvalidFile(
-                    port["model"],
-                    f"[{name}] has no expected_error to compare with; calibrate the joint first",
-                )
         settings = calibration.check(arm).settings
         with arm.powered():
             for name in joints:

@@ -306,6 +306,7 @@ class BadSetting(SettingsError, InvalidInput):
 
 
 ADVICE = {
+    "; if this is in degrees, convert it with numpy.radians": "",
     "unreachable='nearest'": '‹leg.unreachable = "nearest"›',
     "cyclic=False": "‹plan.cyclic = false›",
     "forward, sideways and hip_height": "‹path.half_ellipse.forward›, "

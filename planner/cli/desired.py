@@ -240,7 +240,8 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, str]:
         return cyclic, ""
     steps = np.abs(np.diff(rows, axis=0)).max(axis=0)
     gaps = np.abs(rows[-1] - rows[0])
-    if np.all(gaps <= 3.0 * steps):  # the last sample is about a step before the first
+    # the last sample is about a step before the first, and no jump keeps the ends apart
+    if np.all((gaps <= 3.0 * steps) & ((len(rows) < 4) | (gaps <= 0.6 * np.ptp(rows, axis=0)))):
         ends = np.abs(np.stack([rows[1] - rows[0], rows[-1] - rows[-2]]))
         at_rest = (
             "the path begins and ends at rest in the same place: it is taken as a cycle; "

@@ -117,6 +117,10 @@ class Commands(click.Group):
             message, status = f"{error.format_message()} See '{where} --help'.", BAD_INPUT
         except click.ClickException as error:
             message, status = error.format_message(), error.exit_code
+        except SystemError as error:  # Numba's, for a signal within compiled functions
+            if isinstance(error.__cause__ or error.__context__, SystemExit | KeyboardInterrupt):
+                return 143 if isinstance(error.__cause__ or error.__context__, SystemExit) else 130
+            raise
         except (click.Abort, KeyboardInterrupt):
             return 130  # 128 + SIGINT, as shells have it
         except MemoryError:

@@ -48,7 +48,10 @@ _size = Annotated[float, within(ge=0.0, le=LARGEST)]
 
 
 def _tested(comment: str, kind: Any = _size, words: str = "a number from 0 to 1e9") -> Key:
-    return Key(Kind(kind).fitted, f"{words}: {comment}", comment)
+    def fitted(value: Any) -> Any:
+        return None if value == [] else Kind(kind).fitted(value)
+
+    return Key(fitted, f"{words}: {comment}", comment)
 
 
 def _tuples(value: Any) -> Any:

@@ -46,9 +46,8 @@ class Stride:
     centre: Array  # middle of the stroke on the ground [m], shape (3,), read-only
     pose: Array  # the standing pose around which it lies [rad], shape (k,), read-only
     angles: Array  # angles of the joints that trace it [rad], shape (n, k), read-only
-    phase: float = (
-        0.0  # in a gait, the share of the cycle by which it is later than the first leg's
-    )
+    # in a gait, the share of the cycle by which it is later than that of the left hind leg
+    phase: float = 0.0
 
 
 def stride(

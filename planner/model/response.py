@@ -249,8 +249,8 @@ def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) ->
         way = "down" if low[at] >= 0.0 else "up"
         raise InvalidInput(
             f"load: got {torques[at]:g} N m at sample {at}, against which the joint cannot move "
-            f"{way}: v_max = {model.v_max:g} rad/s, v_offset = {model.v_offset:g} rad/s, "
-            f"speed_per_torque = {model.speed_per_torque:g} rad/(s N m); is the load in N m?"
+            f"{way}: v_max = {model.v_max:g} [rad/s], v_offset = {model.v_offset:g} [rad/s], "
+            f"speed_per_torque = {model.speed_per_torque:g} [rad/(s N m)]; is the load in N m?"
         )
     torques.setflags(write=False)
     return torques if model.feels_load else None

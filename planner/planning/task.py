@@ -223,7 +223,7 @@ class Task(ReadOnly):
                 if abs(starts[j] - angles[0, j]) > MOST_TURNS * TURN:
                     raise InvalidInput(
                         f"start: {turns_words(starts[j])}, where the path begins at "
-                        f"{angles[0, j]:.3g} rad; if this is in degrees, convert it with "
+                        f"{angle_text(angles[0, j])}; if this is in degrees, convert it with "
                         "numpy.radians"
                     )
         added = None if disturbance is None else _finite(disturbance)

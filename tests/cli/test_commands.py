@@ -125,6 +125,10 @@ def test_a_path_closes_whose_ends_are_at_most_three_of_its_largest_steps_apart(a
     assert repeats(rows[:, np.newaxis], None)[0] is closed
 
 
+def test_a_path_whose_ends_a_single_jump_keeps_apart_does_not_close():
+    assert not repeats(np.repeat([0.0, 50.0], 30)[:, np.newaxis], None)[0]
+
+
 def test_whether_a_simulation_repeats_follows_from_the_desired_path(run, tmp_path):
     (tmp_path / "sent.csv").write_text("knee_deg\n" + "\n".join(map(str, range(40))) + "\n")
     closed = 10.0 * np.sin(2.0 * np.pi * np.arange(40) / 40)
