@@ -117,12 +117,17 @@ class Commands(click.Group):
             message, status = f"{error.format_message()} See '{where} --help'.", BAD_INPUT
         except click.ClickException as error:
             message, status = error.format_message(), error.exit_code
-        except SystemError as error:  # Numba's, for a signal within compiled functions
-            if isinstance(error.__cause__ or error.__context__, SystemExit | KeyboardInterrupt):
-                return 143 if isinstance(error.__cause__ or error.__context__, SystemExit) else 130
-            raise
         except (click.Abort, KeyboardInterrupt):
             return 130  # 128 + SIGINT, as shells have it
+        except SystemError as error:  # Numba's, around the exception of a signal
+            cause: BaseException = error
+            while cause.__cause__ is not None:
+                cause = cause.__cause__
+            if isinstance(cause, KeyboardInterrupt):
+                return 130
+            if isinstance(cause, SystemExit):
+                raise cause from None
+            raise
         except MemoryError:
             status = BAD_INPUT
             message = (

@@ -28,6 +28,15 @@ from planner.files.paths import foot_path, path_table, read_joint_path, write_jo
 from planner.report import meshcat_scene as report
 from tests.cli.test_servos import ARM
 
+
+def from_compiled_code(cause):
+    """What Numba makes of an exception that a signal raises while it calls compiled code."""
+    for _ in range(3):
+        error = SystemError("returned a result with an exception set")
+        error.__cause__, cause = cause, error
+    return cause
+
+
 ENDS = {
     "an error of ours": (PlannerError("no fit"), 1, "hip: no fit"),
     "a solver": (
@@ -67,6 +76,8 @@ ENDS = {
     ),
     "a reader": (BrokenPipeError(), 141, None),
     "a user": (KeyboardInterrupt(), 130, None),
+    "a user, in compiled code": (from_compiled_code(KeyboardInterrupt()), 130, None),
+    "a signal, in compiled code": (from_compiled_code(SystemExit(143)), 143, None),
 }
 """What may be raised, the exit status, and what is said on standard error."""
 
