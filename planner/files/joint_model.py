@@ -47,11 +47,14 @@ _pose = Kind(dict[str, Annotated[float, Expected("an angle", math.radians)]]).fi
 _size = Annotated[float, within(ge=0.0, le=LARGEST)]
 
 
-def _tested(comment: str, kind: Any = _size, words: str = "a number from 0 to 1e9") -> Key:
-    def fitted(value: Any) -> Any:
-        return None if value == [] else Kind(kind).fitted(value)
+def _some(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not values:
+        raise ValueError
+    return values
 
-    return Key(fitted, f"{words}: {comment}", comment)
+
+def _tested(comment: str, kind: Any = _size, words: str = "a number from 0 to 1e9") -> Key:
+    return Key(Kind(kind).fitted, f"{words}: {comment}", comment)
 
 
 def _tuples(value: Any) -> Any:
@@ -75,7 +78,7 @@ TESTED = {
     ),
     "error_by_acceleration": _tested(
         "[rad/s^2, rad] accelerations, each with the error of such motion, all rms",
-        tuple[tuple[_size, _size], ...],
+        Annotated[tuple[tuple[_size, _size], ...], Expected("pairs", _some)],
         "pairs of numbers from 0 to 1e9",
     ),
     "delay_error": _tested("[s] uncertainty of the delay of moving requests, if none were logged"),
