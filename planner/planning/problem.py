@@ -111,11 +111,6 @@ class Problem(Task):
         first, bounds = self.first_requests, np.empty((4, *self.desired.shape))
         bounds[LOWER], bounds[UPPER], bounds[LARGEST_CHANGE] = self.lower, self.upper, self.max_step
         bounds[FIRST] = np.clip(0.0 if first is None else first, bounds[LOWER], bounds[UPPER])
-        # Weight of the distance of a request from that near which it should stay, beside a second
-        # difference. With a third of it a saturated servo follows once in nine series of trials
-        # what its model does not show; three times it makes the second trial of a servo in three
-        # worse.
-        centring, near = 0.3, np.array(self.near)
         if self.near is None:
             near = np.array(
                 rest_requests(self.nominal, self.desired, self.load_of_drives[: len(self.names)])
@@ -123,6 +118,12 @@ class Problem(Task):
             # From the middle of a dead band: a request returns there within some four periods; with
             # half the weight within six, at twice the weight within three, with larger steps.
             centring = 0.1 if any(map(attrgetter("dead_band"), self.drives)) else 0.0
+        else:
+            # Weight of the distance of a request from that near which it should stay, beside a
+            # second difference. With a third of it a saturated servo follows once in nine series of
+            # trials what its model does not show; three times it makes the second trial of a servo
+            # in three worse.
+            centring, near = 0.3, np.array(self.near)
         goal, samples = np.array(self.desired), np.arange(len(self.desired))[:, np.newaxis]
         each, bending = np.empty((2, len(samples), 3))
         each[:], bending[:] = (1.0, 0.0, 0.0), (1.0, -2.0, 1.0)
