@@ -245,6 +245,11 @@ def stretches(rows: Mask) -> list[slice]:
     return [slice(first, end) for first, end in edges.reshape(-1, 2).tolist()]
 
 
+def excess(values: Array, lower: npt.ArrayLike, upper: npt.ArrayLike) -> Array:
+    """How far values are beyond limits, negative inside; all broadcast."""
+    return np.asarray(np.maximum(np.subtract(lower, values), np.subtract(values, upper)))
+
+
 def index_of_largest(values: Array) -> int:
     """The first of the values that are as large as the largest, up to rounding.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.arrays import index_of_largest
+from planner.arrays import excess, index_of_largest
 from planner.cli import settings
 from planner.cli.console import BadSetting, SettingsError, marked
 from planner.cli.declared import flat
@@ -113,9 +113,9 @@ def beyond_limits(desired: Desired, plan: Plan) -> list[str]:
     for (name, unit), (requests, lower, upper) in zip(
         desired.shown_units.items(), columns, strict=True
     ):
-        excess = np.maximum(lower - requests, requests - upper)
-        worst = index_of_largest(excess)
-        if excess[worst] > ROUNDING:
+        beyond = excess(requests, lower, upper)
+        worst = index_of_largest(beyond)
+        if beyond[worst] > ROUNDING:
             request, low, high = np.degrees([requests[worst], lower, upper])
             messages.append(
                 f"{name}: request {worst} is {request:.2f} {unit}, beyond "

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, finite
+from planner.arrays import Array, excess, finite
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel, acting_requests
 from planner.model.response import load_by_period, motion_under
@@ -197,8 +197,7 @@ def bound_checks(
 
 def beyond_limits(requests: Array, limits: tuple[Any, Any]) -> float:
     """Largest distance of a request beyond the limits [rad]; negative where all are inside."""
-    lower, upper = limits
-    return float(np.max(np.maximum(lower - requests, requests - upper)))
+    return float(np.max(excess(requests, *limits)))
 
 
 def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversion | None:

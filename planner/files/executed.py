@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from planner.arrays import Array, as_path
+from planner.arrays import Array, as_path, excess
 from planner.exceptions import InvalidFile
 from planner.files.columns import JOINT_UNITS, pairs, split_unit, with_unit
 from planner.files.paths import SampledPath, check_step, joint_path, read_joint_path
@@ -108,7 +108,7 @@ def _check_requests(table: Table, log: SampledPath, executed: SampledPath, perio
         got = rows_by_request(table, replace(log, values=values), period)[:, 0]
         sent = np.resize(executed.values[:, k], len(got))  # repeats the cycle
         low, high = minimum_filter1d(sent, 5), maximum_filter1d(sent, 5)
-        beyond = np.maximum(np.maximum(low - got, got - high), 0.0)
+        beyond = np.maximum(excess(got, low, high), 0.0)
         if np.sqrt(np.mean(beyond**2)) > max(math.radians(1.0), 0.05 * np.std(sent)):
             worst, factor = int(np.argmax(beyond)), JOINT_UNITS[parts[1]]
             cycle, request = divmod(worst, len(executed.values))

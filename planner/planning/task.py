@@ -28,6 +28,7 @@ from planner.arrays import (
     check_choice,
     check_radians,
     error_norm,
+    excess,
     freeze,
     shown,
     steps,
@@ -437,7 +438,7 @@ class Task(ReadOnly):
             if self.start is not None:
                 angles, torques = np.append(angles, self.start[j]), np.append(torques, torques[0])
             sags, band = model.sag(torques) + model.pose_sag(angles), model.steady.dead_band
-            beyond = np.maximum(lower - (angles - sags), (angles - sags) - upper) - band
+            beyond = excess(angles - sags, lower, upper) - band
             negligible = np.minimum(np.abs(sags), NEGLIGIBLE_SAG)
             worst = int(np.argmax(beyond - negligible))
             if beyond[worst] <= ON_THE_LIMIT + negligible[worst]:

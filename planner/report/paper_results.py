@@ -7,10 +7,8 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from planner._version import __version__
-from planner.arrays import Array, Distance
+from planner.arrays import Array, Distance, excess
 from planner.evaluation.reproduction import (
     PAIRS,
     REFINE,
@@ -139,7 +137,7 @@ def _document(
     feet = [planned.foot_table(angles) for angles in (*walked, None)]
     plans, foot, limits = planned.plans, planned.plans["foot_optimal"], planned.walk.leg.limits
     beyond = {
-        method: np.maximum(limits.lower - plan.requests, plan.requests - limits.upper).max(axis=0)
+        method: excess(plan.requests, limits.lower, limits.upper).max(axis=0)
         for method, plan in plans.items()
         if method not in ("direct", "shift")
     }

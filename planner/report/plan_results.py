@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.arrays import Array, error_norm, rms, size
+from planner.arrays import Array, error_norm, excess, rms, size
 from planner.model.evidence import (
     ENCODER_STEP,
     OPEN_TOP_SPEED,
@@ -131,12 +131,12 @@ class PlanAnswer:
     def joints(self) -> dict[str, Numbers]:
         """The numbers of every joint: degrees, or percent of its range."""
         plan, shift, task, joints = self.plan, self.shift, self.plan.task, dict[str, Numbers]()
-        excess = np.degrees(np.maximum(task.lower - plan.requests, plan.requests - task.upper))
+        beyond = np.degrees(excess(plan.requests, task.lower, task.upper))
         bounded = task.goal == "angles" and self.method != "foot-optimal" and not task.load_of_pose
         for j, (name, model) in enumerate(zip(plan.names, plan.models, strict=True)):
             has_bound = bounded and not model.exceeds_v_max
             inversion = plan.inversions[j] if plan.inversions else None
-            expected, most = plan.expected[j], float(excess[:, j].max())
+            expected, most = plan.expected[j], float(beyond[:, j].max())
             ends = np.degrees([expected.low, expected.high]).tolist()
             speed, top = np.degrees(plan.speeds[j].highest).tolist()
             joints[name] = {
@@ -161,7 +161,7 @@ class PlanAnswer:
                 "top_speed": top,
                 "speed_ratio": speed / top,
                 "share_too_fast": float(plan.too_fast[j]),
-                "requests_at_limits": int(np.sum(excess[:, j] >= -AT_LIMIT)),
+                "requests_at_limits": int(np.sum(beyond[:, j] >= -AT_LIMIT)),
                 "beyond_limits": most if most > AT_LIMIT else 0.0,
                 **motion_of(plan, j),
                 "requests": np.degrees(plan.requests[:, j]).tolist(),
