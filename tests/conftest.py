@@ -1,7 +1,5 @@
 """What every test shares: hypothesis tries the same examples at every run, without a clock."""
 
-from __future__ import annotations
-
 import fcntl
 import functools
 import gc
@@ -69,7 +67,6 @@ In a fresh clone the first file compiles the functions of plans, and at the same
 compile those of piecewise-linear fits, identification and streams. No test file may call such a
 function at import: every process would compile it.
 """
-
 
 NO_PICTURE = '<svg viewBox="0 0 1 1">\n</svg>\n'  # an SVG file in which nothing is drawn
 

@@ -1,7 +1,5 @@
 """Functions that only compiled ones call, for tests to call."""
 
-from __future__ import annotations
-
 from planner.compilation import compiled
 
 

@@ -1,7 +1,5 @@
 """Equations of the paper and of the model's window, written out once more, slowly and literally."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

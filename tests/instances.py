@@ -1,7 +1,5 @@
 """Named instances with known answers, and random ones by seed, for tests and benchmarks alike."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -11,8 +11,6 @@ One binary a tick says which of max(0, w) and max(0, -w) is zero. The set is lar
 search, which adds condition 5, so that the search proves at least as much.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 
 import cvxpy

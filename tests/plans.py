@@ -1,7 +1,5 @@
 """Plans that say what a test wants them to say, and what joints make of others: no search."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

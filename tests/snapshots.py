@@ -5,8 +5,6 @@ the last printed digit, as another processor rounds differently in the last bits
 agree, the file keeps its own when it is rewritten, so that a diff shows what changed and no more.
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Callable, Mapping
@@ -18,7 +16,6 @@ import pytest
 from planner.exceptions import InvalidInput
 
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
-
 TOLERANCE = 1e-6  # numbers may differ by this, absolute below 1 and relative above
 
 

@@ -1,7 +1,5 @@
 """Joints and trajectories for property tests."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as numpy_strategies
@@ -10,7 +8,6 @@ from planner.model.joint import JointModel
 
 TICK = 0.01  # time step of the models [s]
 INTEGRALS = ("integral_rate", "position_integral_rate")
-
 whole_ticks = st.integers(0, 7).map(float)
 # Times within 1e-9 ticks of whole ones are whole to the model: no finer than this.
 FINEST = 6  # decimals of a tick

@@ -1,7 +1,5 @@
 """What passes for a trajectory, and what is said about what does not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

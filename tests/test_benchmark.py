@@ -1,7 +1,5 @@
 """The benchmark runs, measures exactly what it says, and reads its own runs."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import io

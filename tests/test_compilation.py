@@ -1,7 +1,5 @@
 """Compiled functions are cached until a source of theirs changes; compilation is announced."""
 
-from __future__ import annotations
-
 import io
 import logging
 import sys

@@ -1,7 +1,5 @@
 """The player keeps its times, says how well, and stops safely; on a clock of its own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

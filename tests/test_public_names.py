@@ -1,7 +1,5 @@
 """The contract of `import planner`: names, cost, examples in docstrings, and one clear error."""
 
-from __future__ import annotations
-
 import copy
 import doctest
 import inspect

@@ -1,7 +1,5 @@
 """What is released: the files of wheel and sdist, and one version and date wherever they stand."""
 
-from __future__ import annotations
-
 import re
 import tarfile
 import tomllib
@@ -15,12 +13,8 @@ from planner._version import __version__
 from planner.files.joint_model import read_model_file
 
 ROOT = Path(__file__).resolve().parent.parent
-
-
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-
 PACKAGES = ("kinematics", "planner", "urdf")
 
 BESIDE = (
@@ -28,7 +22,6 @@ BESIDE = (
     *(".gitignore", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "PKG-INFO"),
     *("README.md", "pyproject.toml"),
 )
-
 
 KINDS = {
     *("", ".cff", ".css", ".csv", ".html", ".ipynb", ".js", ".json", ".md", ".mplstyle", ".py"),

@@ -1,7 +1,5 @@
 """What tests stand on: the same text, and the same examples of properties in any process."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.snapshots import Snapshot, close

@@ -1,7 +1,5 @@
 """What Python and a notebook show of an answer: a few lines, with units, at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,6 @@ from tests.report.made_up import made_up, made_up_log
 
 SERVO = planner.JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05)
 PATH = 0.3 * np.sin(2.0 * np.pi * np.arange(40) / 40)
-
 MOST_LINES, MOST_LETTERS = 12, 700
 
 

@@ -5,8 +5,6 @@ Run it again only if the instances change; it takes some seconds:
     python tests/approximation/make_oracle.py tests/approximation/oracle.json
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Random samples of every kind that a fit may meet."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

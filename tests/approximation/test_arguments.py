@@ -1,7 +1,5 @@
 """What is required of a curve holds on what is returned, or the pair that forbids it is named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

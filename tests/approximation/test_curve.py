@@ -1,7 +1,5 @@
 """Curves and stacks of them as values: evaluation, slopes, the cycle boundary, what is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

@@ -1,7 +1,5 @@
 """The proved optimum against enumeration, and the search against the proved optimum."""
 
-from __future__ import annotations
-
 import json
 from itertools import combinations
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The invariants of a fit: exact recovery, slopes, equivariance, the bound, errors that teach."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

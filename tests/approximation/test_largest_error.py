@@ -1,7 +1,5 @@
 """The fewest segments within a largest error: the true minimum, by any other way of finding it."""
 
-from __future__ import annotations
-
 from itertools import combinations, product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The quadratic programmes against independent solvers; the exact repair."""
 
-from __future__ import annotations
-
 import cvxpy as cp
 import numpy as np
 import pytest

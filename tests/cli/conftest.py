@@ -1,7 +1,5 @@
 """Run the command line in this process, and a desired joint path to run it on."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

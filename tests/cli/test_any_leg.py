@@ -1,7 +1,5 @@
 """From a URDF to a report at the command line, public robots, and ``gait --fastest``."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -20,8 +18,6 @@ from tests.docs.blocks import ROOT
 from tests.docs.shell import commands
 
 PAGE = ROOT / "docs" / "any_leg.md"
-
-
 FRONT = ("--base", "body", "--foot", "front_left_ball")
 
 
@@ -109,8 +105,7 @@ def test_speeds_come_from_the_urdf(run, robot, foot):
     assert "the URDF has no usable top speed of joint 'front_left_rotator'" in result.stderr
 
 
-TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))
-"""Of a joint whose logs were slow."""
+TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))  # of a joint whose logs were slow
 
 
 def walk():

@@ -1,7 +1,5 @@
 """Whatever is wrong with the input: one line on standard error, exit status 2, nothing written."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 
@@ -16,7 +14,6 @@ from planner.files.text import Toml
 
 MODEL = "v_max = 5.0\ntheta_0 = 0.2\nlag = 0.03\nacceleration_time = 0.05\n"
 GOOD = "t_s,hip_deg,knee_deg\n0,1,20\n0.008,2,30\n0.016,3,10\n0.024,1,10\n"
-
 LEG = ",".join(f"front_left_{name}_deg" for name in ("rotator", "abductor", "knee"))
 GAITS = '[leg]\nname = "reference"\n[path.half_ellipse]\n[sweep.parameters]\nlength = [0.02]\n'
 

@@ -1,7 +1,5 @@
 """What the commands write, and that they fit together."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """``compare`` and ``reproduce``: verdict, steps, and tables that hold what was computed."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -73,8 +71,7 @@ def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, brief
     assert failed == {f"no worse than closed form, {r} rule" for r in ("paper's", "exact")}
 
 
-WRITTEN = 1e-9
-"""Rounding of 12 decimals [deg, m]."""
+WRITTEN = 1e-9  # rounding of 12 decimals [deg, m]
 
 
 @pytest.mark.parametrize("robot", ["model", "virtual"])

@@ -1,7 +1,5 @@
 """What the command line says besides its data: warnings, failures, progress on terminals."""
 
-from __future__ import annotations
-
 import io
 import os
 import sys
@@ -12,7 +10,6 @@ import pytest
 from planner.cli.console import BAR, KEY, Progress, warn
 
 ERASE = "\r\x1b[K"
-
 
 SHOWN = {
     ("normal", True): f"{ERASE}the walk …{ERASE}the abducto{ERASE}",

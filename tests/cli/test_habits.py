@@ -1,7 +1,5 @@
 """What people expect of any command line: help, quiet, colours, completion, a quick start."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

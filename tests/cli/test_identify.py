@@ -1,7 +1,5 @@
 """From a log to a model file, a page and a plan, at the command line."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path
@@ -17,9 +15,7 @@ from planner.model.evidence import Evidence
 from planner.robot.arm import Servo
 
 TRUE = JointModel.ers210a()
-
-NOISE = math.radians(0.1)
-"""Standard deviation of the angles in the log [rad]."""
+NOISE = math.radians(0.1)  # standard deviation of the angles in the log [rad]
 
 
 def write_log(file, *, joints=("knee",), model=TRUE, moving=9, duration=8.0):

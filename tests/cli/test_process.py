@@ -1,7 +1,5 @@
 """The installed command as a process: examples, closed pipes, Ctrl-C."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

@@ -1,7 +1,5 @@
 """``request-planner refine``: executed requests and measured angles in, the next requests out."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

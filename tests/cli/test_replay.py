@@ -1,7 +1,5 @@
 """``request-planner replay``: recordings in, recordings out."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import signal

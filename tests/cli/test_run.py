@@ -1,7 +1,5 @@
 """A run file does what the single commands do, inside its folder, whole or not at all."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import math
@@ -26,8 +24,7 @@ from planner.files.text import Toml
 ROUNDED = 1e-6
 """A foot path in a file carries 12 decimals of a metre, which the search magnifies [rad]."""
 
-JOINTS = '[path]\nfile = "desired.csv"\n'
-"""The least that makes a run, on the file of two joints."""
+JOINTS = '[path]\nfile = "desired.csv"\n'  # the least that makes a run, on the file of two joints
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Commands that move servos, on the virtual bus: from nothing to a plan that was played."""
 
-from __future__ import annotations
-
 import json
 from contextlib import contextmanager
 from functools import partial
@@ -23,7 +21,6 @@ from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 from tests.report.test_made_up_pages import calibrated as made_up
 
 CALIBRATE = import_module("planner.cli.calibrate")
-
 BRIEF = ("--bus", "virtual", "--duration-s", "12", "--reach-deg", "30", "--yes")
 
 ARM = """[joint_1]

@@ -1,7 +1,5 @@
 """Sweeps: points that are planned as their run files are, and the front of speed and error."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import json

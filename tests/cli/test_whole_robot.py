@@ -1,7 +1,5 @@
 """A robot of four legs in one file: a gait, a plan of its joints or feet, export and play."""
 
-from __future__ import annotations
-
 import json
 import shutil
 
@@ -14,8 +12,7 @@ from planner.files.paths import read_joint_path
 from tests.cli.test_servos import ARM
 
 LEGS = ("front-left", "front-right", "hind-left", "hind-right")
-TURNED = "hind_left_knee"
-"""A joint whose servo is mounted the other way round."""
+TURNED = "hind_left_knee"  # a joint whose servo is mounted the other way round
 
 
 def robot_text(*, reach=2.6, legs=LEGS):

@@ -1,7 +1,5 @@
 """What a reader of a page sees: its text, and what its figures draw, in a line each."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re
@@ -16,8 +14,7 @@ import numpy as np
 
 from planner.report.figure import ROLES
 
-SKIPPED = ("script", "style", "svg")
-"""Elements without text for the reader."""
+SKIPPED = ("script", "style", "svg")  # elements without text for the reader
 
 BLOCKS = (
     *("p", "div", "h1", "h2", "h3", "h4", "li", "tr", "table", "figure", "figcaption", "section"),
@@ -25,9 +22,7 @@ BLOCKS = (
 )
 """Elements that begin a line."""
 
-
-VOID = ("meta", "link", "br", "img", "hr", "input", "wbr")
-"""Elements that have no end."""
+VOID = ("meta", "link", "br", "img", "hr", "input", "wbr")  # elements that have no end
 
 DATA = re.compile(r'<script type="[^"]*" id=.*?</script>', re.DOTALL)
 """What only the scripts of a page read."""

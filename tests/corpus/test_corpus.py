@@ -15,8 +15,6 @@ Numbers are compared to 1e-6, because processors differ in the last bits of a su
 two folders of outputs agree to the byte.
 """
 
-from __future__ import annotations
-
 import csv
 import itertools
 import json
@@ -36,9 +34,7 @@ from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.snapshots import NUMBER
 
 INPUTS = Path(__file__).parent / "inputs"
-
 SNAPSHOTS = Path(__file__).parent / "snapshots"
-
 RUN = re.compile(r"(?m)^\$ request-planner(?: (.*))?$")
 
 CASES = {
@@ -68,8 +64,7 @@ SKIPPED["run"] = ("comparison.json",)
 SKIPPED["virtually_reproduced"] = (".csv", ".json", ".toml")
 """Endings of the files of a case whose content other files of it hold, or other tests."""
 
-WIDTH = 400
-"""Longest line of JSON [characters], but for arrays of numbers."""
+WIDTH = 400  # longest line of JSON [characters], but for arrays of numbers
 
 TEXTS = (".csv", ".json", ".toml", ".txt", ".yaml", ".jsonl")
 """Endings of files whose content stands in a snapshot."""
@@ -126,8 +121,7 @@ COMMON = (
 )
 """How lines of many pages begin, which the pages of ``WHOLE`` hold."""
 
-WHOLE = ("plan-page", "refine-page", "compare-page")
-"""Cases whose pages stand with these lines."""
+WHOLE = ("plan-page", "refine-page", "compare-page")  # cases whose pages stand with these lines
 
 
 def brief(page: str, printed: str) -> str:

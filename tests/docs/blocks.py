@@ -6,14 +6,11 @@ the program. The ``text`` blocks after one of them are all that it prints, but f
 and the rest are for the reader alone.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
-
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 BLOCK = re.compile(

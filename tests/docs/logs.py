@@ -1,7 +1,5 @@
 """The logs that the page about logs names, each by a joint that is known."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 

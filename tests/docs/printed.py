@@ -1,11 +1,8 @@
 """Whether a program prints what a page says: the same words, and nearly the same numbers."""
 
-from __future__ import annotations
-
 import re
 
 NUMBER = re.compile(r"[-−]?\d+(?:\.(\d+))?(?:e[-+]\d+)?")
-
 NEAR = 0.002  # relative difference that solvers on another machine may make
 OMITTED = "..."  # a line of a page that stands for any number of lines
 LAST_DIGITS = 1.0  # units of the last decimal that they may make where little is left of a number

@@ -1,7 +1,5 @@
 """Shell commands of a page, in this process: the program, pipes and redirected output."""
 
-from __future__ import annotations
-
 import importlib.util
 import itertools
 import shlex

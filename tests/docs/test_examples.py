@@ -1,7 +1,5 @@
 """The examples run: scripts from beginning to end, the notebook cell by cell with what it shows."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

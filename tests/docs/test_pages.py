@@ -1,7 +1,5 @@
 """Every block of every page runs, in the page's order and one folder, and prints what it says."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import io

@@ -1,7 +1,5 @@
 """The site's pages: every public name and page is on it, and nothing on it is fetched."""
 
-from __future__ import annotations
-
 import re
 
 import kinematics

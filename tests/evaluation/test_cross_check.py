@@ -1,7 +1,5 @@
 """The cross-check: sound plans pass, sabotaged ones fail the check that is meant for them."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace
@@ -34,7 +32,6 @@ from tests.strategies import models, trajectories
 
 PHASE = 2.0 * np.pi * np.arange(88) / 88
 DESIRED = 0.6 * np.sin(PHASE) + 0.25 * np.cos(2.0 * PHASE)
-
 PAPER, EXACT, OPTIMAL = (METHODS[m] for m in ("closed_form_paper", "closed_form_exact", "optimal"))
 
 

@@ -1,7 +1,5 @@
 """The paper's experiment: baselines as published, plans as good as published."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

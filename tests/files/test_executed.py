@@ -1,7 +1,5 @@
 """Histories of learning: one that is not of this path, or damaged, is refused with its place."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -10,7 +8,6 @@ from planner import JointModel, Learning, Trial
 from planner.files.executed import read_history, write_history
 
 ROWS, JOINTS = 3, ["hip", "knee", "foot"]
-
 DESIRED = np.full((ROWS, 2), 0.5)
 
 

@@ -1,7 +1,5 @@
 """CSV for a controller: held requests at its rate, in its unit."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -27,8 +25,7 @@ from planner.files.staging import list_files
 from planner.robot.arm import Servo
 from planner.robot.schedule import ON_TIME, Schedule, resampled
 
-ROUNDING = 1e-10
-"""Twelve decimals of a degree are written [rad]."""
+ROUNDING = 1e-10  # twelve decimals of a degree are written [rad]
 
 
 def _numbered(rows, period):
@@ -205,8 +202,7 @@ def test_a_bag_is_read_back(schedule, tmp_path, storage):
         assert point.velocities.tolist() == told.get("velocities", [])
 
 
-SINGLE = 1e-7
-"""Half a step of float32 at angles below 1.5 rad, rounded up [rad]."""
+SINGLE = 1e-7  # half a step of float32 at angles below 1.5 rad, rounded up [rad]
 
 
 @pytest.fixture

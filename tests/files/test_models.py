@@ -1,7 +1,5 @@
 """Model files: what they say of joints, legs, bus and servos is read, written and read again."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from math import inf
@@ -135,7 +133,6 @@ BAD = {
     "an unknown key of a joint": ("dead_band", "deadband"),
 }
 
-
 BAD_LEGS = {
     "no base and no foot": ('base = "body"\nfoot = "ball"\n', ""),
     "a frame without a name": ('"torso"', '""'),
@@ -146,7 +143,6 @@ BAD_LEGS = {
     "an angle that is none": ("tail = 180.0", "tail = nan"),
     "an angle that is yes": ("knee = 90", "knee = true"),
 }
-
 
 BAD_BUS = {
     "a number for a port": ('"/dev/ttyUSB0"', "3"),

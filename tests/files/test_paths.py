@@ -1,7 +1,5 @@
 """Paths: radians that are degrees are refused, and a path at another rate is resampled."""
 
-from __future__ import annotations
-
 import io
 import json
 import math
@@ -112,8 +110,7 @@ def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):
     assert len(finer.loads) == len(finer.values) == 8
 
 
-WRITTEN = 1e-12
-"""A written number is off by half of its last decimal at most [deg, m]."""
+WRITTEN = 1e-12  # a written number is off by half of its last decimal at most [deg, m]
 
 ANGLES = arrays(
     np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-100.0, 100.0)
@@ -204,7 +201,6 @@ def test_a_title_that_a_spreadsheet_takes_as_a_formula_is_written_as_text_and_re
 
 MODEL = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
 
-
 JOINT_PATHS = {
     "empty": b"",
     "only blank lines": b"\n\n  \n",
@@ -249,7 +245,6 @@ JOINT_PATHS = {
     "time that is no number": b"t_s,knee_deg\n0,1\nlater,2\n",
 }
 
-
 FOOT_PATHS = {
     "a missing axis": b"x_m,y_m\n1,2\n3,4\n",
     "mixed units": b"x_m,y_cm,z_m\n1,2,3\n4,5,6\n",
@@ -259,7 +254,6 @@ FOOT_PATHS = {
     "an axis twice": b"x_m,x_cm,y_m,z_m\n1,2,3,4\n4,5,6,7\n",
     "NaN": b"x_m,y_m,z_m\n1,2,3\n4,NaN,6\n",
 }
-
 
 MODELS = {
     "not TOML": "v_max = 5.0\nlag = = 1\n",
@@ -275,7 +269,6 @@ MODELS = {
     "in degrees": MODEL.replace("5.0", "301.9").replace("0.1\n", "18.25\n"),
     "theta_0 in degrees": "[knee]\n" + MODEL.replace("0.1\n", "18.25\n"),
 }
-
 
 READERS = {
     "joint path": (read_joint_path, JOINT_PATHS),
@@ -301,7 +294,6 @@ def test_every_bad_file_says_what_is_wrong(tmp_path, snapshot):
 
 
 PATH = "t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,4\n"
-
 
 LIMITS = {
     "columns": ("table.MOST_COLUMNS", 3, "3 columns, expected at most 2; leave out"),

@@ -1,7 +1,5 @@
 """Files and folders appear whole or not at all, and nothing of the user's is lost."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """The half ellipse and the reference walk, held against the paper's ten baseline figures."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A walk for any leg, as large as the leg traces it well, and its shortest cycle."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Logs whose joint is known, and the recorded ones."""
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import replace
@@ -13,15 +11,9 @@ import planner
 from planner.identification.excitation import excite
 
 AIBO = planner.JointModel.ers210a()
-
-NOISE = math.radians(0.2)
-"""Standard deviation of the made logs' noise [rad]."""
-
-QUANTUM = math.radians(0.3)
-"""Step of the made logs' sensor [rad]."""
-
-FINE_NOISE, FINE_QUANTUM = math.radians(0.1), math.radians(0.09)
-"""The same of a good encoder [rad]."""
+NOISE = math.radians(0.2)  # standard deviation of the made logs' noise [rad]
+QUANTUM = math.radians(0.3)  # step of the made logs' sensor [rad]
+FINE_NOISE, FINE_QUANTUM = math.radians(0.1), math.radians(0.09)  # the same of a good encoder [rad]
 
 AMPLITUDES = tuple(map(math.radians, (30.0, 90.0)))
 """Step tests [rad]: small enough to see the joint close in, large enough to saturate it."""
@@ -125,7 +117,6 @@ def logged(joint: planner.JointModel, *, period: float, rows: int, seed: int = 0
 JOINT = planner.JointModel(
     v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, tick=0.005, hold=4
 )
-
 
 STICKY = planner.JointModel(
     tick=0.02, hold=1, lag=0.02, acceleration_time=0.04, v_max=4.0, theta_0=0.3, dead_band=0.02

@@ -1,7 +1,5 @@
 """Whole answers on logs as robots write them, held by snapshots: numbers, notes, rows, evidence."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test signals stay inside the limits, rest at both ends, and are the same every time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,9 +8,7 @@ from hypothesis import strategies as st
 from planner.identification.excitation import excite, expect, step_test
 from planner.model.joint import JointModel
 
-EQUAL = 1e-12
-"""Two ways to the same request differ by rounding only [rad]."""
-
+EQUAL = 1e-12  # two ways to the same request differ by rounding only [rad]
 CONTINUOUS = ("multisine", "chirp", "triangle", "slow_triangle")
 KINDS = ("combined", "steps", "random_steps", *CONTINUOUS)
 

@@ -1,7 +1,5 @@
 """The joint on the ticks of a log is the joint of the planner, and its derivatives are slopes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -173,8 +171,7 @@ def test_rows_count_by_their_weights():
     assert np.max(np.abs(far / bare - 1.0)[:4]) > 0.01
 
 
-ROWS = 2 * MOST_ROWS + 1
-"""The fewest rows of which some are chosen, and one."""
+ROWS = 2 * MOST_ROWS + 1  # the fewest rows of which some are chosen, and one
 
 
 def burst_log(model=AIBO, *, rows=ROWS, at=28_000):

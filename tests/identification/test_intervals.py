@@ -1,7 +1,5 @@
 """Intervals hold the truth as often as they say, and are infinite where the data is silent."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -30,9 +28,7 @@ SEEDS = 12
 for one parameter, and these seeds are always the same."""
 
 FEWEST_HITS = 9
-
-GENTLE = 0.05
-"""Amplitude that calls for 40 % of the joint's top speed [rad]."""
+GENTLE = 0.05  # amplitude that calls for 40 % of the joint's top speed [rad]
 
 
 def hits(model, interval, name):

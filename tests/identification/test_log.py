@@ -1,7 +1,5 @@
 """Encoders that start again after a turn are read on; whatever only looks like it is left alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +11,7 @@ from planner.identification.joint_fit import evenly_timed
 from planner.identification.log import TURN, unwrapped
 from tests.identification.made import AIBO, NOISE, changed, measured, rich_log
 
-SAME = 1e-12
-"""Turns are added and taken to rounding [rad]."""
+SAME = 1e-12  # turns are added and taken to rounding [rad]
 
 
 def wrapped(angles):

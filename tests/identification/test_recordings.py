@@ -1,7 +1,5 @@
 """Real servos: as good as is known to be possible, fast enough, and honest where it cannot be."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -27,9 +25,7 @@ A single one says less of its upper end: the other joints shake it, which the mo
 OPENING = 1.11
 """Highest speed of the gripper over 0.1 s in the PRBS recording [1/s]: about its top speed."""
 
-ROUNDED = 0.00006
-"""The known errors are rounded to the fourth decimal."""
-
+ROUNDED = 0.00006  # the known errors are rounded to the fourth decimal
 STS3250 = tuple(f"sts3250_kp32_{name}" for name in ("sin_sin", "sin_time_square", "up_and_down"))
 
 

@@ -1,7 +1,5 @@
 """What is known is found, whatever the unit, the origin, the clock and the disturbance."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -23,15 +21,13 @@ EXACT = 1e-6
 """Without noise parameters are found to this, relative to their size; an offset relative to 1 rad,
 a lag to a tick at least."""
 
-ROUNDING = 1e-14
-"""Of a parameter that is 0."""
+ROUNDING = 1e-14  # of a parameter that is 0
 
 SAME_FIT = 2e-3
 """Two fits of the same rows, scaled or shifted, stop at the same parameters to this share."""
 
 OF_ANGLES, OF_TIMES = ("v_max", "theta_0", "offset"), ("lag", "acceleration_time", "tick")
 """Parameters that scale with the angles of a log, and with its times."""
-
 
 SERVO = planner.JointModel(
     v_max=6.0, theta_0=0.3, lag=0.0123, acceleration_time=0.0417, tick=0.005, hold=4, offset=0.02

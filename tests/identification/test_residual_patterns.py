@@ -1,7 +1,5 @@
 """What the model does not have is named where it shows, and nowhere else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dry friction, asymmetry and load are found where they are, and exactly 0 where they are not."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -14,9 +12,7 @@ from tests.identification.made import AIBO, measured, rich_log, swung
 from tests.identification.made import FINE_NOISE as NOISE
 from tests.identification.made import FINE_QUANTUM as QUANTUM
 
-EXACT = 1e-6
-"""Without noise terms are found to this, relative to their size."""
-
+EXACT = 1e-6  # without noise terms are found to this, relative to their size
 STICKY = replace(AIBO, dead_band=math.radians(2.0))
 
 

@@ -1,7 +1,5 @@
 """Held-out rows are predicted, alternatives compared, and a joint that is no such joint refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -27,8 +25,7 @@ from tests.identification.made import (
     rich_log,
 )
 
-WHITE = 1.3
-"""A good fit leaves little more than the noise, by this factor."""
+WHITE = 1.3  # a good fit leaves little more than the noise, by this factor
 
 
 def test_a_model_that_holds_says_which_of_friction_and_gravity_its_log_does_not_show():

@@ -1,7 +1,5 @@
 """Robots for the tests: serial legs from numbers, and legs whose geometry has a known shape."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

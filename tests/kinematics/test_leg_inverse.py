@@ -1,7 +1,5 @@
 """Joint angles from foot positions: exact where reachable, else the nearest or clamped pose."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

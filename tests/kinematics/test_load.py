@@ -1,7 +1,5 @@
 """Load torques against a pendulum by hand and against energy."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

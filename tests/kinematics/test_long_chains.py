@@ -1,7 +1,5 @@
 """Legs cut out of longer chains, legs of fewer joints, and paths on which legs must not leap."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a URDF must hold for a leg, and what is said when it does not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

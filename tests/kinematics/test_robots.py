@@ -1,7 +1,5 @@
 """The robots that are shipped, by Sony's numbers, and public ones of the extra ``robots``."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What a robot looks like is where its kinematics say, and of the shapes that its URDF says."""
 
-from __future__ import annotations
-
 import coal
 import numpy as np
 import pinocchio

@@ -1,7 +1,5 @@
 """Any leg, in numbers and in CasADi: against Pinocchio, differences and itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio
 from hypothesis import given

@@ -1,7 +1,5 @@
 """What measured angles tell: a sensor's delay, a disturbance, and what cannot be of the joint."""
 
-from __future__ import annotations
-
 import math
 from contextlib import nullcontext
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Learning from executed cycles: errors fall to the floor, noise and delays are not learnt."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """When trials identify a model anew, and which one is then kept."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 

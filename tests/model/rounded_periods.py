@@ -1,7 +1,5 @@
 """Request periods with rounded corners, each from a state of its own, by ``kernel.periods``."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

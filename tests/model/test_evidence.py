@@ -1,7 +1,5 @@
 """What a model was tested on tells the error to expect, and which motion is outside of it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -19,9 +17,7 @@ from planner.model.evidence import (
 from planner.model.joint import JointModel
 
 SEEN = Evidence(0.02, 2.0, 0.5, (-1.0, 1.0), ((0.0, 0.01), (4.0, 0.03)))
-
 PHASE = 2.0 * np.pi * np.arange(200) / 200
-
 ROOT = np.sqrt(2.0)
 
 
@@ -97,7 +93,6 @@ def held(requests, rows):
 
 
 ROWS = 0.02 * np.arange(1000)
-
 LEVELS = np.random.default_rng(2).uniform(-1.0, 1.0, 1000)
 
 

@@ -1,7 +1,5 @@
 """Dry friction and load: Equation 2 with its further terms, and what must hold of any answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import casadi
@@ -18,11 +16,8 @@ from tests.instances import random_model
 from tests.model.rounded_periods import rounded_periods
 from tests.strategies import INTEGRALS, models, trajectories
 
-SAME = 1e-12
-"""Two ways to run the same recursion over a few hundred ticks agree to this [rad]."""
-
-CLOSED = 2e-12
-"""How far a cycle may be from closed, at angles of a few radians [rad]."""
+SAME = 1e-12  # two ways to run the same recursion over a few hundred ticks agree to this [rad]
+CLOSED = 2e-12  # how far a cycle may be from closed, at angles of a few radians [rad]
 
 DRY = replace(
     JointModel.ers210a(), dead_band=0.05, v_offset=1.5, compliance=0.1, speed_per_torque=0.8

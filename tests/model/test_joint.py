@@ -1,7 +1,5 @@
 """The joint's parameters, its window, and the one definition of Equation 2."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace
@@ -11,8 +9,7 @@ import pytest
 
 from planner import InvalidModel, JointModel, simulate
 
-ROUNDING = 1e-15
-"""Disagreement that rounding leaves between two ways to write a sum [relative]."""
+ROUNDING = 1e-15  # disagreement that rounding leaves between two ways to write a sum [relative]
 
 
 def test_the_ers210a_is_table_1():

@@ -1,7 +1,5 @@
 """The compiled law: without friction and inertia the paper's, and its derivatives."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -29,9 +27,7 @@ INERT = planner.JointModel(
     time_constant=0.02,
 )
 
-
 INTEGRALS = ({"integral_rate": 8.0}, {"position_integral_rate": 4.0})
-
 SAG = {"sag_sin": -0.1, "sag_cos": 0.05}
 
 

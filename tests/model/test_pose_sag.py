@@ -1,7 +1,5 @@
 """A sag by the joint's own angle: in the law, in every plan, and in what is identified."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

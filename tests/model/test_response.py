@@ -1,7 +1,5 @@
 """The joint's answer from rest and in a cycle, in numbers and in CasADi's symbols."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace
@@ -20,8 +18,7 @@ from tests.independent import next_cycle, of_whole_ticks
 from tests.instances import ERS210A
 from tests.strategies import INTEGRALS, models, trajectories
 
-SAME = 1e-12
-"""Two ways to run the same recursion over a few hundred ticks agree to this [rad]."""
+SAME = 1e-12  # two ways to run the same recursion over a few hundred ticks agree to this [rad]
 
 
 @given(models(whole=True, holds=(1, 1), offsets=False), trajectories(), st.floats(-1.0, 1.0))
@@ -86,8 +83,7 @@ def test_a_path_is_too_fast_by_the_top_speed_of_its_direction_under_its_load():
     assert not steady.too_fast.any()
 
 
-SETTLED = 1e-9
-"""Distance of two cycles in a row that counts as none [rad]."""
+SETTLED = 1e-9  # distance of two cycles in a row that counts as none [rad]
 
 
 def ringing_joints():
@@ -165,7 +161,6 @@ LOADED = replace(BARE, sag_sin=-0.06, sag_cos=0.02, compliance=0.05, speed_per_t
 """A joint that gravity pulls away, and a torque, whose physics is that of gravity."""
 
 RATES = {"integral_rate": 8.0, "position_integral_rate": 4.0}
-
 EACH = pytest.mark.parametrize("name", INTEGRALS)
 
 

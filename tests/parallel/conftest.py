@@ -1,7 +1,5 @@
 """Tests that other processes can import."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

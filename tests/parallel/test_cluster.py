@@ -3,8 +3,6 @@
 One cluster serves them all, and its end is the last test.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace
@@ -21,7 +19,6 @@ from tests.parallel import work
 from tests.parallel.test_parallel import run
 
 pytestmark = pytest.mark.usefixtures("importable")
-
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.02)
 
 GAITS = """

@@ -1,7 +1,5 @@
 """Tasks in parallel: the same results however they are run, and none lost whatever dies."""
 
-from __future__ import annotations
-
 import logging
 import os
 import signal

@@ -1,7 +1,5 @@
 """Tasks for tests of the engine, and commands that are killed; other processes import them."""
 
-from __future__ import annotations
-
 import math
 import os
 import pickle

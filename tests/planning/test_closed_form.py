@@ -1,7 +1,5 @@
 """The paper's method: its figures on the reference walk, and its switching rule written out."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

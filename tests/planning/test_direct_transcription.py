@@ -1,7 +1,5 @@
 """IPOPT on the transcribed problem: its plans are as good, and failures are told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plans for joints with dry friction, speeds that differ by direction and a load."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -29,8 +27,6 @@ SERVO = replace(WITHOUT, dead_band=0.035, v_offset=0.3, compliance=0.06, speed_p
 """The same, with 2 degrees of dry friction, faster upwards, and soft."""
 
 SAMPLES = 150
-
-
 PHASE = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
 
 PATHS = {
@@ -142,11 +138,8 @@ def test_from_rest_beyond_the_limits_the_first_request_still_holds_the_joint():
 
 
 PAPER = planner.JointModel.ers210a()
-
 INERT = replace(PAPER, acceleration_time=0.016, time_constant=0.024)
-
 STARTING_SLOWLY = replace(PAPER, acceleration_time=0.008, max_acceleration=120.0)
-
 STICKY = replace(INERT, dead_band=0.02, tick=0.004, hold=2)
 
 OVERSHOOTING = replace(STICKY, dead_band=0.005, max_acceleration=150.0, integral_rate=12.0)
@@ -154,7 +147,6 @@ OVERSHOOTING = replace(STICKY, dead_band=0.005, max_acceleration=150.0, integral
 
 SWING = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60) ** 3
 """A path that these joints can nearly follow [rad]."""
-
 
 EVERY = pytest.mark.parametrize(
     "model", [INERT, STARTING_SLOWLY, STICKY, OVERSHOOTING], ids=["T", "A", "both", "integral"]
@@ -193,7 +185,6 @@ def test_no_closed_form_does_better_on_a_square_that_an_acceleration_limit_keeps
 
 SYMMETRIC = replace(WITHOUT, dead_band=0.035, compliance=0.06)
 SINE, HOLDS = 0.5 * np.sin(PHASE), np.clip(0.9 * np.sin(PHASE), -0.6, 0.6)
-
 NOISE = 0.001  # standard deviation of a path's noise [rad]: 3 % of the dead band
 
 

@@ -1,7 +1,5 @@
 """The compiled search: errors, costs and steps against dense routes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cvxpy as cp
@@ -21,7 +19,6 @@ from tests.plans import track
 evaluate = from_python(gauss_newton.evaluate)
 allocated = from_python(gauss_newton.allocated)
 set_step = from_python(gauss_newton.set_step)
-
 STEP = 1e-6  # step of the central differences [rad]
 AGREEMENT = 1e-5
 """A step from derivatives by differences and a dense matrix of condition 1e6 [relative]."""

@@ -1,7 +1,5 @@
 """Both rules for C_m: Equations 10-12 written out once more, and the joint on the line itself."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Plans whose load follows from the pose: the load at hand is that of the prediction."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +18,6 @@ SOFT = planner.JointModel(**FOUR, tick=0.02, dead_band=0.03, compliance=0.11, sp
 PHASE = 2.0 * np.pi * np.arange(40) / 40
 PATH = 0.9 + 0.5 * np.sin(PHASE)
 TOO_FAST = 0.9 + 1.2 * np.sin(3.0 * PHASE)
-
 ROUNDING = 1e-8  # the simulation has settled to 1e-9 rad; the slope of the load is below 1 N m/rad
 
 

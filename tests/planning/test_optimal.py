@@ -1,7 +1,5 @@
 """The optimised plan: near its bound, within limits and steps, no worse than the closed form."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -36,7 +34,6 @@ GAP = 0.005  # most by which a plan may exceed that of a general solver
 GAP_ON_THE_WALK = 0.002  # most by which a plan may exceed the exact bound on the reference walk
 ATTAINED = math.radians(0.01)  # largest rms error on what the joint can do [rad]
 NO_WORSE = 1e-12  # rounding between two simulations of the same requests [rad]
-
 
 SAME_QUALITY = 1e-3
 """Difference of rms between two searches that take the same steps but for rounding [relative]."""

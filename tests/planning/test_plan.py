@@ -1,7 +1,5 @@
 """`planner.plan`: several joints, each as the inversion of its own would plan it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -19,8 +17,6 @@ from tests.plans import inversion
 SLOW = planner.JointModel(v_max=2.0, theta_0=0.1, lag=0.03, acceleration_time=0.05)
 PHASE = 2.0 * np.pi * np.arange(60) / 60
 DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE)])
-
-
 LOADED = replace(ERS210A, compliance=0.05, dead_band=0.01)
 TORQUES = np.column_stack([0.3 * np.cos(PHASE), 0.1 + 0.0 * PHASE])
 

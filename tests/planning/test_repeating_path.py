@@ -1,7 +1,5 @@
 """A path that about repeats goes on as it did a cycle before, as far as that explains it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

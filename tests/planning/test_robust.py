@@ -1,7 +1,5 @@
 """Plans for several models of one joint."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

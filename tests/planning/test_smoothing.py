@@ -1,7 +1,5 @@
 """Smoother requests at nearly the same error."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

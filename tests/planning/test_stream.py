@@ -1,7 +1,5 @@
 """A stream plans from what is known nearly as well as the whole is planned, within its bounds."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle
@@ -25,8 +23,6 @@ from tests.instances import ERS210A, attainable, random_model, saturating
 from tests.model.rounded_periods import rounded_periods
 
 pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
-
-
 PREVIEW = 25
 
 
@@ -163,7 +159,6 @@ BAD = {
     "text": ("straight on", ("held", "held")),
     "beyond the limits": (np.array([[0.1, 3.0]] * 5), ("planned", "unreachable")),
 }
-
 
 NO_ROWS = ("another shape", "one row", "no row", "ragged", "nothing", "text")
 """Those that are no rows of two angles."""
@@ -412,7 +407,6 @@ def test_a_stream_that_was_reset_is_as_new(cycle):
 
 
 cost, gauss_newton_step = from_python(tick.cost), from_python(tick.gauss_newton_step)
-
 SAMPLES, RADIUS, DAMPING = 30, 0.2, 1e-3
 LOWER, UPPER, RATE, SMOOTHING = -0.3, 0.4, 0.4, 2e-3
 

@@ -1,7 +1,5 @@
 """What is asked of a plan is said in one of several ways, and checked once."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np
@@ -11,13 +9,8 @@ from planner import Infeasible, InvalidInput, JointModel, invert_foot, plan, ref
 from planner.planning.task import Task
 
 AIBO = JointModel.ers210a()
-
 SERVO = replace(AIBO, compliance=0.02)
-
-
 PATH = 0.3 * np.sin(2.0 * np.pi * np.arange(40)[:, np.newaxis] / 40 + [0.0, 1.0])
-
-
 NAMES = ("hip", "knee")
 
 

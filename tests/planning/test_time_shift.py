@@ -1,7 +1,5 @@
 """The best time shift: what it sends, and that no other shift is better."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Recordings replayed at any speed: the requests, their promise, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """How fast a recording can be replayed: witnesses, proofs, and factors that vary along it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

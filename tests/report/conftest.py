@@ -1,7 +1,5 @@
 """The folder of results of the paper's experiment, which all tests share."""
 
-from __future__ import annotations
-
 import pytest
 
 

@@ -1,7 +1,5 @@
 """Identifications made by hand: what a fit of a simulated joint would be, without the fit."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -11,9 +9,7 @@ from planner import Identification, JointModel, Log, simulate
 from planner.identification.excitation import excite
 from planner.identification.result import Alternative, Finding, Interval, LogFit
 
-NOISE = math.radians(0.2)
-"""Standard deviation of the made-up sensor [rad]."""
-
+NOISE = math.radians(0.2)  # standard deviation of the made-up sensor [rad]
 
 JOINT = dataclasses.replace(JointModel.ers210a(), tick=0.02 / 3.0, hold=3)
 """The truth: a request every 20 ms."""

@@ -1,7 +1,5 @@
 """A figure is one description, which Plotly and Matplotlib draw."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

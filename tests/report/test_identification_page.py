@@ -1,7 +1,5 @@
 """The report of an identification: one page that needs nothing else, whatever was found."""
 
-from __future__ import annotations
-
 import math
 import struct
 from dataclasses import replace
@@ -15,8 +13,7 @@ from planner.model.response import simulate
 from planner.report.identification_page import cloud_figure, cloud_of, identification_page
 from tests.report.made_up import JOINT, made_up, made_up_fit, made_up_log, never_saturated
 
-WIDTH, HEIGHT = 420, 900
-"""Of the screenshot [pixels]: a phone's."""
+WIDTH, HEIGHT = 420, 900  # of the screenshot [pixels]: a phone's
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """What is said of an identification: in words, in a table, in the comments of a model file."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import tomllib

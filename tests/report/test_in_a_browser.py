@@ -1,7 +1,5 @@
 """The report in a browser: its plots, its leg and its tables do what a reader asks of them."""
 
-from __future__ import annotations
-
 import io
 
 import pytest
@@ -11,12 +9,8 @@ from planner.report.figure import ROLES
 from tests.browser import INVALID
 
 LEG, JOINTS = "figure8_foot_paths", "joints_by_method"
-
-PHONE = 400
-"""Width of a screen [px]."""
-
-BEYOND = 1
-"""Rounding may make a page this much wider than its screen [px]."""
+PHONE = 400  # width of a screen [px]
+BEYOND = 1  # rounding may make a page this much wider than its screen [px]
 
 ALL_DRAWN = (
     "Object.keys(live.figures).every((name) => 'drawn' in document.getElementById(name).dataset)"

@@ -1,7 +1,5 @@
 """The pages of learning, replays and comparisons against the numbers that they show."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

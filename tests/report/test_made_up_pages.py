@@ -1,7 +1,5 @@
 """Pages of answers that no command line of tests/corpus has, held by snapshots."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -22,7 +20,6 @@ from tests.instances import SERVO
 from tests.report.made_up import made_up, made_up_log
 
 ORIGINS = [("recording", "walks_2.csv"), ("<model>", "arm.toml")]
-
 
 EXPECTED = (math.nan, math.nan, 0.2, 0.15, 0.14)
 """Error that the model leads one to expect of each way of a calibration [deg]."""

@@ -1,7 +1,5 @@
 """Pages: their pictures, the files that they link to, versions, and life without scrolling."""
 
-from __future__ import annotations
-
 import html
 import re
 import shutil
@@ -38,12 +36,8 @@ def test_pictures_are_drawn_and_not_dated(folder):
         assert (folder / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
 
 
-BUDGET = 10_000
-"""Time that passes in the page before its picture is taken, on its own clock [ms]."""
-
-
-FAR = 5_000
-"""How far below the screen the last figure stands [px]."""
+BUDGET = 10_000  # time that passes in the page before its picture is taken, on its own clock [ms]
+FAR = 5_000  # how far below the screen the last figure stands [px]
 
 
 @pytest.fixture

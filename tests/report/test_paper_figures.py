@@ -1,7 +1,5 @@
 """The figures of the paper: the same on paper and on a screen, from the experiment's numbers."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The page about a plan: its verdict, remarks and figures, and what a browser makes of it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -16,8 +14,7 @@ from planner.report.plan_page import joints_table, jumps_of, leg_figure, plan_pa
 from planner.report.plan_results import PlanAnswer
 from tests.corpus.page_text import text_of
 
-DRAWN = 0.0051
-"""Rounding of what is drawn [cm]."""
+DRAWN = 0.0051  # rounding of what is drawn [cm]
 
 
 def foot_of(motion):

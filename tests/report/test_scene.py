@@ -1,7 +1,5 @@
 """The page with the moving robot: what the viewer in it is told, without a browser."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re
@@ -15,9 +13,7 @@ from planner.report.figure import DESIRED, DIRECT, FOOT_OPTIMAL
 from planner.report.meshcat_scene import scene_page
 
 PERIOD = 0.008
-
-ROUNDING = 1e-12
-"""Positions of some decimetres [m]."""
+ROUNDING = 1e-12  # positions of some decimetres [m]
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """A table is one description: a page and a terminal have the same cells, escaped on the page."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Joints on a virtual bus: what is requested, what is read, and what stops a motion."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +13,7 @@ from planner.robot.bus import Bus, SerialPort
 from planner.robot.protocols import SYNC_READ, SYNC_WRITE
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 
-TICK = 2.0 * math.pi / 4096
-"""A count [rad]."""
-
+TICK = 2.0 * math.pi / 4096  # a count [rad]
 PERIOD = 0.01
 EVERY = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 

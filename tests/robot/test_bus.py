@@ -1,7 +1,5 @@
 """Questions and answers on a bus: retries, answers of others, counts of lost ones, and ports."""
 
-from __future__ import annotations
-
 import os
 import select
 import sys

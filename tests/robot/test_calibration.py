@@ -1,7 +1,5 @@
 """Calibration: what is read before anything moves, and which way to move a servo is recommended."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Frames of both protocols: as the vendors' SDKs write them, and whole or not at all."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The program's forks, which the tests of a process share."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

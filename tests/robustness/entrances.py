@@ -3,8 +3,6 @@
 Left out are the errors, and the answers that only the functions here make: ``ANSWERS``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import cache
 from operator import attrgetter

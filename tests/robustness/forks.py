@@ -5,8 +5,6 @@ and the environment to run in, limits on memory and processor time, whether to w
 and before which change of a file to die as if it were killed. It answers with the exit status.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """Whatever happened to a file on its way, it is read or refused with one line that names it."""
 
-from __future__ import annotations
-
 import json
 from contextlib import suppress
 

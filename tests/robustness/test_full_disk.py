@@ -4,8 +4,6 @@ A limit on the length of files stands for a full disk, so that SQLite, Arrow and
 write meet it; the system then says "file too large".
 """
 
-from __future__ import annotations
-
 import pytest
 
 from planner.files.staging import list_files

@@ -1,7 +1,5 @@
 """Files and options that claim or unfold into too much: one error, soon, within little memory."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

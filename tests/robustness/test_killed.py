@@ -3,8 +3,6 @@
 Between the two renames that replace a folder, the last good one stands beside, under a hidden name.
 """
 
-from __future__ import annotations
-
 import re
 from hashlib import sha256
 

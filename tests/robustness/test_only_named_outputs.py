@@ -1,7 +1,5 @@
 """Commands write only to the outputs that are named, and never run what they read."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Whatever a caller gives to a public function: an answer that holds, or one clear error."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections import defaultdict

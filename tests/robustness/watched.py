@@ -1,7 +1,5 @@
 """What a program does to files, and what code it makes of data: an audit hook that tells."""
 
-from __future__ import annotations
-
 import json
 import os
 

@@ -1,7 +1,5 @@
 """The paper's experiment on the virtual robot: what holds on a joint that is not the model."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -21,18 +19,13 @@ from planner.files.paths import read_joint_path
 from planner.virtual.robot import VirtualRobot
 
 PLANS = {"closed_form": "Des,MB", "optimal": "Des,Opt"}
-
-STEP_RMS = 0.45
-"""What a model of this kind leaves of step tests [deg]; the sensor's count is 0.29."""
-
-LOSS = 0.05
-"""What a plan may lose of its predicted accuracy on the robot."""
+STEP_RMS = 0.45  # what a model of this kind leaves of step tests [deg]; the sensor's count is 0.29
+LOSS = 0.05  # what a plan may lose of its predicted accuracy on the robot
 
 LOSS_OF_THE_PAPERS = 0.10
 """The same for the paper's own plan, which asks the rotator for its top speed the longest."""
 
-WRITTEN = 1e-9
-"""Rounding of 12 decimals of a degree in a file [deg]."""
+WRITTEN = 1e-9  # rounding of 12 decimals of a degree in a file [deg]
 
 
 @pytest.fixture(scope="module")

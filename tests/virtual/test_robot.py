@@ -1,7 +1,5 @@
 """The virtual robot: the leg's and the motors' physics, and nothing of the planner's model."""
 
-from __future__ import annotations
-
 import ast
 import math
 from dataclasses import replace
@@ -15,14 +13,10 @@ from kinematics import Leg, urdf_path
 from planner.virtual.robot import CONSTANTS, JOINTS, VirtualRobot, front_leg
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
-
 QUIET = replace(CONSTANTS, supply_noise=0.0, sensor_noise=0.0)
 PERIOD = QUIET.request_period
-TICK = math.degrees(1.0) * PERIOD
-"""From rad/s to degrees per tick."""
-
-WEIGHT = 0.05
-"""Share by which the leg's weight and inertia may speed up or slow down a joint."""
+TICK = math.degrees(1.0) * PERIOD  # from rad/s to degrees per tick
+WEIGHT = 0.05  # share by which the leg's weight and inertia may speed up or slow down a joint
 
 
 def hold(row, ticks):

@@ -1,7 +1,5 @@
 """The virtual bus behind a pseudo-terminal: the vendors' SDKs work on it as they are."""
 
-from __future__ import annotations
-
 import re
 import threading
 from contextlib import contextmanager
@@ -17,9 +15,7 @@ from tests.docs.blocks import ROOT
 
 STEP = 0.01
 IDS = range(1, 7)
-
-PATIENCE = 5000
-"""How long the SDKs wait for an answer on a busy machine [ms]; they have 16 and 50."""
+PATIENCE = 5000  # how long the SDKs wait for an answer on a busy machine [ms]; they have 16 and 50
 
 
 @contextmanager

@@ -3,8 +3,6 @@
 Where a number is meant to change, the diff of its snapshot shows which, and what moves otherwise.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict
 

@@ -1,7 +1,5 @@
 """Bags as robots write them: ROS 2 (sqlite3, MCAP) and ROS 1, with their own definitions."""
 
-from __future__ import annotations
-
 import sqlite3
 
 import numpy as np
@@ -14,13 +12,9 @@ from planner.files.logs.bag import CONTROLLER_STATE, LAYOUTS
 START = 1_732_104_192_123_456_789
 """Time of the first message since the epoch [ns]; no float64 holds it."""
 
-PERIOD = 10_000_000
-"""Time between messages [ns]."""
-
+PERIOD = 10_000_000  # time between messages [ns]
 JOINTS = ("hip", "knee")
-
-OLD, HUMBLE, NEW = LAYOUTS
-"""Layouts of a controller's state: up to Galactic, Humble, since Iron."""
+OLD, HUMBLE, NEW = LAYOUTS  # layouts of a controller's state: up to Galactic, Humble, since Iron
 
 
 def store(layout=NEW, *, ros1=False):

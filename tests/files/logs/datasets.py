@@ -1,7 +1,5 @@
 """LeRobot datasets as its recorder lays them out, v2.1 and v3.0."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -9,11 +7,8 @@ import pyarrow as pa
 from pyarrow import parquet
 
 FPS = 30
-
 JOINTS = ("shoulder_pan", "elbow_flex", "gripper")
-
-LENGTHS = (5, 4, 6)
-"""Rows of the episodes 0, 1 and 2."""
+LENGTHS = (5, 4, 6)  # rows of the episodes 0, 1 and 2
 
 NAMES = {
     "flat": list(JOINTS),

@@ -1,7 +1,5 @@
 """Bags: requested and actual angles by type of topic, the command held at each state's time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rosbags import rosbag1, rosbag2
@@ -23,12 +21,8 @@ from tests.files.logs.bags import (
     write,
 )
 
-EXACT = 1e-12
-"""Angles and times come through unchanged but for one product of float64 [rad, s]."""
-
-RECEIPT = 300_000
-"""How long after its stamp a message is received [ns]."""
-
+EXACT = 1e-12  # angles and times come through unchanged but for one product of float64 [rad, s]
+RECEIPT = 300_000  # how long after its stamp a message is received [ns]
 STATE = "/arm_controller/controller_state"
 
 
@@ -213,10 +207,7 @@ def _states(topics=(STATE,), changed=None, change=None):
 
 
 EARLIER = Kit(store()).header(START + PERIOD)
-
 JOINT_STATES = [("/s", START + k, Kit(store()).joint_state(START + k, [0, 0])) for k in range(4)]
-
-
 NUMBERS = [(name, lambda kit, _: kit.numbers([0.0, 0.0])) for name in ("/more", "/x")]
 
 REFUSED = {

@@ -1,7 +1,5 @@
 """BAM's JSON: one entry a sample, in radians, with the torque's switch."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """CSV logs: what the columns are is guessed and said; their units are said or asked for."""
 
-from __future__ import annotations
-
 import math
 import re
 from functools import partial
@@ -13,9 +11,7 @@ import planner
 from planner import LogOptions, read_logs
 from tests.files.logs.told import told
 
-EXACT = 1e-12
-"""Angles and times come through unchanged but for one product of float64 [rad, s]."""
-
+EXACT = 1e-12  # angles and times come through unchanged but for one product of float64 [rad, s]
 REQUESTED = np.array([0.0, 10.0, 20.0, 20.0])
 ACTUAL = np.array([0.0, 2.0, 9.0, 17.0])
 
@@ -149,8 +145,7 @@ def test_joints_are_named_where_the_unit_of_the_times_is_still_to_be_said(tmp_pa
 PER_RADIAN, MIDDLE = -163.0, 512.0
 """Counts of a potentiometer that is wired the wrong way round [1/rad], and at angle 0."""
 
-COUNTED = "requested=us,actual=counts"
-"""Units of pulses and of a potentiometer."""
+COUNTED = "requested=us,actual=counts"  # units of pulses and of a potentiometer
 
 HOBBY_SERVO = planner.JointModel(
     v_max=4.0, theta_0=0.3, lag=0.02, acceleration_time=0.02, tick=0.02, dead_band=0.01
@@ -197,7 +192,6 @@ def _sines(units, of_requests, of_angles):
 
 
 GOOD = "t_s,req_rad,act_rad\n0,0,0\n1,0,0\n2,0,0\n"
-
 TWO = "t_s,req_knee,act_knee,req_hip,act_hip\n" + "".join(f"{k},0,0,0,0\n" for k in range(3))
 
 BAD = {

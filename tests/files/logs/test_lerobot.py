@@ -1,7 +1,5 @@
 """LeRobot datasets: joints by name, a log an episode, units only as the user says them."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -14,14 +12,9 @@ from planner.files.logs.lerobot import find_dataset, lerobot_episodes, read_epis
 from tests.files.logs.datasets import FPS, JOINTS, LENGTHS, NAMES, info, rows, v21, v30, values
 from tests.files.logs.told import told
 
-EXACT = 1e-12
-"""Angles come through unchanged but for one product of float64 [rad]."""
-
-CLOCK = 1e-7
-"""Times are written in float32; below a second this is their last digit [s]."""
-
+EXACT = 1e-12  # angles come through unchanged but for one product of float64 [rad]
+CLOCK = 1e-7  # times are written in float32; below a second this is their last digit [s]
 LAYOUTS = {"v2.1": v21, "v3.0": v30}
-
 ELBOW = LogOptions(joint="elbow_flex", unit="deg")
 
 

@@ -1,7 +1,5 @@
 """What may be said about a log, what the page says of it, and recordings of real servos."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -69,8 +67,7 @@ def test_the_numbers_of_the_page_are_the_codes():
     assert f"beyond {rows.MOST_SHARE:.0f} either way" in PAGE
 
 
-DIGITS = 1e-5
-"""The CSV copies of BAM's recordings keep six digits of about 1 [rad, s]."""
+DIGITS = 1e-5  # the CSV copies of BAM's recordings keep six digits of about 1 [rad, s]
 
 RUNS = {
     "2024-10-26_12h23m27": "sin_sin",

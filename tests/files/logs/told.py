@@ -1,7 +1,5 @@
 """What logs say, for snapshots."""
 
-from __future__ import annotations
-
 import math
 
 

@@ -1,7 +1,5 @@
 """Lower bounds: below every plan, valid whatever multipliers prove them, and the QP's optimum."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The search behind the exact bound: no response that is better than what is known is ever lost."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

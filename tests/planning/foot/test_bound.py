@@ -1,7 +1,5 @@
 """The bound for a foot: below every plan whatever, close to the best, and proved by anything."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Plans for a foot: within limits, never worse than joint by joint, and honest about the rest."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache
@@ -22,14 +20,11 @@ from tests.kinematics.made_up_robots import SHAPES, ers210a_leg, made_up_leg
 from tests.plans import foot_distances
 
 WALK = reference_walk()
-
 SAME = 1e-11  # two simulations of the same requests agree to this [rad, m]
 NO_WORSE = 1e-12  # rounding between two simulations of the same requests [m]
 UNSEEN = 1e-4  # error that no encoder shows [m]: a step of one of 12 bits in one joint of this leg
-
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 NORMS = pytest.mark.parametrize("norm", ["rms", "max"])
-
 pytestmark = pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquation13")
 
 

@@ -1,7 +1,5 @@
 """Plans for a foot whose joints may have any of several models."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
