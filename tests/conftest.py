@@ -205,6 +205,14 @@ class Reproduced(NamedTuple):
         return json.loads((self.folder / "results.json").read_text())
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_reports_by_the_clock():
+    """Let long work print no line every half minute: how much it prints is then the same always."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planner.cli.console.REPEATED", 1e6)
+        yield
+
+
 @pytest.fixture(scope="session")
 def command_line():
     """The command line in this process and in the present folder: arguments to a click result."""

@@ -36,8 +36,9 @@ from planner.files.text import (
 KEY = "planner.cli.verbosity"  # key of the verbosity in the command's context
 BAR, WIDTH = 24, 80  # characters of the bar, and of a line of a terminal of unknown width
 
-REDRAWN, BRIEF = 0.5, 2.0
-"""Time after which the line is drawn again, and from which on an estimate is shown [s]."""
+REDRAWN, REPEATED, BRIEF = 0.5, 30.0, 2.0
+"""Time after which the line is drawn again on a terminal, and printed again elsewhere, and from
+which on an estimate is shown [s]."""
 
 _ERASE = "\r\x1b[K"
 
@@ -192,18 +193,19 @@ def _settle(context: click.Context, option: click.Parameter, value: Any) -> None
 class Progress:
     """The progress of long work: a line on a terminal, and with ``--verbose`` one after each step.
 
-    A thread draws the line again during a long step. With a ``count`` of steps there are a bar and
-    a remaining time. Of ``parallel`` steps each is reported when it is finished.
+    A thread draws the line again during a long step; where there is no terminal, it prints a line
+    every half minute. With a ``count`` of steps there are a bar and a remaining time. Of
+    ``parallel`` steps each is reported when it is finished.
     """
 
     current: Progress | None = None
-    """The progress whose line is on the terminal: the innermost of nested ones."""
+    """The progress that is shown: the innermost of nested ones."""
 
     def __init__(
         self, count: int = 0, *, parallel: bool = False, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        on_terminal = sys.stderr is not None and sys.stderr.isatty()
-        self._visible = on_terminal and verbosity() != "quiet"
+        self._shown = verbosity() != "quiet"
+        self._drawn = self._shown and sys.stderr is not None and sys.stderr.isatty()
         self._count, self._finished, self._parallel = count, 0, parallel
         self._step = "the first" if parallel else ""  # of which none is finished yet
         self._time = clock
@@ -213,7 +215,7 @@ class Progress:
 
     def __enter__(self) -> Progress:
         self._outer = Progress.current
-        if self._visible:
+        if self._shown:
             Progress.current = self
             self._thread.start()
         return self
@@ -221,7 +223,7 @@ class Progress:
     def __exit__(self, *_: object) -> None:
         self._begin("")
         self._ended.set()
-        if self._visible:
+        if self._shown:
             self._thread.join()
             Progress.current = self._outer
             self.erase()
@@ -229,26 +231,28 @@ class Progress:
     def __call__(self, step: str) -> None:
         """Begin a step; the step before it is finished."""
         self._begin(step)
-        if self._visible and not self._parallel:  # whose line the thread draws
+        if self._drawn and not self._parallel:  # whose line the thread draws
             self._draw()
 
     def erase(self) -> None:
         """Erase the line, for other output; it is drawn again later."""
-        click.echo(_ERASE, sys.stderr, nl=False, err=True, color=True)
+        if self._drawn:
+            click.echo(_ERASE, sys.stderr, nl=False, err=True, color=True)
 
-    def line(self) -> str:
-        """The text of the line now."""
-        now, finished = self._time(), self._finished
+    def line(self, *, bar: bool = True) -> str:
+        """The text of the line now, with a bar or with numbers."""
+        now, finished, share = self._time(), self._finished, ""
         spent = now - self._began
         step = f"{finished} of {self._count}" if self._parallel else self._step
-        for_long = f"  {_duration(spent)}" if spent >= BRIEF else ""
-        if not self._count:
-            return f"{step} …{for_long}"
-        bar = ("█" * (BAR * finished // self._count)).ljust(BAR, "░")
-        if finished and for_long:  # at the pace up to the last step's end
+        for_long = _duration(spent) if spent >= BRIEF else ""
+        if self._count and finished and for_long:  # at the pace up to the last step's end
             whole = (self._last - self._began) * self._count / finished
-            for_long = f"  {_duration(whole - spent)} left"
-        return f"{step} …  {bar}{for_long}"
+            for_long = f"{_duration(whole - spent)} left"
+        if self._count and bar:
+            share = ("█" * (BAR * finished // self._count)).ljust(BAR, "░")
+        elif self._count and not self._parallel:
+            share = f"{finished} of {self._count}"
+        return "  ".join(filter(None, (f"{step} …", share, for_long)))
 
     def _begin(self, step: str) -> None:
         now = self._time()
@@ -264,9 +268,13 @@ class Progress:
         click.echo(f"{_ERASE}{text}", sys.stderr, nl=False, err=True, color=True)
 
     def _keep_time(self) -> None:
-        while not self._ended.wait(REDRAWN):
-            if self._step and Progress.current is self:
+        while not self._ended.wait(REDRAWN if self._drawn else REPEATED):
+            if not self._step or Progress.current is not self:
+                continue
+            if self._drawn:
                 self._draw()
+            else:
+                print_line(f"request-planner: {printable(self.line(bar=False))}")
 
 
 def _duration(seconds: float) -> str:

@@ -300,8 +300,9 @@ def _limits_of(
 
 def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
     """Rest angles of joints before a path that does not repeat, by joint [rad]."""
-    if cyclic and (start.deg is not None or start.joints):
-        raise BadSetting("‹start.deg›: a cycle has no start; add ‹plan.cyclic = false›")
+    if cyclic and start.keys_set:
+        key = marked(("start", min(start.keys_set)))
+        raise BadSetting(f"{key}: a cycle has no start; add ‹plan.cyclic = false›")
     angles = values_by_joint("start", start, joints)
     return {name: math.radians(angle) for name, angle in angles.items()}
 

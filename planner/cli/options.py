@@ -74,7 +74,8 @@ def of_kind(annotation: Any, form: str, like: str = "") -> Parsed:
 
     expected = f"{form} such as {like}, {kind.expected}" if like else kind.expected
     if kind.origin is tuple:
-        expected = f"{form} in degrees with LOW below HIGH, such as {like}" if like else form
+        expected = f"{form} in degrees with LOW below HIGH, such as {like}"
+        expected = expected if like else f"{kind.expected}, such as {form}"
     return Parsed(parse, form, expected)
 
 
@@ -90,8 +91,9 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         name: Literal["file", "dir"],
         use: Literal["read", "written"] | None,
         check: Callable[[str], None] = lambda _: None,
+        expected: str = "the name of a file",
     ) -> None:
-        self.name, self.use, self.check = name, use, check
+        self.name, self.use, self.check, self.expected = name, use, check, expected
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The same text, where it passes the check, and has no other use."""
@@ -99,6 +101,9 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         if self.use == "written" and text != "-" and text.startswith("-") and param is not None:
             message = f"{param.opts[0]}: got '{text}', expected a file, ./{text} for one so called."
             raise click.UsageError(message, ctx)
+        if self.use == "read" and not text and param is not None and ctx is not None:
+            where = param.opts[0] if param.param_type_name == "option" else param.make_metavar(ctx)
+            raise click.UsageError(f"{where}: got '', expected {self.expected}.", ctx)
         self.check(value)
         place = Path(os.path.realpath(text))  # of a link to itself, too
         if text == "-" and self.use == "written":
@@ -118,7 +123,6 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         return [CompletionItem(incomplete, type=self.name)]
 
 
-INPUT = Place("file", "read")
 OUTPUT = Place("file", "written", check_writable)
 FOLDER = Place("dir", "written", check_folder)
 OUTPUT_OR_FOLDER = Place("file", "written")  # checked once the format is known
@@ -177,7 +181,7 @@ def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
     elif name == "leg_lock":
         click_type = LOCK
     elif SOURCE in each.notes:
-        click_type = INPUT
+        click_type = Place("file", "read", expected=each.expected)
     elif each.origin is Literal:
         click_type = click.Choice(each.inner)
     elif kind.type is bool:
@@ -424,8 +428,6 @@ def _as_option(text: str) -> str:
     *above, last = names = [part for part in place_of(name) if isinstance(part, str)]
     if (joints := ".".join(above)) in BY_JOINT:
         return f"{_as_option(BY_JOINT[joints])} {last}"
-    if name == "path.file":
-        return "PATH"
     while names and ".".join(names) not in SETTINGS.keys() | BY_JOINT.keys():
         names.pop()
     if not names:

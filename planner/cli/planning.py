@@ -34,7 +34,9 @@ def prepare(run: settings.Run) -> Desired:
     plan_settings, method = run.plan, marked("plan.method", run.plan.method)
     plan_settings.check_effect("plan", "method")
     if plan_settings.method in ("closed-form", "foot-optimal") and run.start.keys_set:
-        raise BadSetting(f"‹start.deg› has no effect with {method}")
+        raise BadSetting(
+            f"{marked(('start', min(run.start.keys_set)))} has no effect with {method}"
+        )
     if plan_settings.method == "foot-optimal" and desired.foot is None:
         moved = {joint for leg in desired.legs.values() for joint in leg.joint_names}
         if moved != set(desired.names):

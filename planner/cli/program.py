@@ -41,7 +41,7 @@ COMMANDS = {
     "run": "Carry out what one TOML file describes.",
     "simulate": "Simulate joints under requests.",
     "sweep": "Plan for ranges of gaits or speeds: fast at a small error.",
-    "view": "Show the robot moving, in the browser.",
+    "view": "Write a page that shows the robot moving.",
     "virtual-bus": "Put virtual servos behind a pseudo-terminal.",
 }
 """The commands and their help: each is the function of this name, with _ for -, in the module of

@@ -1,4 +1,4 @@
-"""``request-planner view``: a page with the robot in Meshcat, as desired, direct and planned."""
+"""``request-planner view``: a page with the robot moving, as desired, direct and planned."""
 
 from __future__ import annotations
 
@@ -27,10 +27,11 @@ def view(
     ),
     html: options.Output = option("The page, which needs no server."),
 ) -> None:
-    """Show the robot's leg following PATH, a foot path or joint path as for `plan`, on a page.
+    """Write a page that shows the robot's leg following PATH, a foot or joint path as for `plan`.
 
     Three legs move in real time, with the traces of their feet: the desired motion, the motion with
-    the desired angles as requests, and the planned one. Needs the extra 'meshcat'.
+    the desired angles as requests, and the planned one. Any browser opens the page, which --html
+    names; the extra 'meshcat' draws it.
 
     \b
     Example, a page to open in any browser:

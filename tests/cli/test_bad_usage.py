@@ -116,6 +116,7 @@ JOINTS = '[path]\nfile = "desired.csv"\n'
 
 WRONG = {
     "no TOML": "[path\n",
+    "starts of joints in a cycle": JOINTS + "[plan]\ncyclic = true\n[start.joints]\nknee = 3\n",
     "a misspelt key": JOINTS + '[plan]\nmethd = "optimal"\n',
     "a key of another table": JOINTS + "weights = [1, 1, 1]\n",
     "a misspelt table": JOINTS + "[plann]\n",

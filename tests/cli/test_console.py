@@ -3,6 +3,7 @@
 import io
 import os
 import sys
+import threading
 
 import click
 import pytest
@@ -69,6 +70,22 @@ def test_the_time_left_follows_the_pace_of_the_steps_that_are_done(clock):
     quick("hip")
     quick("knee")
     assert quick.line() == f"knee …  {'█' * (BAR // 2)}{'░' * (BAR // 2)}"
+
+
+def test_where_there_is_no_terminal_long_work_says_now_and_then_how_far_it_is(
+    monkeypatch, capsys, clock
+):
+    monkeypatch.setattr("planner.cli.console.REPEATED", 1e-3)
+    said = threading.Event()
+    monkeypatch.setattr("planner.cli.console.print_line", lambda text: said.set() or print(text))
+    progress = at(clock, 2)
+    clock[0] = 40.0
+    with progress:
+        progress("the hip")
+        assert said.wait(10.0)
+        progress("the knee")
+        assert progress.line(bar=False) == "the knee …  1 of 2  40 s left"
+    assert "request-planner: the hip …  0 of 2  40 s" in capsys.readouterr().out.splitlines()
 
 
 LONG = (
