@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, as_number
+from planner.arrays import Array, Indices, Mask, as_number
 from planner.exceptions import InvalidFile, importing, nearest
 from planner.files.columns import scale
 from planner.files.logs.rows import LogOptions, Recorded, Rows
@@ -45,14 +45,13 @@ def read_lerobot(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     """Read the chosen episodes of a dataset, or of one of its files."""
     dataset = find_dataset(Path(path))
     for file, numbers in _chosen(Path(path), options.episode_numbers()):
-        episodes = _read_episodes(file)
+        episodes = _read_episodes(file, numbers)
         joints = _joints(dataset, episodes[0])
         for episode in episodes:
-            if episode.number in numbers:
-                yield {
-                    joint: partial(_rows, path, options, episode, joint, *places)
-                    for joint, places in joints.items()
-                }
+            yield {
+                joint: partial(_rows, path, options, episode, joint, *places)
+                for joint, places in joints.items()
+            }
 
 
 def _rows(
@@ -101,7 +100,7 @@ def _chosen(path: Path, chosen: frozenset[int] | None) -> Iterator[tuple[Path, l
         numbers: list[int | None] = [int(match[1]) if match else None]
         if not path.is_dir() or not match or chosen is None or chosen & {*numbers}:
             with suppress(InvalidFile):  # of an unreadable file, which may hold any
-                numbers = [*_episodes_in(file, *_read(file, EPISODE))]
+                numbers = [*np.unique(_episodes_in(file)).tolist()]
             if there := [each for each in numbers if chosen is None or each in {None, *chosen}]:
                 yield file, there
         known.update(numbers)
@@ -114,24 +113,25 @@ def _chosen(path: Path, chosen: frozenset[int] | None) -> Iterator[tuple[Path, l
 
 def read_episode(file: Path, number: int | None) -> EpisodeRows:
     """The rows of an episode as they are written, and its task."""
-    rows = next((each for each in _read_episodes(file) if each.number == number), None)
-    if rows is None:
-        raise InvalidFile(file, f"no episode {number}; did the dataset change meanwhile?")
+    (rows,) = _read_episodes(file, [number])
     with suppress(ValueError):  # InvalidFile, or a row without a task
-        numbers, tasks = _read(file, EPISODE, TASK)
-        task = int(tasks[numbers == number][0])
-        rows = rows._replace(task=find_dataset(file).tasks().get(task, ""))
+        (tasks,) = _read(file, TASK, rows=_episodes_in(file) == number)
+        rows = rows._replace(task=find_dataset(file).tasks().get(int(tasks[0]), ""))
     return rows
 
 
-def _read_episodes(file: Path) -> list[EpisodeRows]:
-    """The episodes in a file, in order; by one sort, as a file may hold thousands."""
-    times, numbers, action, state = _read(file, TIME, EPISODE, ACTION, STATE)
-    episodes, counts = _episodes_in(file, numbers), np.unique(numbers, return_counts=True)[1]
-    order = np.split(np.argsort(numbers, kind="stable"), np.cumsum(counts)[:-1])
+def _read_episodes(file: Path, numbers: Sequence[int | None]) -> list[EpisodeRows]:
+    """These episodes of a file, in order; by one sort, as it may hold thousands."""
+    places = _episodes_in(file)
+    rows = np.isin(places, numbers)
+    if not rows.any():
+        raise InvalidFile(file, f"no episode {numbers[0]}; did the dataset change meanwhile?")
+    times, action, state = _read(file, TIME, ACTION, STATE, rows=rows)
+    episodes, counts = np.unique(places[rows], return_counts=True)
+    order = np.split(np.argsort(places[rows], kind="stable"), np.cumsum(counts)[:-1])
     return [
         EpisodeRows(file, episode, times[own], action[own], state[own])
-        for episode, own in zip(episodes, order, strict=True)
+        for episode, own in zip(episodes.tolist(), order, strict=True)
     ]
 
 
@@ -147,8 +147,11 @@ def _joints(dataset: Dataset, episode: EpisodeRows) -> dict[str, tuple[int, int]
     raise InvalidFile(episode.file, f"no joint is in both {there}")
 
 
-def _read(file: Path, *names: str) -> list[Array]:
-    """Columns of a file, NaN in empty cells: features of shape (n, width), others (n,)."""
+def _read(file: Path, *names: str, rows: Mask | None = None) -> list[Array]:
+    """Columns of a file, NaN in empty cells: features of shape (n, width), others (n,).
+
+    Of ``rows`` only the true ones, without the row groups that hold none of them.
+    """
     with importing("reading Parquet", "parquet"):
         import pyarrow as pa
         from pyarrow import parquet
@@ -164,12 +167,18 @@ def _read(file: Path, *names: str) -> list[Array]:
                     problem = f"no column '{name}'{hint}; columns: {', '.join(present)}"
                 if present.count(name) != 1:
                     raise InvalidFile(file, problem)
-            batches, size = [], 0
+            groups, batches, size, begin = None, list[Any](), 0, 0
+            if rows is not None:
+                counts = [parts.metadata.row_group(k).num_rows for k in range(parts.num_row_groups)]
+                pieces = np.split(rows, np.cumsum(counts)[:-1])
+                groups = [k for k, own in enumerate(pieces) if own.any()]
+                rows = np.concatenate([pieces[k] for k in groups])
             # Rows are unfolded some at a time, as a small file cannot fill all of the memory. The
             # size in its description is not used: pyarrow ends the process where that is damaged.
-            for batch in parts.iter_batches(8192, columns=list(names), use_threads=False):
-                batches.append(batch)
-                size += batch.nbytes
+            for batch in parts.iter_batches(8192, groups, [*names], use_threads=False):
+                own = slice(begin, begin := begin + len(batch))
+                batches.append(batch if rows is None else batch.filter(pa.array(rows[own])))
+                size += batches[-1].nbytes
                 if size > MOST_BYTES:
                     words = f"more than {MOST_BYTES >> 20} MiB of angles and times; split it"
                     raise InvalidFile(file, words)
@@ -187,12 +196,13 @@ def _read(file: Path, *names: str) -> list[Array]:
         raise InvalidFile(file, words) from error
 
 
-def _episodes_in(file: Path, numbers: Array) -> list[int]:
-    """The episodes whose numbers a file holds, in order."""
+def _episodes_in(file: Path) -> Indices:
+    """The number of the episode of each row of a file, shape (n,)."""
+    (numbers,) = _read(file, EPISODE)
     valid = (numbers == np.floor(numbers)) & (numbers >= 0) & (numbers < 10**9)
     if not valid.all():
         raise InvalidFile(file, f"'{EPISODE}': expected whole numbers from 0")
-    return [int(number) for number in np.unique(numbers)]
+    return numbers.astype(np.intp)
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,16 @@ def test_episodes_come_in_the_order_of_their_numbers_whatever_the_order_of_their
     assert [number for _, number in found] == [0, 1, 2]
 
 
+@pytest.mark.parametrize("group", [1, 3, 100])
+def test_an_episode_is_whole_in_whatever_row_groups_it_lies(tmp_path, group):
+    file = v30(tmp_path / "set") / "data" / "chunk-000" / "file-000.parquet"
+    parquet.write_table(parquet.read_table(file), file, row_group_size=group)
+    for episode in (0, 1):
+        found = read_episode(file, episode)
+        np.testing.assert_array_equal(found.action, values(episode)[0])
+        np.testing.assert_array_equal(found.state, values(episode)[1])
+
+
 def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
     root = v30(tmp_path / "set")
     file = root / "data" / "chunk-000" / "file-000.parquet"
