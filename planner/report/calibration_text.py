@@ -13,7 +13,7 @@ import numpy as np
 from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.identification_page import cloud_figure
-from planner.report.identification_text import explained, joints_table, next_step
+from planner.report.identification_text import explained, joints_table, next_step, parameters
 from planner.report.page import Page
 from planner.report.wording import Row, Table, number, phrase, words_of
 from planner.robot.arm import SETTINGS, Servo
@@ -70,18 +70,29 @@ def recheck_answer(
         for key, words in SETTINGS.items()
         if key in before and key in now and before[key] != now[key]
     ]
-    changes += result.changes
+    if result.anew is not None and result.changes:
+        changes += [
+            f"{each.brief} is {number(each.factor * each.estimate)} {each.unit}, and was "
+            f"{number(each.factor * was)}"
+            for each in parameters(result.anew)
+            if (was := result.changes.get(each.name)) is not None
+        ]
     if result.beyond:
         whole = result.beyond == 1.0
         changes.append(
             f"{100.0 * result.beyond:.0f} % of the motion is beyond the logs of the calibration"
             + (": use a longer --duration-s" if whole else " and was not compared")
         )
-    error, expected = math.degrees(result.error), math.degrees(result.expected)
+    elif result.holds is None and result.anew is not None:
+        misses = f"a new model of this motion misses it by {math.degrees(result.anew.rms):.2f} deg"
+        changes.append(f"{misses}, too: is something in its way, or loose?")
+    error, expected, most = map(math.degrees, (result.error, result.expected, result.most))
     verdict = {True: "holds", False: "no longer holds", None: "is not judged"}[result.holds]
-    words = f"{joint}: the model {verdict}: misses {error:.2f} deg rms, {expected:.2f} expected by"
+    words = f"{joint}: the model {verdict}: misses {error:.2f} deg rms, expected {expected:.2f} and"
     document = {"holds": result.holds, "rms_deg": error, "rms_before_deg": expected}
-    return document | {"changes": changes}, "; ".join([f"{words} its test", *changes])
+    return {**document, "most_before_deg": most, "changes": changes}, "; ".join(
+        [f"{words} at most {most:.2f} by its test", *changes]
+    )
 
 
 def candidates_table(comparisons: Mapping[str, Compared]) -> Table:

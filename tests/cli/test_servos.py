@@ -211,8 +211,8 @@ def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
     assert holds.exit_code == 0, holds.stderr
     known = json.loads(run(*asked, "--json").stdout)["joints"]["joint_1"]
     assert known["rms_before_deg"] == pytest.approx(np.degrees(0.01))
-    misses = f"misses {known['rms_deg']:.2f} deg rms, {known['rms_before_deg']:.2f} expected"
-    assert f"joint_1: the model holds: {misses} by its test" in holds.stderr
+    misses = f"misses {known['rms_deg']:.2f} deg rms, expected {known['rms_before_deg']:.2f}"
+    assert f"joint_1: the model holds: {misses} and at most 1.15 by its test" in holds.stderr
     monkeypatch.setitem(servo_bus.KINDS["sts3215"].registers, "p_gain", 6)
     gone = run(*asked)
     assert gone.exit_code == 1
@@ -338,15 +338,15 @@ CHECKED = (
     (1.0, 1.9, 0.1, 0.0, "holds"),
     (1.0, 2.1, 0.1, 0.0, "no longer holds"),
     (0.1, 0.29, 0.1, 0.0, "holds"),  # small
-    (0.1, 0.31, 0.16, 0.0, "holds"),  # hard for any model
+    (0.1, 0.31, 0.16, 0.0, "is not judged"),  # hard for any model
     (0.1, 0.31, 0.1, 0.9, "no longer holds"),
-    (0.1, 0.31, 0.16, 1.0, "holds"),
+    (0.1, 0.31, 0.16, 1.0, "is not judged"),
     (0.1, 0.31, 0.1, 1.0, "is not judged"),
 )
 
 
 @pytest.mark.parametrize(("before", "now", "other", "beyond", "verdict"), CHECKED)
-def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
+def test_a_model_holds_within_twice_its_error_or_a_small_one_unless_a_new_one_misses_it_too(
     run, arm, monkeypatch, before, now, other, beyond, verdict
 ):
     table = ARM.replace("[joint_1.servo]", f"expected_error = {np.radians(before)}\n\n&")
@@ -366,13 +366,14 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
     monkeypatch.setattr(calibration, "move", move)
     errors = np.radians(now), np.radians(before), beyond
     monkeypatch.setattr(calibration, "errors", lambda *_: errors)
-    monkeypatch.setattr(calibration, "changes", lambda *_: ["v_max is 3, and was 5"])
+    monkeypatch.setattr(calibration, "changes", lambda *_: {})
     asked = ("check", "--bus", "virtual", "--model", arm, "--joint", "joint_3", "--joint")
     result = run(*asked, "joint_2", "--duration-s", "3", "--rate-hz", "50")
     assert moved == ["joint_3", "joint_2"]
     assert rates == [(0.02, 150)] * 2
     changed = "; D is 32, and was 30"
-    changed += "; v_max is 3, and was 5" if verdict == "no longer holds" else ""
+    if verdict == "is not judged" and beyond < 1.0:
+        changed += f"; a new model of this motion misses it by {other:.2f} deg, too: is something"
     whole = ": use a longer --duration-s" if beyond == 1.0 else " and was not compared"
     changed += (
         f"; {100.0 * beyond:.0f} % of the motion is beyond the logs of the calibration"
@@ -380,8 +381,8 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
     )
     for name in moved:
         assert (
-            f"{name}: the model {verdict}: misses {now:.2f} deg rms, {before:.2f} expected by "
-            f"its test{changed}"
+            f"{name}: the model {verdict}: misses {now:.2f} deg rms, expected {before:.2f} and at "
+            f"most {max(2.0 * before, 0.3):.2f} by its test{changed}"
         ) in result.stderr
     assert (whole in result.stderr) == (beyond > 0.0)
     assert result.exit_code == (verdict == "no longer holds")

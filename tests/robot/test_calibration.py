@@ -7,10 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner import BusError, JointModel, Log, invert_optimal
+from planner import BusError, JointModel, Log, invert_optimal, simulate
 from planner.files.joint_model import read_model_file
+from planner.identification.excitation import excite
 from planner.model.evidence import Evidence
-from planner.report.calibration_text import WORDS, candidates_table
+from planner.report.calibration_text import WORDS, candidates_table, recheck_answer
 from planner.robot import calibration
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
@@ -189,3 +190,20 @@ def test_the_simplest_of_ways_that_are_about_as_good_is_recommended():
     free = replace(MODEL, dead_band=0.0, v_offset=0.0)
     found = calibration.compare(SimpleNamespace(model=free), LIMITS, lambda *_: desired)
     assert [each.way for each in found.candidates] == list(WORDS)[:4]
+
+
+@pytest.mark.parametrize(("most", "verdict"), [(math.inf, True), (1.5, False)])
+def test_a_model_holds_up_to_the_largest_error_of_its_test_and_else_the_changes_have_units(
+    most, verdict
+):
+    """By a spread that is not known it holds up to twice the error that is expected."""
+    was = JointModel(v_max=3.0, theta_0=0.2, lag=0.03, acceleration_time=0.03, tick=0.01)
+    requests = excite("combined", limits=(-1.0, 1.0), period=0.01, duration=20.0).requests
+    angles = simulate(replace(was, v_max=2.0), requests, cyclic=False, start=requests[0])
+    log = Log(times=0.01 * np.arange(len(requests)), requests=requests, angles=angles)
+    error, _, _ = calibration.errors(was, log)
+    tested = was.with_evidence(Evidence(error=error / 1.8, spread=(0.5, most)))
+    result = calibration.recheck(tested, log)
+    assert result.holds is verdict
+    words = recheck_answer("hip", result, {}, {})[1]
+    assert ("top speed v_max is 114.59 deg/s, and was 171.89" in words) == (not verdict)

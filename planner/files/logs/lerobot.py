@@ -123,7 +123,7 @@ def read_episode(file: Path, number: int | None) -> EpisodeRows:
 def _read_episodes(file: Path, numbers: Sequence[int | None]) -> list[EpisodeRows]:
     """These episodes of a file, in order; by one sort, as it may hold thousands."""
     places = _episodes_in(file)
-    rows = np.isin(places, numbers)
+    rows = np.isin(places, [each for each in numbers if each is not None])
     if not rows.any():
         raise InvalidFile(file, f"no episode {numbers[0]}; did the dataset change meanwhile?")
     times, action, state = _read(file, TIME, ACTION, STATE, rows=rows)
