@@ -134,7 +134,7 @@ def desired_of(run: settings.Run) -> Desired:
         cyclic=cyclic,
         remarks=[*remarks, refused_models(names, models)],
         loads=path.loads,
-        limits=_limits_of(run, names, legs.values() if leg is None else (leg,)),
+        limits=_limits_of(run, names, path.units, legs.values() if leg is None else (leg,)),
         starts=starts_of(run.start, names, cyclic=cyclic),
         leg=leg,
         legs=legs,
@@ -281,9 +281,12 @@ def values_by_joint(
 
 
 def _limits_of(
-    run: settings.Run, names: Sequence[str], legs: Iterable[Leg]
+    run: settings.Run, names: Sequence[str], units: Sequence[str], legs: Iterable[Leg]
 ) -> tuple[Array, Array] | None:
-    """Limits of joints [rad]: of the settings, or else common to the servos and the legs."""
+    """Limits of joints [rad]: of the settings, or else common to the servos and the legs.
+
+    Those of servos and legs are angles, which say nothing about shares of a joint's range.
+    """
     spans = dict[str, tuple[float, float]]()
     for leg in legs:
         spans |= zip(leg.joint_names, map(tuple, np.transpose(leg.limits).tolist()), strict=True)
@@ -292,6 +295,9 @@ def _limits_of(
     for name in servos.keys() & {*names}:
         (low, high), (lower, upper) = servos[name].limits, spans.get(name, (-math.inf, math.inf))
         spans[name] = max(lower, low), min(upper, high)
+    for name, unit in zip(names, units, strict=False):  # a foot has axes, in meters
+        if unit in SHARES:
+            spans.pop(name, None)
     for name, (low, high) in values_by_joint("limits", run.limits, names).items():
         spans[name] = math.radians(low), math.radians(high)
     own = {name: spans[name] for name in names if name in spans}

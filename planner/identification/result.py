@@ -102,7 +102,7 @@ def _sentences() -> jinja2.Environment:
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     source, *_ = jinja2.PackageLoader(__package__, "").get_source(sentences, "findings.txt")
-    parts = re.split(r"^\[(\w+)\]$", source, flags=re.MULTILINE)
+    parts = [*map(str.strip, re.split(r"^\[(\w+)\]$", source, flags=re.MULTILINE))]
     sentences.loader = jinja2.DictLoader(dict(zip(parts[1::2], parts[2::2], strict=True)))
     sentences.filters |= {
         "angle": angle,

@@ -10,7 +10,9 @@ import numpy.typing as npt
 
 from planner.arrays import (
     LARGEST,
+    MOST_TURNS,
     SAME,
+    TURN,
     Array,
     Mask,
     as_flag,
@@ -18,8 +20,9 @@ from planner.arrays import (
     as_trajectory,
     shown,
     steps,
+    turns_words,
 )
-from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
+from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle, angle_text
 from planner.model.joint import JointModel, acting_requests, checked_model
 from planner.model.law import MOST_CYCLES
 
@@ -74,7 +77,7 @@ def simulate(
     """
     model = checked_model(model)
     requests = as_trajectory(requests, name="requests")
-    start = checked_start(start, cyclic=cyclic)
+    start = checked_start(start, float(requests[0]), cyclic=cyclic)
     if requests.size * model.hold > MOST_TICKS:
         raise InvalidTrajectory(
             f"requests: got {requests.size}, each held for {model.hold} ticks, expected at most "
@@ -176,8 +179,8 @@ def path_speeds(
     return PathSpeeds(speeds, np.where(speeds < 0.0, low, high))
 
 
-def checked_start(start: float | None, *, cyclic: bool) -> float | None:
-    """The start as a float [rad]; raise InvalidInput for a cycle, or where it is no angle."""
+def checked_start(start: float | None, first: float, *, cyclic: bool) -> float | None:
+    """The start as a float [rad]; InvalidInput for a cycle, or far from the ``first`` sample."""
     if as_flag("cyclic", cyclic) and start is not None:
         raise InvalidInput("start: a cycle has none; leave it out, or say cyclic=False")
     if start is None:
@@ -186,6 +189,11 @@ def checked_start(start: float | None, *, cyclic: bool) -> float | None:
     if not abs(angle) <= LARGEST:
         raise InvalidInput(
             f"start: got {shown(start)}, expected an angle of at most {LARGEST:g} rad either way"
+        )
+    if abs(angle - first) > MOST_TURNS * TURN:
+        raise InvalidInput(
+            f"start: {turns_words(angle)}, where the path begins at {angle_text(first)}; if this "
+            "is in degrees, convert it with numpy.radians"
         )
     return angle
 

@@ -14,8 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.arrays import (
-    MOST_TURNS,
-    TURN,
     Array,
     Mask,
     ReadOnly,
@@ -32,7 +30,6 @@ from planner.arrays import (
     freeze,
     shown,
     steps,
-    turns_words,
 )
 from planner.exceptions import (
     Infeasible,
@@ -220,13 +217,7 @@ class Task(ReadOnly):
             if rest is None:
                 continue
             with about(names[j]):
-                starts[j] = checked_start(rest, cyclic=cyclic)
-                if abs(starts[j] - angles[0, j]) > MOST_TURNS * TURN:
-                    raise InvalidInput(
-                        f"start: {turns_words(starts[j])}, where the path begins at "
-                        f"{angle_text(angles[0, j])}; if this is in degrees, convert it with "
-                        "numpy.radians"
-                    )
+                starts[j] = checked_start(rest, float(angles[0, j]), cyclic=cyclic)
         added = None if disturbance is None else _finite(disturbance)
         if added is not None and added.shape != angles.shape:
             raise InvalidInput(

@@ -129,7 +129,7 @@ def certify(
     desired = as_trajectory(desired, name="desired")
     check_choice("norm", norm, NORMS)
     check_choice("level", level, LEVELS)
-    start = checked_start(start, cyclic=cyclic)
+    start = checked_start(start, float(desired[0]), cyclic=cyclic)
     torques = checked_load(load, model, len(desired))
     problem = BoundProblem(model, desired, cyclic, norm, start, torques)
     return certified(problem, level, time_limit=time_limit)
