@@ -8,6 +8,15 @@ import numpy as np
 from planner import JointModel, reference_walk, simulate
 from planner.arrays import Array
 
+
+def joint_of(
+    v_max: float, theta_0: float, lag: float, acceleration_time: float, **terms: float
+) -> JointModel:
+    """A joint by its four numbers [rad/s, rad, s, s], and the other terms that it has."""
+    four = {"v_max": v_max, "theta_0": theta_0, "lag": lag, "acceleration_time": acceleration_time}
+    return JointModel(**four, **terms)
+
+
 ERS210A = JointModel.ers210a()
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)

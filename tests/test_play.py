@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import planner
 from planner.robot.play import ramp
+from tests.instances import joint_of
 
 TICK = 1.0 / 128.0
 """A period whose multiples floating point has exactly [s], so that times can be compared."""
@@ -158,9 +159,7 @@ def test_nothing_is_sent_where_the_input_is_wrong(changes, message):
 
 pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
 
-JOINT = planner.JointModel(
-    v_max=5.0, theta_0=0.15, lag=2.0 * TICK, acceleration_time=3.0 * TICK, tick=TICK
-)
+JOINT = joint_of(5.0, 0.15, 2.0 * TICK, 3.0 * TICK, tick=TICK)
 PATH = 0.2 - 0.2 * np.cos(np.linspace(0.0, 6.0, 60))[:, np.newaxis]
 
 

@@ -26,7 +26,7 @@ from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_foot, invert_optimal
-from tests.instances import ERS210A, attainable, random_model, saturating
+from tests.instances import ERS210A, attainable, joint_of, random_model, saturating
 from tests.plans import claiming, inversion
 from tests.strategies import models, trajectories
 
@@ -265,9 +265,7 @@ def test_json_carries_all_that_is_needed_to_compute_the_figures_again(of_walk):
 
 @pytest.mark.parametrize("norm", ["rms", "max"])
 def test_a_plan_that_rests_elsewhere_has_no_gap_to_the_foots_bound(norm):
-    joint = JointModel(
-        v_max=math.radians(250.0), theta_0=math.radians(3.0), lag=0.0, acceleration_time=0.008
-    )
+    joint = joint_of(math.radians(250.0), math.radians(3.0), 0.0, 0.008)
     steps = np.maximum(np.arange(16) - 2, 0)[:, np.newaxis] / 13.0
     desired = np.radians(np.hstack([10.0 + 23.4 * steps, 20.0 + 0.0 * steps, -20.0 + 16.0 * steps]))
     leg = planner.reference_walk().leg

@@ -9,6 +9,7 @@ import numpy as np
 
 import planner
 from planner.identification.excitation import excite
+from tests.instances import joint_of
 
 AIBO = planner.JointModel.ers210a()
 NOISE = math.radians(0.2)  # standard deviation of the made logs' noise [rad]
@@ -114,13 +115,9 @@ def logged(joint: planner.JointModel, *, period: float, rows: int, seed: int = 0
     return planner.Log(times=times, requests=requests, angles=angles)
 
 
-JOINT = planner.JointModel(
-    v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, tick=0.005, hold=4
-)
+JOINT = joint_of(5.0, 0.3, 0.02, 0.05, tick=0.005, hold=4)
 
-STICKY = planner.JointModel(
-    tick=0.02, hold=1, lag=0.02, acceleration_time=0.04, v_max=4.0, theta_0=0.3, dead_band=0.02
-)
+STICKY = joint_of(4.0, 0.3, 0.02, 0.04, tick=0.02, hold=1, dead_band=0.02)
 """A joint whose dry friction shows, logged at 50 Hz."""
 
 

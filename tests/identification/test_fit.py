@@ -30,14 +30,13 @@ from tests.identification.made import (
     rich_log,
     step_logs,
 )
+from tests.instances import joint_of
 from tests.strategies import models, trajectories
 
 SAME_RUN = 1e-11
 """Two simulations of some hundred ticks of angles within 3 rad differ by rounding [rad]."""
 
-PLAIN = planner.JointModel(
-    v_max=4.0, theta_0=0.2, lag=0.0133, acceleration_time=0.0371, hold=2, offset=0.03
-)
+PLAIN = joint_of(4.0, 0.2, 0.0133, 0.0371, hold=2, offset=0.03)
 
 STICKY = replace(PLAIN, dead_band=0.03, v_offset=0.4, compliance=0.05, speed_per_torque=0.3)
 

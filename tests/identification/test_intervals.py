@@ -22,6 +22,7 @@ from planner.identification.least_squares import least_squares
 from planner.identification.parameters import Parameters, only
 from planner.identification.result import Interval
 from tests.identification.made import AIBO, NOISE, logged, measured, rich_log, step_logs
+from tests.instances import joint_of
 
 SEEDS = 12
 """Repetitions of a noisy experiment; with 95 % coverage fewer than 9 hits come once in 5000 times
@@ -99,27 +100,10 @@ def test_a_log_without_motion_is_refused(angles, requests, message):
         planner.identify((np.arange(60) * 0.02, requests, angles))
 
 
-MOTOR = planner.JointModel(
-    v_max=6.4,
-    theta_0=0.6,
-    lag=0.0137,
-    acceleration_time=0.0073,
-    tick=0.001,
-    dead_band=0.0257,
-    time_constant=0.014,
-    max_acceleration=29.6,
-)
-BRAKED = replace(
-    MOTOR,
-    v_max=6.22,
-    theta_0=0.702,
-    lag=0.028,
-    acceleration_time=0.003,
-    tick=0.0005,
-    dead_band=0.0379,
-    time_constant=0.0161,
-    max_acceleration=20.66,
-)
+INERTIA = {"dead_band": 0.0257, "time_constant": 0.014, "max_acceleration": 29.6}
+MOTOR = joint_of(6.4, 0.6, 0.0137, 0.0073, tick=0.001, **INERTIA)
+INERTIA = {"dead_band": 0.0379, "time_constant": 0.0161, "max_acceleration": 20.66}
+BRAKED = joint_of(6.22, 0.702, 0.028, 0.003, tick=0.0005, **INERTIA)
 """Friction takes 99 % of the acceleration, so that it moves at 0.06 of its top speed."""
 
 

@@ -16,6 +16,7 @@ from tests.identification.made import (
     rich_log,
     step_logs,
 )
+from tests.instances import joint_of
 
 EXACT = 1e-6
 """Without noise parameters are found to this, relative to their size; an offset relative to 1 rad,
@@ -29,9 +30,7 @@ SAME_FIT = 2e-3
 OF_ANGLES, OF_TIMES = ("v_max", "theta_0", "offset"), ("lag", "acceleration_time", "tick")
 """Parameters that scale with the angles of a log, and with its times."""
 
-SERVO = planner.JointModel(
-    v_max=6.0, theta_0=0.3, lag=0.0123, acceleration_time=0.0417, tick=0.005, hold=4, offset=0.02
-)
+SERVO = joint_of(6.0, 0.3, 0.0123, 0.0417, tick=0.005, hold=4, offset=0.02)
 
 
 def assert_close(model, expected, share):

@@ -31,6 +31,7 @@ from tests.identification.made import (
     on_the_table,
     step_logs,
 )
+from tests.instances import joint_of
 
 NAMES = ("asymmetry:", "mechanical stop", "ringing:", "slow drift", "backlash:")
 
@@ -55,9 +56,7 @@ def test_what_the_model_or_its_rows_explain_is_not_named():
 
 @pytest.mark.parametrize(("ends", "said"), [((-1.2, -0.1), 1), ((-1.2, 0.1), 0)])
 def test_top_speeds_that_may_be_alike_are_no_asymmetry(ends, said):
-    model = planner.JointModel(
-        v_max=5.0, theta_0=0.2, lag=0.02, acceleration_time=0.01, v_offset=-0.6
-    )
+    model = joint_of(5.0, 0.2, 0.02, 0.01, v_offset=-0.6)
     fits = [seen(np.zeros(60), np.zeros(60))]
     found = patterns(model, fits, 1e-3, Interval(*ends))
     assert sum("asymmetry" in str(each) for each in found) == said

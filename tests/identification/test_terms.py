@@ -11,6 +11,7 @@ from planner.identification.excitation import excite
 from tests.identification.made import AIBO, measured, rich_log, swung
 from tests.identification.made import FINE_NOISE as NOISE
 from tests.identification.made import FINE_QUANTUM as QUANTUM
+from tests.instances import joint_of
 
 EXACT = 1e-6  # without noise terms are found to this, relative to their size
 STICKY = replace(AIBO, dead_band=math.radians(2.0))
@@ -91,32 +92,16 @@ def motor_logs(truth, seed, load=None):
 
 def test_inertia_an_acceleration_limit_and_friction_are_found_together():
     """Alone none of them shows: the first is kept beside neither of the others."""
-    truth = planner.JointModel(
-        v_max=5.5,
-        theta_0=0.4,
-        lag=0.015,
-        acceleration_time=0.005,
-        tick=0.005,
-        hold=4,
-        dead_band=math.radians(3.0),
-        time_constant=0.07,
-        max_acceleration=45.0,
-    )
+    terms = {"dead_band": math.radians(3.0), "time_constant": 0.07, "max_acceleration": 45.0}
+    truth = joint_of(5.5, 0.4, 0.015, 0.005, tick=0.005, hold=4, **terms)
     found = planner.identify(motor_logs(truth, seed=1), hold_out=False)
     for name in ("time_constant", "max_acceleration", "dead_band", "v_max", "theta_0"):
         assert abs(getattr(found.model, name) / getattr(truth, name) - 1.0) <= 0.05, name
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 
-WITH_LOOP = planner.JointModel(
-    v_max=5.5,
-    theta_0=0.3,
-    lag=0.008,
-    acceleration_time=0.004,
-    tick=0.002,
-    hold=10,
-    dead_band=math.radians(0.5),
-    time_constant=0.035,
+WITH_LOOP = joint_of(
+    5.5, 0.3, 0.008, 0.004, tick=0.002, hold=10, dead_band=math.radians(0.5), time_constant=0.035
 )
 
 

@@ -15,6 +15,7 @@ from planner.model.evidence import (
     untested_words,
 )
 from planner.model.joint import JointModel
+from tests.instances import joint_of
 
 SEEN = Evidence(0.02, 2.0, 0.5, (-1.0, 1.0), ((0.0, 0.01), (4.0, 0.03)))
 PHASE = 2.0 * np.pi * np.arange(200) / 200
@@ -245,14 +246,8 @@ def test_evidence_in_another_unit_is_scaled_but_for_loads_times_the_gain_and_sha
 
 
 def test_the_same_joint_with_requests_at_another_rate_has_its_intervals_moved_with_it():
-    joint = JointModel(
-        v_max=5.0,
-        theta_0=0.1,
-        lag=0.02,
-        acceleration_time=0.02,
-        dead_band=0.01,
-        time_constant=0.01,
-        max_acceleration=500.0,
+    joint = joint_of(
+        5.0, 0.1, 0.02, 0.02, dead_band=0.01, time_constant=0.01, max_acceleration=500.0
     )
     for model, open_end in ((joint, "max_acceleration"), (JointModel.ers210a(), "v_max")):
         names = ("v_max", "theta_0", "lag", "gain", "max_acceleration")

@@ -6,26 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import planner
 from planner.identification.grid import resampled
 from planner.identification.least_squares import linearised, respond
 from planner.identification.parameters import Parameters, units
 from tests.identification.made import rich_log
+from tests.instances import joint_of
 from tests.model.rounded_periods import rounded_periods
 
-INERT = planner.JointModel(
-    v_max=4.0,
-    theta_0=0.2,
-    lag=0.0133,
-    acceleration_time=0.0371,
-    hold=2,
-    offset=0.03,
-    dead_band=0.03,
-    v_offset=0.4,
-    compliance=0.05,
-    speed_per_torque=0.3,
-    time_constant=0.02,
-)
+FRICTION = {"dead_band": 0.03, "v_offset": 0.4, "compliance": 0.05, "speed_per_torque": 0.3}
+INERT = joint_of(4.0, 0.2, 0.0133, 0.0371, hold=2, offset=0.03, time_constant=0.02, **FRICTION)
 
 INTEGRALS = ({"integral_rate": 8.0}, {"position_integral_rate": 4.0})
 SAG = {"sag_sin": -0.1, "sag_cos": 0.05}
@@ -84,17 +73,8 @@ def test_the_derivative_by_the_first_angle_is_a_slope(added):
 def test_derivatives_by_a_request_of_one_tick_are_differences_to_second_order(
     motor, most, friction
 ):
-    joint = planner.JointModel(
-        v_max=4.0,
-        theta_0=0.2,
-        lag=0.0,
-        acceleration_time=0.01,
-        tick=0.01,
-        dead_band=friction,
-        v_offset=0.4,
-        time_constant=motor,
-        max_acceleration=most,
-    )
+    terms = {"dead_band": friction, "v_offset": 0.4, "time_constant": motor}
+    joint = joint_of(4.0, 0.2, 0.0, 0.01, tick=0.01, max_acceleration=most, **terms)
     step, requests = 1e-5, np.linspace(-0.5, 0.7, 13)
 
     def after(requests):

@@ -15,7 +15,7 @@ from planner.model.joint import acting_requests
 from planner.model.response import motion_under, path_speeds
 from planner.model.symbolic import period_function
 from tests.independent import next_cycle, of_whole_ticks
-from tests.instances import ERS210A
+from tests.instances import ERS210A, joint_of
 from tests.strategies import INTEGRALS, models, trajectories
 
 SAME = 1e-12  # two ways to run the same recursion over a few hundred ticks agree to this [rad]
@@ -37,10 +37,8 @@ def test_a_cycle_that_only_drifts_settles_where_the_requests_balance():
 
 def test_requests_without_a_steady_cycle_in_reach_are_an_error_with_the_mismatch():
     """Its acceleration limit makes the joint ring for ever."""
-    joint = JointModel(
-        v_max=5.25, theta_0=0.247, lag=0.01, acceleration_time=0.02, tick=0.001, hold=20,
-        dead_band=0.016, max_acceleration=22.0,
-    )  # fmt: skip
+    terms = {"tick": 0.001, "hold": 20, "dead_band": 0.016, "max_acceleration": 22.0}
+    joint = joint_of(5.25, 0.247, 0.01, 0.02, **terms)
     turns = 2.0 * np.pi * np.arange(11, 51) / 40
     requests = np.radians(
         18.0 * np.sin(turns) + 5.0 * np.sin(2.0 * turns + 1.0) + 3.0 * np.sin(3.0 * turns + 2.0)
@@ -55,24 +53,14 @@ def test_requests_without_a_steady_cycle_in_reach_are_an_error_with_the_mismatch
 @pytest.mark.parametrize("hold", [1, 2, 3])
 @pytest.mark.parametrize("requests", [[0.125, 0.0], [-1.0, -0.515625, -1.0], [0.0, 3.0, 3.0, 0.1]])
 def test_a_joint_that_overshoots_has_a_steady_cycle_too(requests, hold, ratio):
-    model = JointModel(
-        v_max=ratio * 25.0, theta_0=0.25, lag=0.0, acceleration_time=0.01, tick=0.01, hold=hold
-    )
+    model = joint_of(ratio * 25.0, 0.25, 0.0, 0.01, tick=0.01, hold=hold)
     angles = simulate(model, requests)
     np.testing.assert_allclose(next_cycle(model, requests, angles[-1]), angles, atol=1e-11)
 
 
 def test_a_path_is_too_fast_by_the_top_speed_of_its_direction_under_its_load():
     """1 rad/s faster up than down, and 0.5 rad/s faster under the half of 1 N m in a step."""
-    joint = JointModel(
-        v_max=4.0,
-        theta_0=0.5,
-        lag=0.0,
-        acceleration_time=0.1,
-        tick=0.1,
-        v_offset=0.5,
-        speed_per_torque=1.0,
-    )
+    joint = joint_of(4.0, 0.5, 0.0, 0.1, tick=0.1, v_offset=0.5, speed_per_torque=1.0)
     path = np.array([0.0, 0.4, 0.0, 0.5])
     found = path_speeds(joint, path, cyclic=True, load=np.array([0.0, 0.0, 0.0, 1.0]))
     np.testing.assert_allclose(found.speeds, [4.0, -4.0, 5.0, -5.0], atol=1e-12)
@@ -91,17 +79,9 @@ def ringing_joints():
     rng = np.random.default_rng(1)
     for _ in range(300):
         v_max, gain = rng.uniform(2.0, 7.0), rng.uniform(15.0, 120.0)
-        model = JointModel(
-            v_max=v_max,
-            theta_0=v_max / gain,
-            lag=0.01,
-            acceleration_time=0.002,
-            tick=0.002,
-            hold=10,
-            time_constant=rng.uniform(0.02, 0.12),
-            max_acceleration=rng.uniform(20.0, 200.0),
-            integral_rate=rng.choice([0.0, 3.0]),
-        )
+        terms = {"time_constant": rng.uniform(0.02, 0.12), "tick": 0.002, "hold": 10}
+        terms |= {"max_acceleration": rng.uniform(20, 200), "integral_rate": rng.choice([0.0, 3.0])}
+        model = joint_of(v_max, v_max / gain, 0.01, 0.002, **terms)
         turn, size = np.linspace(0.0, 2.0 * np.pi, rng.integers(8, 60)), rng.uniform(0.05, 0.5)
         yield model, size * (np.sin(turn[:-1]) + 0.3 * np.sin(3.0 * turn[:-1] + 1.0))
 
@@ -146,16 +126,7 @@ def test_an_integral_follows_lines_without_friction(name):
     assert behind[-1] == pytest.approx(offset if name == "integral_rate" else 0.0165, abs=1e-6)
 
 
-BARE = JointModel(
-    v_max=5.0,
-    theta_0=0.25,
-    lag=0.01,
-    acceleration_time=0.01,
-    tick=0.005,
-    hold=2,
-    offset=0.1,
-    time_constant=0.03,
-)
+BARE = joint_of(5.0, 0.25, 0.01, 0.01, tick=0.005, hold=2, offset=0.1, time_constant=0.03)
 
 LOADED = replace(BARE, sag_sin=-0.06, sag_cos=0.02, compliance=0.05, speed_per_torque=1.0)
 """A joint that gravity pulls away, and a torque, whose physics is that of gravity."""

@@ -18,6 +18,7 @@ from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import RULES
 from planner.planning.task import NORMS
+from tests.instances import joint_of
 from tests.strategies import models, trajectories
 
 WITHOUT = JointModel(v_max=4.0, theta_0=0.25, lag=0.02, acceleration_time=0.04, tick=0.005, hold=4)
@@ -174,9 +175,7 @@ def test_a_plan_for_the_window_of_the_same_delay_misses_what_the_inertia_does(mo
 
 
 def test_no_closed_form_does_better_on_a_square_that_an_acceleration_limit_keeps_out_of_reach():
-    model = planner.JointModel(
-        v_max=6.6, theta_0=0.1, lag=0.012, acceleration_time=0.027, hold=2, max_acceleration=81.0
-    )
+    model = joint_of(6.6, 0.1, 0.012, 0.027, hold=2, max_acceleration=81.0)
     square = 0.8 * np.repeat([1.0, -1.0], 20)
     plan = planner.invert_optimal(model, square, smoothness=0.0)
     forms = [planner.invert_closed_form(model, square, rule=rule) for rule in ("paper", "exact")]

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import InvalidInput, JointModel, OutsideEquation13, line_offset
+from planner import InvalidInput, OutsideEquation13, line_offset
 from planner.planning.line_inverse import advanced, interpolated_offset
 from tests.independent import windowed
-from tests.instances import ERS210A, TICK, random_model_outside_equation_13
+from tests.instances import ERS210A, TICK, joint_of, random_model_outside_equation_13
 from tests.strategies import models
 
 STEADY = 1e-9  # steady error that the exact rule may leave [rad]
@@ -95,13 +95,9 @@ def test_an_array_of_slopes_is_answered_one_by_one(rule):
 
 def _inside_equation_13(rng):
     v_max, acceleration = rng.uniform(0.02, 0.05), rng.uniform(1.0, 9.0)
-    return JointModel(
-        v_max=v_max / TICK,
-        theta_0=v_max * max(1.1, acceleration / 4.0) * rng.uniform(1.05, 3.0),
-        lag=rng.uniform(0.0, 7.0) * TICK,
-        acceleration_time=acceleration * TICK,
-        tick=TICK,
-    )
+    theta_0 = v_max * max(1.1, acceleration / 4.0) * rng.uniform(1.05, 3.0)
+    lag = rng.uniform(0.0, 7.0) * TICK
+    return joint_of(v_max / TICK, theta_0, lag, acceleration * TICK, tick=TICK)
 
 
 @settings(max_examples=60)

@@ -19,7 +19,7 @@ from planner.model.law import State
 from planner.planning import tick
 from planner.planning.tick import EXCEEDING, JOINT, RESTING, SAMPLE, Problem
 from tests.from_python import from_python
-from tests.instances import ERS210A, attainable, random_model, saturating
+from tests.instances import ERS210A, attainable, joint_of, random_model, saturating
 from tests.model.rounded_periods import rounded_periods
 
 pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
@@ -238,9 +238,7 @@ def turns(requests):
 
 def test_a_dead_band_is_not_crossed_for_noise():
     band = math.radians(2.0)
-    model = planner.JointModel(
-        v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, tick=0.005, hold=4, dead_band=band
-    )
+    model = joint_of(5.0, 0.3, 0.02, 0.05, tick=0.005, hold=4, dead_band=band)
     rng = np.random.default_rng(0)
     held = 0.3 + rng.normal(0.0, 0.05 * band, 200)
     sent = streamed(model, held[:, np.newaxis], preview=10)[:, 0]

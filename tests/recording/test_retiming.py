@@ -13,7 +13,7 @@ from planner.model.evidence import Evidence
 from planner.recording.recorded_path import recorded_path
 from planner.recording.replaying import replay_at
 from planner.recording.retiming import Measure
-from tests.instances import SERVO
+from tests.instances import SERVO, joint_of
 
 PERIOD = SERVO.period
 TOLERANCE = 0.02
@@ -61,9 +61,7 @@ def test_a_bound_by_a_top_speed_that_was_never_seen_holds_for_the_model_only(con
 
 def test_a_speed_at_which_requests_are_too_far_apart_for_the_path_is_too_high():
     """A joint that follows anything: samples on the path are no proof that it is followed."""
-    quick = JointModel(
-        v_max=500.0, theta_0=6.0, lag=0.0, acceleration_time=0.005, tick=0.005, hold=4
-    )
+    quick = joint_of(500.0, 6.0, 0.0, 0.005, tick=0.005, hold=4)
     rows = np.arange(1000)
     angles = 0.3 * np.minimum(rows / 400, 1.0) ** 3 * np.sin(np.pi * 0.02 * rows) ** 2
     recorded = Log(times=0.02 * rows, requests=angles, angles=0.999 * angles)

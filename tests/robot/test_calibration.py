@@ -25,6 +25,7 @@ from planner.robot.calibration import (
 )
 from planner.robot.protocols import FEETECH
 from planner.virtual.servo_bus import KINDS, VirtualPort, VirtualServos
+from tests.instances import joint_of
 
 TICK = 2.0 * math.pi / 4096
 
@@ -101,24 +102,15 @@ def test_joints_that_rest_beyond_their_range_stay_at_its_end(limits, tmp_path):
 
 LIMITS = (-0.7, 0.7)
 INTERVALS = {"v_max": (4.9, 5.1), "dead_band": (0.008, 0.012), "v_offset": (0.01, 0.03)}
-MODEL = JointModel(
-    v_max=5.0,
-    theta_0=0.5,
-    lag=0.01,
-    acceleration_time=0.02,
-    tick=0.001,
-    hold=10,
-    dead_band=0.01,
-    v_offset=0.02,
-).with_evidence(
-    Evidence(
-        error=0.002,
-        intervals=INTERVALS,
-        correlations=tuple(map(tuple, np.eye(3).tolist())),
-        by_acceleration=((1.0, 0.001), (2.0, 0.003)),
-        spread=(0.5, 1.5),
-    )
+EVIDENCE = Evidence(
+    error=0.002,
+    intervals=INTERVALS,
+    correlations=tuple(map(tuple, np.eye(3).tolist())),
+    by_acceleration=((1.0, 0.001), (2.0, 0.003)),
+    spread=(0.5, 1.5),
 )
+MODEL = joint_of(5.0, 0.5, 0.01, 0.02, tick=0.001, hold=10, dead_band=0.01, v_offset=0.02)
+MODEL = MODEL.with_evidence(EVIDENCE)
 
 
 @pytest.mark.parametrize("best", ["direct", "shift", "closed_form", "optimal", "optimal_friction"])

@@ -10,6 +10,7 @@ import pytest
 import planner
 from planner import LogOptions, read_logs
 from tests.files.logs.told import told
+from tests.instances import joint_of
 
 EXACT = 1e-12  # angles and times come through unchanged but for one product of float64 [rad, s]
 REQUESTED = np.array([0.0, 10.0, 20.0, 20.0])
@@ -147,9 +148,7 @@ PER_RADIAN, MIDDLE = -163.0, 512.0
 
 COUNTED = "requested=us,actual=counts"  # units of pulses and of a potentiometer
 
-HOBBY_SERVO = planner.JointModel(
-    v_max=4.0, theta_0=0.3, lag=0.02, acceleration_time=0.02, tick=0.02, dead_band=0.01
-)
+HOBBY_SERVO = joint_of(4.0, 0.3, 0.02, 0.02, tick=0.02, dead_band=0.01)
 
 
 def _csv(units, times, requests, angles, digits=9):

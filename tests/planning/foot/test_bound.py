@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import JointModel, NoSteadyCycle, invert_foot, simulate
+from planner import NoSteadyCycle, invert_foot, simulate
 from planner.arrays import error_norm
 from planner.gait.stride import stride
 from planner.planning.bounds.foot_bound import (
@@ -21,7 +21,7 @@ from planner.planning.bounds.foot_bound import (
 )
 from planner.planning.bounds.multipliers import ConicSolution
 from planner.planning.task import Task
-from tests.instances import ERS210A, random_model
+from tests.instances import ERS210A, joint_of, random_model
 from tests.kinematics.made_up_robots import ers210a_leg
 from tests.plans import foot_distances
 
@@ -142,9 +142,7 @@ def test_where_the_joints_could_follow_nothing_is_searched(monkeypatch):
     """The plan misses only what smoother requests may cost."""
     leg = ers210a_leg("hind_right")
     made = stride(leg, samples=40)
-    joint = JointModel(
-        v_max=5.2, theta_0=0.3, lag=0.02, acceleration_time=0.03, tick=0.01, hold=2, dead_band=0.01
-    )
+    joint = joint_of(5.2, 0.3, 0.02, 0.03, tick=0.01, hold=2, dead_band=0.01)
     plan = invert_foot([joint] * 3, replace(leg, near=made.pose), made.foot)
     assert plan.rms > 1e-5
     monkeypatch.setattr("planner.planning.bounds.foot_bound._improved", None)
