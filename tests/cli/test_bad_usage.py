@@ -163,14 +163,33 @@ WRONG = {
 }
 
 
-def test_a_bad_run_file_is_one_line_and_status_2(run, desired, tmp_path, snapshot):
+SWEPT = WALK + "[sweep.parameters]\n"
+
+WRONG_SWEEPS = {
+    "an unknown parameter": SWEPT + "lenght = [0.1]\n",
+    "values that fall": SWEPT + "length = [0.2, 0.1]\n",
+    "a value out of range": SWEPT + "length = [0.0, 0.1]\n",
+    "a period of a request": SWEPT + "period_s = [0.01]\n",
+    "a period without end": SWEPT + "period_s = [0.5, 1e308]\n",
+    "the speed of a gait": SWEPT + "speed = [1.0, 2.0]\n",
+    "no parameter": SWEPT,
+    "a speed of joints for a foot": SWEPT + "length = [0.1]\n[sweep]\nat_speed = 2.0\n",
+    "a search along a line": SWEPT + "length = [0.1, 0.2]\n[sweep]\nmethod = 'cma'\n",
+    "two requirements": SWEPT + "length = [0.1]\n[sweep]\nat_error_cm = 1\nat_speed_cm_s = 20\n",
+    "a gait without a leg": "[path.half_ellipse]\n[sweep.parameters]\nlength = [0.1]\n",
+}
+
+
+def test_a_bad_file_of_a_run_or_a_sweep_is_one_line_and_status_2(run, desired, tmp_path, snapshot):
     text = desired.read_text()
     (tmp_path / "some.csv").write_text(text.replace("hip", "rotator"))
     said = []
-    for name, content in WRONG.items():
+    files = [("run", *each) for each in WRONG.items()]
+    files += [("sweep", *each) for each in WRONG_SWEEPS.items()]
+    for command, name, content in files:
         (tmp_path / "it.toml").write_text(content)
         before = sorted(tmp_path.rglob("*"))
-        result = run("run", "it.toml", "--out", "out")
+        result = run(command, "it.toml", "--out", "out")
         assert (result.exit_code, result.stdout) == (2, ""), name
         assert result.stderr.startswith("request-planner: it.toml"), name
         assert result.stderr.count("\n") == 1, name

@@ -2,9 +2,6 @@
 
 import json
 import shutil
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -116,51 +113,6 @@ def _held(folder):
     return {name: (folder / name).read_bytes() for name in list_files(folder)}
 
 
-KILLED = """
-import os, signal, sys
-from planner.cli import cli
-from planner.parallel import Results
-
-write, written = Results.write, []
-
-def counted(*given):
-    if written:
-        os.kill(os.getpid(), signal.SIGKILL)
-    written.append(given)
-    return write(*given)
-
-Results.write = counted
-cli.main(sys.argv[1:])
-"""
-
-
-@pytest.mark.usefixtures("in_this_process")
-def test_a_killed_replay_is_resumed_to_the_same_bytes(run, dataset, model):
-    """Killed with one episode kept, beside two workers."""
-    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o")
-    command = [sys.executable, "-P", "-c", KILLED, *words, "killed", "--workers", "2"]
-    killed = subprocess.run([*map(str, command)], cwd=dataset.parent, check=False)
-    assert killed.returncode == -signal.SIGKILL
-    assert not (dataset.parent / "killed").exists()
-    kept = list((dataset.parent / ".killed.results").glob("??/*"))
-    assert len(kept) >= 1
-    times = {file: file.stat().st_mtime_ns for file in kept}
-    other = run(*words, "killed", "--resume", "--speed", 2)
-    assert other.exit_code == 2
-    assert "holds results for other settings (path)" in other.stderr
-    other_model = model.with_name("other.toml")
-    for old, new in (("v_max = 4.0", "v_max = 5.0"), ("= 0.004", "= 0.3")):
-        other_model.write_text(model.read_text().replace(old, new, 1))
-        other = run(*words, "killed", "--resume", "--model", other_model)
-        assert "holds results for other settings (models)" in other.stderr
-    assert {file: file.stat().st_mtime_ns for file in kept} == times
-    resumed = run(*words, "killed", "--resume", "--workers", 1)
-    assert resumed.exit_code == 0, resumed.stderr
-    assert not (dataset.parent / ".killed.results").exists()
-    assert run(*words, "whole", "--workers", 1).exit_code == 0
-    assert _held(dataset.parent / "killed") == _held(dataset.parent / "whole")
-
-
 @pytest.fixture
 def never_replayed(monkeypatch):
     """Fail where something is planned, or a model read."""
@@ -209,26 +161,39 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
-    file = dataset / "data/chunk-000/episode_000001.parquet"
+def test_what_failed_alone_is_done_again_by_the_same_settings_once_it_is_mended(
+    run, dataset, model
+):
+    file, kept = (
+        dataset / "data/chunk-000/episode_000001.parquet",
+        dataset.parent / ".planned.results",
+    )
     good = file.read_bytes()
-    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
+    words = ("replay", dataset, *UNITS, "--model", model, "--workers", 1, "--as", "lerobot", "-o")
     file.write_bytes(b"PAR1 nothing")
     (dataset / "meta" / "tasks.jsonl").unlink()
-    assert run(*words, "--workers", 1, "--speed", 2).exit_code == 1
-    first = run(*words, "--workers", 1)
+    assert run(*words, "planned", "--speed", 2).exit_code == 1
+    first = run(*words, "planned")
     assert first.exit_code == 1
-    kept = dataset.parent / ".planned.results"
     said = f"1 of 3 recordings left out; the others are written, and kept in {kept} for --resume"
     assert said in first.stderr
     assert "the task is called" not in first.stderr  # as the dataset has no tasks
+    results = {each: each.stat().st_mtime_ns for each in kept.glob("??/*")}
+    assert len(results) == 2
+    other = run(*words, "planned", "--resume", "--speed", 2)
+    assert (other.exit_code, "holds results for other settings (path)" in other.stderr) == (2, True)
+    text = model.read_text()
+    for old, new in (("v_max = 4.0", "v_max = 5.0"), ("= 0.004", "= 0.3")):
+        model.write_text(text.replace(old, new, 1))
+        other = run(*words, "planned", "--resume")
+        assert "holds results for other settings (models)" in other.stderr
+    model.write_text(text)
     file.write_bytes(good)
-    second = run(*words, "--workers", 1, "--resume")
+    second = run(*words, "planned", "--resume")
     assert second.exit_code == 0, second.stderr
-    assert (
-        json.loads((dataset.parent / "planned/meta/info.json").read_text())["total_episodes"] == 3
-    )
-    assert not (dataset.parent / ".planned.results").exists()
+    assert not kept.exists()
+    assert run(*words, "whole").exit_code == 0
+    assert _held(dataset.parent / "planned") == _held(dataset.parent / "whole") != {}
 
 
 def test_one_recording_is_planned_anew_and_says_so_where_it_is_to_be_resumed(run, demo, model):
