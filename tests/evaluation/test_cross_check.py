@@ -87,8 +87,13 @@ def test_random_joints_pass(seed):
     rng = np.random.default_rng(seed)
     model = random_model(rng, whole=seed % 2 == 0, hold=1 + seed % 3, offset=True)
     desired = (saturating if seed % 2 else attainable)(rng, model, samples=44)
-    check = cross_check(model, desired, cyclic=seed % 3 > 0, norm="max" if seed == 5 else "rms")
+    norm = "max" if seed == 5 else "rms"
+    check = cross_check(model, desired, cyclic=seed % 3 > 0, norm=norm)
     assert check.passed, check.failures
+    (joint,) = check.joints
+    errors = [joint.plans[method].error for method in (SECOND, "optimal")]
+    # Of the largest error more local minima are as good.
+    assert errors[0] == pytest.approx(errors[1], rel=0.01 if norm == "rms" else 0.05, abs=2e-4)
 
 
 def test_limits_hold_for_all_joints_or_one_by_one():

@@ -142,12 +142,3 @@ def test_limits_are_drawn_where_the_requests_come_near():
     low, high = around([X, X - 5.0])
     assert low < -5.0
     assert high > 2.0
-
-
-def motion(samples):
-    points = np.zeros((samples, 3, 3))
-    points[:, 1:, 2] = -0.0501
-    points[:, 2, 0] = np.linspace(0.0, 0.1, samples)
-    desired = points.copy()
-    desired[:, 2, 0] = 0.0
-    return desired, [(DIRECT, points)]
