@@ -1,12 +1,11 @@
 """Outputs that appear whole or not at all: one file, or a folder of results.
 
 Content goes to the disk before a rename makes it the output, so that after a power cut, as after a
-killed process, the output is the last good one or the new one. A hidden file beside an output,
+killed process, the output is the last good one or the new one. A hidden file beside a folder,
 ``.NAME.lock``, is locked while a command works on it. The system releases the lock however the
-process ends; remnants of killed processes, ``.NAME.new-…`` and ``.NAME.old-…``, are removed
-under it. So nothing depends on process numbers or clocks, and where another machine shares
-the folder the lock holds there too, if the file system has locks. Where it has none, no
-command is refused and nothing is removed.
+process ends; under it the next run replaces the remnants of a killed one, ``.NAME.new-run`` and
+``.NAME.old-run``. Where the file system has no locks, no command is refused, and each has hidden
+names of its own.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ import shutil
 import stat
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
-from glob import escape
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -28,9 +26,9 @@ from planner.exceptions import InvalidFile
 
 MANIFEST = "results.json"  # the file of a run that lists, under `files`, every file of that run
 
-# Folders of results that this process works on, and whether it could lock them; and hidden folders
-# that it fills, which appear whole, so that no file in them is staged.
-_CLAIMED: dict[Path, bool] = {}
+# Folders of results that this process works on, with the end of their hidden names; and hidden
+# folders that it fills, which appear whole, so that no file in them is staged.
+_CLAIMED: dict[Path, str] = {}
 _FILLED: set[Path] = set()
 
 
@@ -53,21 +51,21 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
         target.write_bytes(content)  # output_folder names the folder where there is no room
         yield
         return
-    with _lock(target, path, shared=True):
-        new = _beside(target, "new")
-        try:
-            with writing(path):
-                with new.open("xb") as stream:
-                    stream.write(content)
-                _to_disk(new)
-            yield
-            with writing(path):
-                if target.exists():
-                    new.chmod(target.stat().st_mode & 0o777)
-                new.replace(target)
-            _to_disk(target.parent)
-        finally:
-            new.unlink(missing_ok=True)
+    new = target.with_name(f".{target.name}.new-{os.urandom(8).hex()}")
+    try:
+        with writing(path):
+            with new.open("xb") as stream:
+                stream.write(content)
+            _to_disk(new)
+        yield
+        with writing(path):
+            if target.exists():
+                new.chmod(target.stat().st_mode & 0o777)
+            new.replace(target)
+        _to_disk(target.parent)
+    finally:
+        with suppress(OSError):
+            new.unlink()
 
 
 @contextmanager
@@ -75,13 +73,14 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
     """Hand out an empty folder, and put it in the place of ``path`` once it is filled.
 
     The last run's folder stays until then, and for good where the block raises; killed between two
-    renames, the process leaves it beside, as ``.NAME.old-…``. It is replaced only if it is empty
+    renames, the process leaves it beside, as ``.NAME.old-run``. It is replaced only if it is empty
     or holds nothing but the files that its own manifest lists: a user's files are never removed.
     Of an ``export``, the name of a format, a manifest is written here.
     """
     target = _target(str(path) or ".")
-    with claimed(path) as locked:
-        new = _beside(target, "new")
+    with claimed(path) as run:
+        new, last = (target.with_name(f".{target.name}.{age}-{run}") for age in ("new", "old"))
+        shutil.rmtree(new, ignore_errors=True)
         try:
             with writing(path):
                 new.mkdir()
@@ -101,9 +100,9 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                 inner = "" if name is None else Path(str(name)).relative_to(new)
                 raise cannot_write(Path(path) / inner, error) from error
             _replaceable(path)
-            last = _beside(target, "old")
             try:
                 if target.exists() and any(target.iterdir()):  # takes two renames
+                    shutil.rmtree(last, ignore_errors=True)
                     target.replace(last)
                 try:
                     new.replace(target)
@@ -117,16 +116,14 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                     path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
                 ) from error
             _to_disk(target.parent)
-            if locked:
-                _sweep(target, "old")
         finally:
             _FILLED.discard(new)
             shutil.rmtree(new, ignore_errors=True)
 
 
 @contextmanager
-def claimed(path: Path | str) -> Iterator[bool]:
-    """Keep other commands from a folder of results, once checked; yields whether it is locked."""
+def claimed(path: Path | str) -> Iterator[str]:
+    """Keep other commands from a folder of results, once checked; the end of its hidden names."""
     path = str(path) or "."
     target = _target(path)
     if target in _CLAIMED:
@@ -135,11 +132,22 @@ def claimed(path: Path | str) -> Iterator[bool]:
     check_folder(path)
     with writing(path):
         target.parent.mkdir(parents=True, exist_ok=True)
-    with _lock(target, path, shared=False) as _CLAIMED[target]:
-        try:
-            yield _CLAIMED[target]
-        finally:
-            del _CLAIMED[target]
+    place, descriptor = target.with_name(f".{target.name}.lock"), -1
+    try:
+        descriptor = _locked(place)
+    except BlockingIOError as error:
+        advice = "wait until that has ended, or choose another folder"
+        raise InvalidFile(path, f"another command is at work on it; {advice}") from error
+    except OSError:  # no locks, or a folder that refuses the output as well
+        pass
+    _CLAIMED[target] = os.urandom(8).hex() if descriptor < 0 else "run"
+    try:
+        yield _CLAIMED[target]
+    finally:
+        del _CLAIMED[target]
+        if descriptor >= 0:
+            place.unlink(missing_ok=True)
+            os.close(descriptor)
 
 
 def check_writable(path: Path | str) -> None:
@@ -206,42 +214,12 @@ def _target(path: Path | str) -> Path:
         raise InvalidFile(path, "is no name of a folder; choose another one") from error
 
 
-def _beside(target: Path, age: str) -> Path:
-    """An unused hidden name, chosen before anything is made: a signal finds what to clear away."""
-    return target.with_name(f".{target.name}.{age}-{os.urandom(8).hex()}")
-
-
-@contextmanager
-def _lock(target: Path, path: Path | str, *, shared: bool) -> Iterator[bool]:
-    """Lock an output, exclusively or shared, if possible; the last owner removes remnants."""
-    place = target.with_name(f".{target.name}.lock")
-    try:
-        descriptor = _locked(place, shared=shared)
-    except BlockingIOError as error:
-        advice = "wait until that has ended, or choose another folder"
-        raise InvalidFile(path, f"another command is at work on it; {advice}") from error
-    except OSError:  # no locks, or a folder that refuses the output as well
-        yield False
-        return
-    try:
-        yield True
-    finally:
-        with suppress(OSError):
-            if shared:
-                # unless another process writes it, too
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _sweep(target, "new")
-            place.unlink(missing_ok=True)
-        os.close(descriptor)
-
-
-def _locked(place: Path, *, shared: bool) -> int:
+def _locked(place: Path) -> int:
     """Descriptor of a lock file that is locked, and still there; BlockingIOError of a busy one."""
     while True:
         descriptor = os.open(place, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         try:
-            kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX | fcntl.LOCK_NB
-            fcntl.flock(descriptor, kind)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             with suppress(FileNotFoundError):  # its last owner has removed it
                 if os.path.samestat(os.fstat(descriptor), place.stat()):
                     return descriptor
@@ -249,16 +227,6 @@ def _locked(place: Path, *, shared: bool) -> int:
             os.close(descriptor)
             raise
         os.close(descriptor)
-
-
-def _sweep(target: Path, age: str) -> None:
-    """Remove remnants of killed processes beside an output that is locked exclusively."""
-    for remnant in target.parent.glob(f".{escape(target.name)}.{age}-{'[0-9a-f]' * 16}"):
-        if remnant.is_dir() and not remnant.is_symlink():
-            shutil.rmtree(remnant, ignore_errors=True)
-        else:
-            with suppress(OSError):
-                remnant.unlink()
 
 
 def _to_disk(path: Path) -> None:
