@@ -209,6 +209,7 @@ def lerobot_dataset(
     }
     tasks: dict[str, int] = {}
     episodes: list[dict[str, Any]] = []
+    every: dict[str, list[Any]] = {name: [] for name in (*schema, *COUNTED)}
     with output_folder(path, export=f"LeRobot dataset {LEROBOT_VERSION}") as folder:
         rows_file, episodes_file = (
             folder / kind / "chunk-000/file-000.parquet" for kind in ("data", "meta/episodes")
@@ -231,6 +232,8 @@ def lerobot_dataset(
                 counted = (rows / layout.rate, rows, *(0 * rows + number for number in numbers))
                 for (name, kind), column in zip(COUNTED.items(), counted, strict=True):
                     columns[name] = column.astype(kind)
+                for name, column in columns.items():
+                    every[name].append(column)
                 cells = {name: pa.array(column.ravel()) for name, column in columns.items()}
                 for name, names in layout.features.items():
                     if len(names) > 1:
@@ -246,7 +249,7 @@ def lerobot_dataset(
                         "dataset_from_index": first,
                         "dataset_to_index": first + len(rows),
                         **{
-                            f"stats/{name}/{figure}": numbers.tolist()
+                            f"stats/{name}/{figure}": numbers
                             for name, column in columns.items()
                             for figure, numbers in _figures_of(column).items()
                         },
@@ -263,10 +266,7 @@ def lerobot_dataset(
         ):
             with file.open("wb") as stream:
                 parquet.write_table(table, stream)
-        statistics = {
-            name: {figure: numbers.tolist() for figure, numbers in _of_all(episodes, name).items()}
-            for name in (*layout.features, *COUNTED)
-        }
+        statistics = {name: _figures_of(np.concatenate(each)) for name, each in every.items()}
         info = _info(layout, len(episodes), episodes[-1]["dataset_to_index"], len(tasks))
         for name, content in {"info": info, "stats": statistics}.items():
             write_text(folder / f"meta/{name}.json", json.dumps(content, indent=4) + "\n")
@@ -307,10 +307,10 @@ def _info(layout: Layout, episodes: int, rows: int, tasks: int) -> dict[str, Any
     }
 
 
-def _figures_of(column: Any) -> dict[str, Any]:
-    """The figures of a column, (n,) or (n, k), under LeRobot's names, each of shape (k,)."""
+def _figures_of(column: Any) -> dict[str, list[float]]:
+    """The figures of a column, (n,) or (n, k), under LeRobot's names, k numbers each."""
     values = column.reshape(len(column), -1).astype(np.float64)
-    return {
+    figures = {
         "min": values.min(axis=0),
         "max": values.max(axis=0),
         "mean": values.mean(axis=0),
@@ -318,30 +318,7 @@ def _figures_of(column: Any) -> dict[str, Any]:
         **{name: np.quantile(values, share, axis=0) for name, share in QUANTILES.items()},
         "count": np.array([len(values)]),
     }
-
-
-def _of_all(episodes: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
-    """The figures of a column in all episodes; a quantile is the mean of theirs, as in LeRobot."""
-
-    def each(figure: str) -> Any:
-        return np.array([episode[f"stats/{name}/{figure}"] for episode in episodes])
-
-    count = each("count")
-    weights = count / count.sum()
-
-    def average(values: Any) -> Any:
-        return np.sum(weights * values, axis=0)
-
-    mean = average(each("mean"))
-    return {
-        "min": each("min").min(axis=0),
-        "max": each("max").max(axis=0),
-        "mean": mean,
-        # by the parallel-axis theorem
-        "std": np.sqrt(average(each("std") ** 2 + (each("mean") - mean) ** 2)),
-        **{name: average(each(name)) for name in QUANTILES},
-        "count": count.sum(axis=0),
-    }
+    return {name: each.tolist() for name, each in figures.items()}
 
 
 # LeRobot reads the tasks with pandas, and looks them up in the index, which this names.
