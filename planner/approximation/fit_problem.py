@@ -34,6 +34,8 @@ class Problem(NamedTuple):
     cyclic: bool  # whether the first sample follows the last
     required: Array = np.zeros(0)  # where there must be a knot [samples], (r,), increasing
     pins: Array = np.zeros(0)  # the curve's values there, (r,); NaN where they are free
+    bound: float = math.inf  # error beyond which descents add a penalty
+    penalty: float = 0.0  # weight of the squared excess
 
     @property
     def samples(self) -> int:

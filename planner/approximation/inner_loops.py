@@ -203,15 +203,21 @@ def evaluate(problem: Problem, curve: Array) -> tuple[float, Array, Array, Array
             first = 0
         if not cyclic and end == size - 1:
             stop = n
-        r0 = r1 = w1 = w2 = 0.0  # Σ r, Σ r u, Σ u and Σ u² with u the share of the segment
+        # Σ w, Σ w u, Σ w u², Σ r and Σ r u with u the share of the segment
+        w0 = w1 = w2 = r0 = r1 = 0.0
         for k in range(first, stop):
-            share = (k - knots[start]) / length
+            share, weight = (k - knots[start]) / length, 1.0
             residual = values[start] + share * rise - desired[k % n]
             error += residual * residual
+            beyond = abs(residual) - problem.bound
+            if beyond > 0.0:
+                error += problem.penalty * beyond * beyond
+                residual += np.copysign(problem.penalty * beyond, residual)
+                weight += problem.penalty
             r0, r1 = r0 + residual, r1 + residual * share
-            w1, w2 = w1 + share, w2 + share * share
+            w0, w1, w2 = w0 + weight, w1 + weight * share, w2 + weight * share * share
         g0, g1, s11, s01 = r0 - r1, r1, w2, w1 - w2
-        s00 = (stop - first) - w1 - s01
+        s00 = w0 - w1 - s01
         slope, e0, e1 = rise / length, g0 / length, g1 / length
         m00, m01, m11 = slope * s00, slope * s01, slope * s11
         # By start knot, end knot, start value, end value.

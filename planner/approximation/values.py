@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from planner.approximation.fit_problem import (
     feasible_values,
     required_knots,
 )
-from planner.arrays import Array, steps
+from planner.arrays import Array, Mask, steps
 from planner.exceptions import SolverFailed
 
 WINDOW = 16
@@ -33,7 +34,11 @@ a step costs its cube."""
 
 
 def solve_qp(
-    P: Any, q: Array, A: Any, lower: Array, upper: Array, *, iterations: int = 50_000
+    P: Any,
+    q: Array,
+    A: Any,
+    lower: Array,
+    upper: Array,
 ) -> tuple[Array, str]:
     """The x that minimises ½ xᵀPx + qᵀx subject to lower <= Ax <= upper, and OSQP's status.
 
@@ -51,7 +56,7 @@ def solve_qp(
 
     scale, size, rows = float(P.diagonal().max()), q.size, sparse.csr_matrix(A)
     solver = osqp.OSQP(algebra="builtin")
-    tolerance = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": iterations}
+    tolerance = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}
     silent = {"polishing": False, "verbose": False}  # OSQP's polishing prints without active bounds
     hessian = sparse.triu(P / scale, format="csc")
     solver.setup(hessian, q / scale, rows.tocsc(), lower, upper, **tolerance, **silent)
@@ -148,17 +153,33 @@ def descend(
 ) -> Candidate:
     """Move knots and values downhill, many of them by one window after the other; never worse.
 
-    The ends of a window of :data:`WINDOW` knots stay. With ``values_only`` all knots stay: a convex
-    QP, of which few evaluations find the optimum.
+    With ``values_only`` all knots stay: a convex QP, of which few evaluations find the optimum.
     """
     from planner.approximation import inner_loops
 
+    def moved(inside: Problem, curve: Array, free: Mask) -> tuple[Array, float]:
+        return inner_loops.descend(inside, curve, free, rounds, progress)
+
+    return by_windows(problem, start, moved, values_only=values_only)
+
+
+def by_windows(
+    problem: Problem,
+    start: Candidate,
+    moved: Callable[[Problem, Array, Mask], tuple[Array, float]],
+    *,
+    values_only: bool = False,
+) -> Candidate:
+    """A curve moved by a function, of many knots by one window after the other, whose ends stay.
+
+    The function takes the problem of a window, its curve, knots and then values, (2K,), and which
+    of these are free, and returns the curve and its squared error.
+    """
     size, n, cyclic = start.knots.size, problem.samples, problem.cyclic
     required, pins = required_knots(problem, start.knots)
     free = np.stack([~required & (not values_only), ~np.isfinite(pins)])
     if size <= WINDOW:
-        curve = np.concatenate([start.knots, start.values])
-        curve, error = inner_loops.descend(problem, curve, free.ravel(), rounds, progress)
+        curve, error = moved(problem, np.append(start.knots, start.values), free.ravel())
         return Candidate(curve[:size], curve[size:], error)
     knots, values = start.knots.copy(), start.values.copy()
     for first in range(0, size if cyclic else size - 2, WINDOW // 2):
@@ -171,8 +192,7 @@ def descend(
         moves[0, [0, -1]] = False
         moves[1, 0] &= first == 0 and not cyclic
         moves[1, -1] &= last == size - 1 and not cyclic
-        curve = np.append(places - low, values[number])
-        curve, _ = inner_loops.descend(inside, curve, moves.ravel(), rounds, progress)
+        curve, _ = moved(inside, np.append(places - low, values[number]), moves.ravel())
         places, values[number] = np.split(curve, 2)
         knots[number] = places + low - n * turn
     return candidate(problem, knots, values)
