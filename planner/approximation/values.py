@@ -13,7 +13,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -33,57 +32,6 @@ to 40 segments, mean error: 8: 0.1 % more; 32: 0.3 % less for 2.6 times the time
 a step costs its cube."""
 
 
-def solve_qp(
-    P: Any,
-    q: Array,
-    A: Any,
-    lower: Array,
-    upper: Array,
-) -> tuple[Array, str]:
-    """The x that minimises ½ xᵀPx + qᵀx subject to lower <= Ax <= upper, and OSQP's status.
-
-    OSQP tells the active bounds. Their equations, [P Aᵀ; A 0] x = b, are solved with a touch of
-    regularisation for bounds that repeat one another, which refinements remove. P, shape (k, k),
-    and A, shape (r, k), are sparse. Where it is not solved x is NaN.
-    """
-    import osqp
-    from scipy import sparse
-    from scipy.sparse.linalg import splu
-
-    def excess(x: Array) -> float:
-        rows = A @ x
-        return float(np.max(np.maximum(lower - rows, rows - upper), initial=0.0))
-
-    scale, size, rows = float(P.diagonal().max()), q.size, sparse.csr_matrix(A)
-    solver = osqp.OSQP(algebra="builtin")
-    tolerance = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}
-    silent = {"polishing": False, "verbose": False}  # OSQP's polishing prints without active bounds
-    hessian = sparse.triu(P / scale, format="csc")
-    solver.setup(hessian, q / scale, rows.tocsc(), lower, upper, **tolerance, **silent)
-    result = solver.solve(raise_error=False)
-    status = str(result.info.status)
-    logging.getLogger(__name__).debug("OSQP: %s after %d iterations", status, result.info.iter)
-    x, multipliers = np.asarray(result.x), np.asarray(result.y)
-    if not status.startswith("solved"):
-        return np.full(size, np.nan), status
-    pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
-    nearer = np.where(multipliers > 0.0, upper, lower)
-    active = np.flatnonzero((pressed & np.isfinite(nearer)) | (lower == upper))
-    corner = -1e-9 * sparse.eye(active.size) if active.size else None
-    try:
-        blocks: Any = [[P, rows[active].T], [rows[active], corner]]
-        solve = splu(sparse.bmat(blocks, "csc")).solve
-    except RuntimeError:  # singular
-        return x, status
-    exact = np.zeros(size + active.size)
-    for _ in range(3):
-        y, u = exact[:size], exact[size:]
-        residual = q + P @ y + rows[active].T @ u
-        exact = exact - solve(np.append(residual, rows[active] @ y - nearer[active]))
-    y = exact[:size]
-    return (x if excess(y) > max(excess(x), 1e-12) else y), status
-
-
 def best_values(problem: Problem, knots: Array) -> Candidate:
     """The curve of best values within the slopes at given knots. O(n)."""
     near = feasible_values(problem, knots)  # where values are not determined
@@ -92,6 +40,7 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
     if knots.size <= WINDOW:
         course = Candidate(knots, near, math.inf)
         return descend(problem, course, rounds=8, progress=1e-13, values_only=True)
+    import osqp
     from scipy import sparse
 
     # In a unit of its own, as all rises are tiny where v is.
@@ -111,20 +60,29 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
         (np.append(1.0 - share, share), (np.tile(np.arange(n), 2), columns)), shape=(n, size)
     )
     squares, each = curve.T @ curve, sparse.eye(size, format="csr")
-    ridge = 1e-11 * float(squares.diagonal().max())  # for knots with no samples between them
+    scale = float(squares.diagonal().max())
+    ridge = 1e-11 * scale  # for knots with no samples between them
     pins = (required_knots(problem, knots)[1] - centre) / unit
     pinned = np.flatnonzero(np.isfinite(pins))
     steepest, rises = problem.step / unit * np.diff(ends), each[end] - each[start]
-    change, status = solve_qp(
-        squares + ridge * each,
-        np.asarray(curve.T @ (curve @ near - (problem.desired - centre) / unit)),
-        sparse.vstack([rises, each[pinned]]),
+    solver = osqp.OSQP(algebra="builtin")
+    solver.setup(
+        sparse.triu(squares + ridge * each, format="csc") / scale,
+        np.asarray(curve.T @ (curve @ near - (problem.desired - centre) / unit)) / scale,
+        sparse.vstack([rises, each[pinned]], format="csc"),
         np.append(-steepest - rises @ near, (pins - near)[pinned]),
         np.append(steepest - rises @ near, (pins - near)[pinned]),
+        eps_abs=1e-11,  # OSQP's polishing prints where no bound is active
+        eps_rel=1e-11,
+        max_iter=50_000,
+        verbose=False,
     )
-    if np.isnan(change[0]):
+    result = solver.solve(raise_error=False)
+    status = str(result.info.status)
+    logging.getLogger(__name__).debug("OSQP: %s after %d iterations", status, result.info.iter)
+    if not status.startswith("solved"):
         raise SolverFailed("values at the knots, OSQP", status)
-    values = within_slopes(problem, knots, centre + unit * (near + change))
+    values = within_slopes(problem, knots, centre + unit * (near + np.asarray(result.x)))
     return candidate(problem, knots, values)
 
 
