@@ -159,13 +159,12 @@ def calibrate(
                 write_text(output, text)
 
     origins = [("bus", port["bus"]), ("port", port["port"]), ("logs", str(folder))]
-    origins = [*filter(all, origins), ("rate", f"{rate_hz:g} Hz")]
     return Answer(
         calibration_results(results, arm.servos, checked.tick_time),
         calibration_text(results, output),
-        page=lambda place: calibration_page(results, output).html(
-            place, origins, [("models", output)]
-        ),
+        page=lambda: calibration_page(results, output),
+        origins=[*filter(all, origins), ("rate", f"{rate_hz:g} Hz")],
+        linked=[("models", output)],
     )
 
 

@@ -69,15 +69,7 @@ def compare(
             load=desired.torques,
             progress=progress,
         )
-    unreachable = desired.unreachable
-
-    def page(place: str) -> str:
-        about = comparison_page(
-            check, title=desired.title, leg=whole, unreachable=unreachable, notes=notes_of(desired)
-        )
-        origins = [*origins_of(run), ("bounds up to", level)]
-        return about.html(place, origins, inputs_of(desired))
-
+    title, unreachable, notes = desired.title, desired.unreachable, notes_of(desired)
     with fitted_to(terminal_width(sys.stdout)):
         table = f"{model_words(run.model)}\n{comparison_text(check)}"
     verdict, words = verdict_line(check), []
@@ -89,6 +81,10 @@ def compare(
         {**check.to_dict(), "unreachable_samples": unreachable},
         "\n".join(words),
         lambda _: click.echo(table),
-        page,
+        lambda: comparison_page(
+            check, title=title, leg=whole, unreachable=unreachable, notes=notes
+        ),
+        [*origins_of(run), ("bounds up to", level)],
+        inputs_of(desired),
         failure="" if check.passed else verdict,
     )

@@ -13,10 +13,10 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
-from typing import Any, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 import click
 
@@ -32,6 +32,9 @@ from planner.files.text import (
     toml_value,
     write_text,
 )
+
+if TYPE_CHECKING:
+    from planner.report.page import Page, Written
 
 KEY = "planner.cli.verbosity"  # key of the verbosity in the command's context
 BAR, WIDTH = 24, 80  # characters of the bar, and of a line of a terminal of unknown width
@@ -86,7 +89,9 @@ class Answer(NamedTuple):
     document: Mapping[str, Any]
     summary: str
     write: Callable[[str], None] | None = None  # writes the output, whose name it takes
-    page: Callable[[str], str] | None = None  # the text of the report in a file of this name
+    page: Callable[[], Page] | None = None  # the report
+    origins: Iterable[tuple[str, str]] = ()  # what it says that it comes from, by name
+    linked: Written = ()  # files to which it links
     files: Sequence[tuple[str | None, str]] = ()  # other files, by name, and their text
     warnings: Sequence[str] = ()  # said after the summary
     failure: str = ""  # why the exit status is 1
@@ -97,7 +102,7 @@ class Answer(NamedTuple):
         if report is not None and self.page is not None:
             with Progress() as progress:
                 progress("the page")
-                texts.append((report, self.page(report)))
+                texts.append((report, self.page().html(report, self.origins, self.linked)))
         with ExitStack() as files:
             for name, text in texts:
                 if name != STANDARD_STREAM:

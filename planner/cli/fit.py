@@ -103,9 +103,9 @@ def fit(
         document,
         f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits).text()}",
         lambda file: path.write(file, angles),
-        lambda place: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}).html(
-            place, origins_of(run), [*inputs_of(path), ("lines", output)]
-        ),
+        lambda: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}),
+        origins_of(run),
+        [*inputs_of(path), ("lines", output), ("knots", knots)],
     )
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from planner.files.logs.rows import LogOptions
     from planner.identification.log import Log
     from planner.identification.result import Identification
+    from planner.report.page import Page
 
 FEW_ROWS = 20_000
 """Most rows for which joints are identified in this process: others would start more slowly."""
@@ -105,11 +106,10 @@ def identify(
         of_joint=of_joint,
     )
 
-    def page(place: str) -> str:
+    def page() -> Page:
         from planner.report.identification_page import identification_page
 
-        named = [*(("log", file) for file in logs), ("model", output)]
-        return identification_page(identifications).html(place, written=named)
+        return identification_page(identifications)
 
     refused = {name: each.reason for name, each in identifications.items() if not each.accepted}
     failure = ""
@@ -124,6 +124,7 @@ def identify(
         identification_text(identifications, "joint.toml" if output == "-" else output),
         lambda file: write_text(file, text),
         page,
+        linked=[*(("log", file) for file in logs), ("model", output)],
         failure=failure,
     )
 

@@ -46,7 +46,7 @@ def plan(
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
-    from planner.cli.planning import answer_of, plan_of, plan_report, prepare
+    from planner.cli.planning import answer_of, inputs_of, origins_of, page_of, plan_of, prepare
 
     desired = prepare(run)
     options.warn_of(desired.remarks)
@@ -59,6 +59,8 @@ def plan(
         answer.document(),
         answer.text(),
         lambda file: desired.write(file, result.requests, result.task.load),
-        lambda page: plan_report(desired, answer, page=page, written=[("requests", output)]),
+        lambda: page_of(desired, answer),
+        origins_of(run),
+        [*inputs_of(desired), ("requests", output)],
         failure=f"{missed}; the requests are written all the same" if missed else "",
     )

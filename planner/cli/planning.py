@@ -23,7 +23,7 @@ from planner.planning.task import Task, checked_leg
 from planner.report.plan_results import PlanAnswer, against_tolerances
 
 if TYPE_CHECKING:
-    from planner.report.page import Written
+    from planner.report.page import Page
 
 ROUNDING = 1e-9  # limits and bounds hold up to this [rad]; files carry 12 decimals of a degree
 
@@ -184,16 +184,12 @@ def answer_of(desired: Desired, plan: Plan) -> tuple[PlanAnswer, list[str]]:
     return answer, [*beyond_limits(desired, plan), *doubted]
 
 
-def plan_report(
-    desired: Desired, answer: PlanAnswer, *, page: Path | str, written: Written = ()
-) -> str:
-    """The page about a plan, as HTML, with links to the files that were ``written``."""
+def page_of(desired: Desired, answer: PlanAnswer) -> Page:
+    """The page about a plan."""
     from planner.report.plan_page import plan_page
 
-    about = plan_page(
-        answer, title=desired.title, foot_given=desired.foot_given, notes=notes_of(desired)
-    )
-    return about.html(page, origins_of(desired.settings), [*inputs_of(desired), *written])
+    notes, given = notes_of(desired), desired.foot_given
+    return plan_page(answer, title=desired.title, foot_given=given, notes=notes)
 
 
 def notes_of(desired: Desired) -> list[str]:

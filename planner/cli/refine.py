@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from planner.cli.desired import Desired
     from planner.files.executed import LearningState
     from planner.planning.plan import Plan
+    from planner.report.page import Page
     from planner.report.plan_results import Numbers
 
 FOOT = "foot"  # name of the plan of a foot
@@ -144,9 +145,9 @@ def refine(
     learnt = {name: every[name] for name in every if name not in missing}
     trials = trials_of(desired, learnt)
 
-    def page(place: str) -> str:
+    def page() -> Page:
         plans = list(learnt.values())
-        about_learning = learning_page(
+        return learning_page(
             plans[0] if len(plans) == 1 else joined(plans),
             executed=sent,
             measured=angles.mean(axis=0),
@@ -154,8 +155,6 @@ def refine(
             about_others=about_missing,
             title=desired.title,
         )
-        files = [*inputs_of(desired), ("requests", output), ("history", history)]
-        return about_learning.html(place, origins_of(run), files)
 
     rows = np.hstack([plan.requests for plan in every.values()])
     loads = load_columns([load for plan in every.values() for load in plan.task.loads], len(rows))
@@ -176,6 +175,14 @@ def refine(
         f"{count} of {len(rows)} requests; {model_words(run.model)}\n{trials_text(trials)}",
         lambda file: desired.write(file, rows, loads),
         page,
+        origins_of(run),
+        [
+            *inputs_of(desired),
+            ("requests", output),
+            ("executed", requests),  # where it is another file
+            *(("measured", file) for file in measured),
+            ("history", history),
+        ],
     )
 
 

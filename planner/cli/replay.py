@@ -13,6 +13,7 @@ from planner.cli.settings import SMOOTHING, TOLERANCE, ReplayRun
 
 if TYPE_CHECKING:
     from planner.cli.recordings import ReplayTask
+    from planner.report.page import Page
 
 
 NORM = "the plan's norm, or with --fastest the largest error"  # the norm of the tolerances
@@ -124,26 +125,23 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
         words = replay_text(result, task.models.words, fastest)
         misses = missed(task, result)
 
-    def page(place: str) -> str:
-        arm, recording = task.arm, task.recording
+    def page() -> Page:
+        arm = task.arm
         missing = [name for name in arm.joint_names if name not in result.names] if arm else []
-        about = replay_page(
+        if missing:
+            remark(
+                f"no arm is drawn on the page, as the recording has no joint {', '.join(missing)}; "
+                f"joints: {', '.join(result.names)}; name them with --urdf-joint"
+            )
+        return replay_page(
             result,
-            title=PurePath(recording.name).name,
+            title=PurePath(task.recording.name).name,
             models=task.models.words,
             fastest=fastest,
             arm=None if missing else arm,
             missed=misses,
             remarks=task.models.remarks,
         )
-        if missing:
-            remark(
-                f"{place}: no arm is drawn, as the recording has no joint {', '.join(missing)}; "
-                f"joints: {', '.join(result.names)}; name them with --urdf-joint"
-            )
-        origins = [("recording", recording.name), ("track", result.path.track)]
-        files = [("recording", recording.path), ("requests", output)]
-        return about.html(place, origins, files)
 
     if fastest is not None:
         content |= {"fastest": fastest_results(fastest)}
@@ -154,6 +152,8 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
         words,
         lambda file: write(file, task, result),
         page,
+        [("recording", task.recording.name), ("track", result.path.track)],
+        [("recording", task.recording.path), ("requests", output)],
         failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",
     )
 
@@ -163,7 +163,6 @@ def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None 
     from planner.report.replay_page import episodes_page, episodes_text
 
     failure, title = "", ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
-    origins = [*(("recordings", name) for name in logs), ("track", document["track"])]
     if failed := document["left_out"]:
         count = len(document["recordings"]) + len(failed)
         failure = (
@@ -173,7 +172,8 @@ def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None 
     return Answer(
         document,
         episodes_text(document),
-        page=lambda place: episodes_page(document, title=title).html(place, origins),
+        page=lambda: episodes_page(document, title=title),
+        origins=[*(("recordings", name) for name in logs), ("track", document["track"])],
         failure=failure,
         warnings=[f"{name} is left out: {reason}" for name, reason in failed.items()],
     )

@@ -118,7 +118,7 @@ def _check_names(run: Run) -> None:
 
 def carried_out(desired: Desired, out: str) -> Answer:
     """Plan, and write the folder of the results, ``results.json`` among them."""
-    from planner.cli.planning import answer_of, plan_of, plan_report
+    from planner.cli.planning import answer_of, inputs_of, origins_of, page_of, plan_of
     from planner.files.paths import write_foot_path
     from planner.report.page import versions
     from planner.robot.schedule import Schedule
@@ -148,9 +148,10 @@ def carried_out(desired: Desired, out: str) -> Answer:
             words += f"\n{export.file}: {summary}"
         if run.output.report:
             page = folder / run.output.report
-            files: list[tuple[str, Path | str | None]] = [("run", run.source.path)]
+            files: list[tuple[str, Path | str | None]] = [*inputs_of(desired)]
+            files += [("run", run.source.path)]
             files += [(Path(name).stem, folder / name) for name in [*list_files(folder), MANIFEST]]
-            write_text(page, plan_report(desired, answer, page=page, written=files))
+            write_text(page, page_of(desired, answer).html(page, origins_of(run), files))
         results = {
             "made_by": "request-planner run",
             "settings": {name: value for name, (value, _) in flat(run).items()},
