@@ -147,8 +147,9 @@ def _fault(text: str) -> tuple[str, int, float]:
     )
     if parts is None:
         raise ValueError
-    kind, number = parts[1] or parts[3], options.finite(parts[2] or parts[5])
-    if parts[1] and not 0.0 <= number <= (1.0 if kind == "drop" else math.inf):
+    kind, number = parts[1] or parts[3], float(parts[2] or parts[5])
+    most = 1.0 if kind == "drop" else math.inf
+    if not math.isfinite(number) or (parts[1] and not 0.0 <= number <= most):
         raise ValueError
     return kind, int(parts[4] or 0), number
 

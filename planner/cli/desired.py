@@ -66,7 +66,10 @@ class Desired:
     @property
     def title(self) -> str:
         """What is planned: the leg, the legs or the joints."""
-        return leg_title(self.settings.leg) or ", ".join(self.legs or self.names)
+        leg = self.settings.leg
+        if leg.urdf:
+            return f"{Path(leg.urdf).name} · {leg.foot}"
+        return leg.name or ", ".join(self.legs or self.names)
 
     @property
     def shown_units(self) -> dict[str, Literal["deg", "percent"]]:
@@ -162,8 +165,8 @@ def _path_of(run: settings.Run) -> tuple[paths.SampledPath, Leg | None, bool]:
             raise BadSetting(f"‹path.half_ellipse›: {words}")
         if leg is None:
             raise BadSetting(
-                "‹path.half_ellipse›: a foot path needs a leg; set ‹leg.name›, or ‹leg.urdf›, "
-                "‹leg.base› and ‹leg.foot›"
+                "‹path.half_ellipse›: a foot path needs a leg; set ‹leg.name›, and of your own "
+                "robot ‹leg.base› and ‹leg.foot›"
             )
         if walk.for_leg:
             leg_stride = stride(leg, **walk.arguments(given_only=True))
@@ -351,11 +354,9 @@ def check_felt(key: str, models: Iterable[JointModel]) -> None:
 
 def find_leg(run: settings.Run) -> LegPlace | None:
     """The description of the leg; None if the settings name no leg."""
-    leg, file = run.leg, own_robot(run.leg)
+    leg, file = run.leg, run.leg.urdf
     near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
-    if leg.name is not None and leg.urdf is not None:
-        raise BadSetting("‹leg.name› and ‹leg.urdf› name a leg each: leave one out")
     if leg.name in settings.LEG_NAMES:
         if is_described:
             words = "leave out ‹leg.base›, ‹leg.foot› and ‹leg.lock›"
@@ -418,17 +419,6 @@ def legs_of(run: settings.Run, *, among: Sequence[str] | None = None) -> dict[st
     return {
         name: leg for name, leg in legs.items() if among is None or {*leg.joint_names} <= {*among}
     }
-
-
-def own_robot(leg: settings.Leg) -> str | None:
-    """The URDF of the user's own robot; None of a shipped leg."""
-    return leg.urdf or (None if leg.name in settings.LEG_NAMES else leg.name)
-
-
-def leg_title(leg: settings.Leg) -> str:
-    """The name of the leg on pages; empty if the settings name no leg."""
-    file = own_robot(leg)
-    return f"{Path(file).name} · {leg.foot}" if file else leg.name or ""
 
 
 def models_of(

@@ -131,25 +131,7 @@ REWRITTEN = Place("file", None)
 UNITS = ("hz", "s", "ms", "deg", "cm")  # endings of names that are shown as the form of numbers
 
 
-def finite(text: str) -> float:
-    """A finite number."""
-    number: float = Kind(float).fitted(float(text))
-    return number
-
-
-def _position(text: str) -> tuple[str, tuple[str, float]]:
-    joint, _, place = text.rpartition("=")
-    if not joint:
-        raise ValueError
-    slides = place.endswith("m")
-    return joint, ("lock_m" if slides else "lock", finite(place.removesuffix("m")))
-
-
 PARAMETER = of_kind(float, "NAME=VALUE", "length=0.04")
-LOCK = Parsed(
-    _position, "JOINT=DEG", "JOINT=DEG, such as wrist=-90, or slide=0.1m of one that slides"
-)
-
 
 Output = Annotated[str, OUTPUT]
 Folder = Annotated[str, FOLDER]
@@ -178,8 +160,6 @@ def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
         click_type = kind.parser
         if isinstance(declared.default, str):  # which is checked like any other
             more |= {"default": declared.default, "show_default": False}
-    elif name == "leg_lock":
-        click_type = LOCK
     elif SOURCE in each.notes:
         click_type = Place("file", "read", expected=each.expected)
     elif each.origin is Literal:
@@ -374,7 +354,7 @@ BY_JOINT = {
 }
 """By key for values of single joints: the setting with the option."""
 
-LEG = "name urdf base foot lock near"  # the keys of a leg, for `settings`
+LEG = "name base foot lock lock_m near"  # the keys of a leg, for `settings`
 
 
 def settings(*groups: str, path: Declared | None = None, **helps: str) -> Any:
@@ -454,8 +434,5 @@ def put(content: dict[str, Any], key: str, value: Any) -> None:
                 table.setdefault(declared.by_joint, {})[joint] = each
             else:
                 table[name] = each
-    elif key == "leg.lock":
-        for joint, (unit, position) in value:
-            table.setdefault(unit, {})[joint] = position
     else:
         table[name] = dict(value) if declared.kind.origin is dict else value

@@ -110,7 +110,7 @@ def tasks_of(
     if tolerance.deg is not None and tolerance.cm is not None:
         raise BadSetting("‹tolerance.deg› and ‹tolerance.cm›: expected one of them; leave one out")
     if tolerance.cm is not None and loading.find_leg(run) is None:
-        raise BadSetting("‹tolerance.cm› is for a foot: name its leg or arm with ‹leg.urdf›")
+        raise BadSetting("‹tolerance.cm› is for a foot: name its leg or arm with ‹leg.name›")
     if replay.fastest and tolerance.deg is None and tolerance.cm is None:
         raise BadSetting(f"{fastest} needs ‹tolerance.deg› or ‹tolerance.cm›")
     if replay.retime != "constant" and not replay.fastest:
@@ -179,7 +179,7 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
             raise BadSetting(f"{key}: the recording has no torque of a joint that feels it")
         return path
     if leg is None:
-        raise BadSetting(f"{key}: needs the leg or arm; name it with ‹leg.urdf›")
+        raise BadSetting(f"{key}: needs the leg or arm; name it with ‹leg.name›")
     by_name = {each.name: each for each in path.joints}
     for name in leg.joint_names:
         if name not in by_name:

@@ -59,11 +59,9 @@ class Leg(Settings):
     Attributes:
         name: A shipped leg, or the URDF of your own robot, with base and foot. Positions are in the
             base's frame: of a shipped leg the body's, and for 'reference' the hip's.
-        urdf: The URDF of your own robot, in place of a shipped leg.
         base: With a URDF: the frame of the foot positions.
         foot: With a URDF: the frame of the foot.
-        lock: With a URDF: joints to hold, and where [deg], so that three remain; --lock JOINT=0.1m
-            holds one that slides.
+        lock: With a URDF: joints to hold, and where [deg], so that three remain.
         lock_m: With a URDF: the same for joints that slide [m].
         near: Initial pose [deg]: the nearest solution of the inverse kinematics is taken.
         unreachable: Positions out of reach: stop and list them, take the nearest, or clamp each
@@ -73,15 +71,19 @@ class Leg(Settings):
     name: LegName | None = setting(
         example="front-left", set_to="reference", option="--leg", form="NAME|URDF"
     )
-    urdf: Source | None = option(example="robot.urdf")
     base: Frame | None = option(example="base_link", form="FRAME")
     foot: Frame | None = option(example="lf_foot", form="FRAME")
     lock: Angles | None = option(example={"wrist": -90.0})
-    lock_m: Annotated[dict[str, float] | None, Expected("a table of positions by joint")] = setting(
-        example={"slide": 0.1}
+    lock_m: Annotated[dict[str, float] | None, Expected("a table of positions by joint")] = option(
+        example={"slide": 0.1}, form="JOINT=M"
     )
     near: Angles | None = option(example={"wrist": -90.0})
     unreachable: Literal["raise", "nearest", "clamp"] = option(default="raise", set_to="clamp")
+
+    @property
+    def urdf(self) -> str | None:
+        """The URDF of the user's own robot; None of a shipped leg."""
+        return None if self.name in LEG_NAMES else self.name
 
 
 class Model(Settings):
@@ -340,7 +342,7 @@ class Replay(Settings):
             whatever --norm is.
         retime: With fastest: one factor for the whole recording, or one that varies along it,
             slower where errors are large.
-        urdf_joints: With --urdf: what a joint of the recording is called there.
+        urdf_joints: With a URDF: what a joint of the recording is called there.
         write_as: What to write: csv has the columns and units of the recording, joints those of
             `plan`; lerobot, bag and mcap are folders.
     """

@@ -39,7 +39,7 @@ def view(
         request-planner view foot.csv --leg reference --unreachable clamp --html walk.html
     """  # noqa: D301
     from kinematics.scene import Scene
-    from planner.cli.desired import find_leg, leg_title, model_words
+    from planner.cli.desired import find_leg, model_words
     from planner.cli.planning import plan_of, prepare
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate_joints
@@ -83,7 +83,7 @@ def view(
         feet,
         period=desired.period,
         cyclic=desired.cyclic,
-        title=f"request-planner: {leg_title(run.leg)}",
+        title=f"request-planner: {desired.title}",
     )
     write_text(html, page)
     summarise(f"{html}: {len(desired.angles)} samples; {model_words(run.model)}")

@@ -127,7 +127,7 @@ def never_replayed(monkeypatch):
 def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, never_replayed):  # noqa: ARG001
     urdf = Path(shutil.copy(urdf_path("ers210a.urdf"), dataset.parent))
     words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
-    words += ("--urdf", urdf, "--base", "body", "--foot", "front_left_paw")
+    words += ("--leg", urdf, "--base", "body", "--foot", "front_left_paw")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("planner.cli.recordings.tasks_of", tasks_of)
         first = run(*words, "--workers", 1, "--json")

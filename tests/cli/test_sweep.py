@@ -192,7 +192,7 @@ def test_a_sweep_that_is_complete_is_resumed_without_a_plan_unless_it_has_change
 
 def test_outcomes_depend_on_the_content_of_all_files(tmp_path):
     walk = "[path.half_ellipse]\n[sweep.parameters]\nlength = [0.03]\n"
-    text = '[leg]\nurdf = "r.urdf"\nbase = "hip"\nfoot = "foot"\n[model]\nfile = "all.toml"\n'
+    text = '[leg]\nname = "r.urdf"\nbase = "hip"\nfoot = "foot"\n[model]\nfile = "all.toml"\n'
     (tmp_path / "s.toml").write_text(f"{text}{walk}")
     shutil.copy(urdf_path("reference_leg.urdf"), tmp_path / "r.urdf")
     planner.JointModel.ers210a().to_toml(tmp_path / "all.toml")

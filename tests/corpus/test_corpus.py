@@ -285,7 +285,7 @@ def reproduction(request, name, keep):
     return re.sub(r"(?<=CSV files: ).*", "out", text)
 
 
-OF_LEGS = {"--urdf", "--base", "--foot", "--lock", "--near"}
+OF_LEGS = {"--base", "--foot", "--lock", "--lock-m", "--near"}
 OF_LOGS = {"--time", "--requested", "--actual", "--torque", "--ticks-per-turn"}
 OF_DATASETS = {"--topic", "--command-topic", "--episodes"}
 

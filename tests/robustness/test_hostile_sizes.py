@@ -53,7 +53,7 @@ def _json_bomb(folder):
     (folder / "log.json").write_text('{"entries": ' + "[" * 10**6 + "]" * 10**6 + "}")
 
 
-LEG = ("--urdf", "robot.urdf", "--base", "a", "--foot", "b")
+LEG = ("--leg", "robot.urdf", "--base", "a", "--foot", "b")
 HOSTILE = {
     "a file of zeros without end": (
         lambda folder: _sparse(folder, "x.csv", b"knee_deg\n1\n", 2**42),
