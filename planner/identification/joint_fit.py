@@ -147,7 +147,7 @@ def moving(grid: Grid) -> Grid:
         raise InvalidInput(
             f"the log has {len(grid.angles)} rows to learn from, expected 10 or more with torque on"
         )
-    sent = grid.requests[numbers_in_force(grid.edges, grid.ticks, 0.0, 0.0)]
+    sent = grid.requests[numbers_in_force(grid.edges, grid.ticks, 0.0)]
     if np.ptp(sent) <= least:
         raise InvalidInput(
             "the requests never change in this log: record one in which they move the joint"
@@ -299,5 +299,5 @@ def delayed_errors(grid: Grid, delay: float) -> Array:
     from planner.model.kernel import numbers_in_force
 
     late = delay - 1e-6 * grid.tick
-    numbers = numbers_in_force(grid.edges, grid.times, late, 0.0)
+    numbers = numbers_in_force(grid.edges, grid.times, late)
     return np.asarray(grid.requests[numbers] - grid.angles)

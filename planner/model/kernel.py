@@ -352,6 +352,9 @@ class Track(NamedTuple):
 ROUNDING = 1e-15
 """A speed below this, relative to the demand of the angles, is rounding: the joint is at rest."""
 
+FADED = 1e-200
+"""A derivative below this is 0."""
+
 GAIN, V_MAX, LAG, WINDOW, SAG, BAND, FASTER, SAG_LOAD, FASTER_LOAD = range(9)
 SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS, INTEGRAL = range(9, 15)
 START = 15
@@ -361,14 +364,20 @@ share [-], acceleration limit [rad/tick^2], play [rad], sag by sine and cosine o
 the integral's share [-], and the angle at which the run of a row starts."""
 
 
+@inner
+def later_in_force(edges: Array, number: int, time: float) -> int:
+    """The number of the request in force at a time, which is not before that of another number."""
+    while number < len(edges) - 1 and edges[number + 1] <= time:
+        number += 1
+    return number
+
+
 @compiled
-def numbers_in_force(edges: Array, times: Array, lag: float, window: float) -> Indices:
-    """The number of the request in force a lag and a window before each of increasing times."""
+def numbers_in_force(edges: Array, times: Array, late: float) -> Indices:
+    """The number of the request in force so long before each of increasing times."""
     found, number = np.empty(len(times), dtype=np.int_), 0
     for k in range(len(times)):
-        time = times[k] - lag - window
-        while number < len(edges) - 1 and edges[number + 1] <= time:
-            number += 1
+        number = later_in_force(edges, number, times[k] - late)
         found[k] = number
     return found
 
@@ -396,21 +405,16 @@ def along(
     has_integral = law.integral_share > 0.0
     has_sag_columns = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
     edges, requests, last = track.edges, track.requests, len(track.edges) - 1
-    oldest = numbers_in_force(edges, track.ticks, servo.lag, servo.window)
     window, by_window = servo.window / track.tick, 1.0 / servo.window
     # requests a little before and after the window's edges, of the youngest and the oldest request
-    beside = np.empty((2, 2, len(states) if count > 0 else 0))
-    for edge in range(2 if count > 0 else 0):
-        for after in range(2):
-            shift = servo.lag + edge * servo.window - (2.0 * after - 1.0) * apart
-            numbers = numbers_in_force(edges, track.ticks, shift, 0.0)
-            for t in range(len(states)):
-                beside[edge, after, t] = requests[numbers[t]]
-    drives, kinks, by_sag = np.zeros((3, START + 1))
-    past, now, motion, fast, summed = np.zeros((5, count))
-    pushed, bends, sag_changes = np.zeros((3, count))
+    far = servo.lag + servo.window
+    shifts = np.array([servo.lag + apart, servo.lag - apart, far + apart, far - apart])
+    beside, at_edges = np.zeros(4, dtype=np.int_), np.zeros(4)
+    # by all columns: derivatives of the drive, of friction and limit, of what is by gravity and a
+    # torque; of the angle, of the motor's, of the speed, of the integral
+    drives, kinks, by_sag, now, motion, fast, summed = np.zeros((7, START + 1))
     row, way, band, speed, motor = 0, 0.0, law.friction / law.gain, 0.0, 0.0
-    integral, beyond = 0.0, 0.0 if exceeds_drive(law) else 1.0
+    integral, beyond, oldest = 0.0, 0.0 if exceeds_drive(law) else 1.0, 0
     for t in range(len(states)):
         state = states[t]
         angle = angles[state - 1]
@@ -418,16 +422,18 @@ def along(
         starts = t == 0 or states[t - 1] != state - 1
         if starts:
             motor, speed, integral = at_rest(law, angle, load_sag)
-            for p in range(count):
-                fast[p] = summed[p] = 0.0
-                now[p] = motion[p] = 1.0 if columns[p] == START else 0.0
+            for c in columns:
+                fast[c] = summed[c] = 0.0
+                now[c] = motion[c] = 1.0 if c == START else 0.0
         raised, held_integral = lifted(law, integral), integral
         sag = law.offset + load_sag + raised
         faster = servo.faster + servo.faster_by_load * track.loads[t]
         least, most = np.inf, -np.inf
         demand, inside, mean, limited, saturated = 0.0, 0.0, 0.0, 0.0, 0.0
         young = track.ticks[t] - servo.lag
-        begin, number = young - servo.window, oldest[t]
+        begin = young - servo.window
+        oldest = later_in_force(edges, oldest, begin)
+        number = oldest
         while True:
             end = young if number == last else min(edges[number + 1], young)
             weight, error = (end - begin) * by_window, requests[number] + sag - angle
@@ -461,78 +467,79 @@ def along(
             side = 1.0 if motor > angle else -1.0
             follows = abs(motor - angle) > half
             angle_now = motor - side * half if follows else angle
-        angles[state] = angle_now
-        if count > 0:
-            side_young = side_old = 0.0
-            for k in range(2):
-                side_young += drive(law, beside[0, k, t] + sag - angle, faster)[0] / 2.0
-                side_old += drive(law, beside[1, k, t] + sag - angle, faster)[0] / 2.0
-            # By the drive g(t)
-            # The limits are v_max + gain * dead band, in a speed loop v_max, and shifted by gain *
-            # the sag by the pose.
-            drives[GAIN] = mean + by_pose + beyond * band * limited
-            drives[V_MAX] = limited
-            drives[LAG] = (side_old - side_young) / window
-            drives[WINDOW] = (side_old - driven) / window
-            drives[SAG] = law.gain * inside
-            drives[BAND] = beyond * law.gain * limited
-            drives[FASTER] = saturated
-            drives[SAG_LOAD] = drives[SAG] * track.loads[t]
-            drives[FASTER_LOAD] = saturated * track.loads[t]
-            # What of it is by gravity and a torque
-            by_sag[GAIN] = load_sag + by_pose
-            by_sag[SAG_LOAD] = law.gain * track.loads[t]
-            if has_sag_columns:
-                by_sag[SAG_SIN] = drives[SAG_SIN] = law.gain * np.sin(angle)
-                by_sag[SAG_COS] = drives[SAG_COS] = law.gain * np.cos(angle)
-            # By the demanded speed, and by the speed before
-            accelerated = 1.0
-            kinks[ACCELERATION] = 0.0
-            if abs(law.share * (aim - slid)) > law.acceleration:
-                accelerated = 0.0
-                kinks[ACCELERATION] = np.sign(aim - slid)
-            if way == 0.0 or abs(free) > ROUNDING * law.share * law.gain * abs(angle):
-                way = np.sign(free)  # at rest: the direction in which it came to rest
-            sliding = 1.0 if law.friction == 0.0 or abs(free) > law.share * law.friction else 0.0
-            kinks[GAIN] = -way * law.share * band
-            kinks[BAND] = -way * law.share * law.gain
-            kinks[SHARE] = accelerated * (aim - slid) - way * law.friction
-            by_demand = law.share * accelerated
-            by_pose_slope = pose_sag_slope(law, angle)
-            by_angle = law.gain * (inside - by_pose_slope)
-            for p in range(count):
-                past[p], pushed[p], bends[p] = now[p], drives[columns[p]], kinks[columns[p]]
-            for p in range(count):
-                pushed[p] -= by_angle * now[p]
-            for p in range(count if has_integral else 0):
-                sag_changes[p] = by_sag[columns[p]] + law.gain * by_pose_slope * now[p]
-                if starts:
-                    summed[p] = -sag_changes[p]
-                pushed[p] += law.integral_inside * inside * summed[p]
-            if law.share < 1.0:
-                for p in range(count):
-                    follow = by_demand * (aimed(law, pushed[p], summed[p]) - fast[p])
-                    fast[p] = sliding * (fast[p] + follow + bends[p])
-            elif accelerated == 1.0:
-                for p in range(count):
-                    fast[p] = sliding * (pushed[p] + bends[p])
-            else:
-                for p in range(count):
-                    fast[p] += bends[p] if columns[p] == ACCELERATION else 0.0
-            for p in range(count if has_integral and accelerated == 1.0 else 0):
-                back = fed_back(law, fast[p], summed[p])
-                summed[p] += law.integral_share * (pushed[p] - sag_changes[p] - back)
-                if columns[p] == INTEGRAL:
-                    summed[p] += demand - by_sags - fed_back(law, speed, held_integral)
-            for p in range(count):
-                motion[p] += fast[p]
-            for p in range(count if follows else 0):
-                now[p] = motion[p]
-            for p in range(count if follows and half > 0.0 else 0):
-                now[p] -= side / 2.0 if columns[p] == PLAY else 0.0
+        angles[state], first = angle_now, row
         while row < len(before) and before[row] == state - 1:
-            after = share[row]
-            predicted[row] = (1.0 - after) * angle + after * angle_now
+            predicted[row] = (1.0 - share[row]) * angle + share[row] * angle_now
             for p in range(count):
-                slopes[row, p] = (1.0 - after) * past[p] + after * now[p]
+                slopes[row, p] = (1.0 - share[row]) * now[columns[p]]
             row += 1
+        if count == 0:
+            continue
+        for k in range(4):
+            beside[k] = later_in_force(edges, beside[k], track.ticks[t] - shifts[k])
+            at_edges[k] = drive(law, requests[beside[k]] + sag - angle, faster)[0]
+        side_young, side_old = (at_edges[0] + at_edges[1]) / 2.0, (at_edges[2] + at_edges[3]) / 2.0
+        # By the drive g(t)
+        # The limits are v_max + gain * dead band, in a speed loop v_max, and shifted by gain * the
+        # sag by the pose.
+        drives[GAIN] = mean + by_pose + beyond * band * limited
+        drives[V_MAX] = limited
+        drives[LAG] = (side_old - side_young) / window
+        drives[WINDOW] = (side_old - driven) / window
+        drives[SAG] = law.gain * inside
+        drives[BAND] = beyond * law.gain * limited
+        drives[FASTER] = saturated
+        drives[SAG_LOAD] = drives[SAG] * track.loads[t]
+        drives[FASTER_LOAD] = saturated * track.loads[t]
+        if has_sag_columns:
+            drives[SAG_SIN], drives[SAG_COS] = law.gain * np.sin(angle), law.gain * np.cos(angle)
+        # By the demanded speed, and by the speed before
+        accelerated = 1.0
+        kinks[ACCELERATION] = 0.0
+        if abs(law.share * (aim - slid)) > law.acceleration:
+            accelerated = 0.0
+            kinks[ACCELERATION] = np.sign(aim - slid)
+        if way == 0.0 or abs(free) > ROUNDING * law.share * law.gain * abs(angle):
+            way = np.sign(free)  # at rest: the direction in which it came to rest
+        sliding = 1.0 if law.friction == 0.0 or abs(free) > law.share * law.friction else 0.0
+        kinks[GAIN] = -way * law.share * band
+        kinks[BAND] = -way * law.share * law.gain
+        kinks[SHARE] = accelerated * (aim - slid) - way * law.friction
+        kept = sliding * (1.0 - law.share * accelerated)
+        by_demand = sliding * law.share * accelerated
+        if law.share == 1.0 and accelerated == 0.0:  # friction comes before the limit
+            kinks[GAIN] = kinks[BAND] = kinks[SHARE] = 0.0
+            kept = sliding = 1.0
+        by_pose_slope = pose_sag_slope(law, angle)
+        by_angle = law.gain * (inside - by_pose_slope)
+        if has_integral:
+            by_sag[GAIN], by_sag[SAG_LOAD] = load_sag + by_pose, law.gain * track.loads[t]
+            by_sag[SAG_SIN], by_sag[SAG_COS] = drives[SAG_SIN], drives[SAG_COS]
+            for c in columns:
+                sag_change = by_sag[c] + law.gain * by_pose_slope * now[c]
+                if starts:
+                    summed[c] = -sag_change
+                pushed = drives[c] - by_angle * now[c] + law.integral_inside * inside * summed[c]
+                fast[c] = kept * fast[c] + by_demand * aimed(law, pushed, summed[c])
+                fast[c] += sliding * kinks[c]
+                back = fed_back(law, fast[c], summed[c])
+                summed[c] += accelerated * law.integral_share * (pushed - sag_change - back)
+                motion[c] += fast[c]
+            held = demand - by_sags - fed_back(law, speed, held_integral)
+            summed[INTEGRAL] += accelerated * held
+        else:
+            for c in columns:
+                pushed = by_demand * (drives[c] - by_angle * now[c])
+                fast[c] = kept * fast[c] + pushed + sliding * kinks[c]
+                motion[c] += fast[c]
+        if follows:
+            for c in columns:
+                now[c] = motion[c]
+            now[PLAY] -= side / 2.0
+        for r in range(first, row):
+            for p in range(count):
+                c = columns[p]
+                slopes[r, p] += share[r] * now[c]
+                # numbers below the least normal one take a hundred times as long
+                fast[c] = fast[c] if abs(fast[c]) > FADED else 0.0
+                motion[c] = motion[c] if abs(motion[c]) > FADED else 0.0
