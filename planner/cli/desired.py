@@ -19,7 +19,7 @@ from planner.files import paths
 from planner.files.columns import LEAST_DEG, SHARES
 from planner.files.joint_model import LegPlace, read_legs, read_model_file, read_servos
 from planner.files.text import STANDARD_STREAM
-from planner.model.evidence import refusal
+from planner.model.evidence import check_unit, refusal
 from planner.model.joint import JointModel
 from planner.planning.task import limits_of_each
 
@@ -137,7 +137,7 @@ def desired_of(run: settings.Run) -> Desired:
         cyclic=cyclic,
         remarks=[*remarks, refused_models(names, models)],
         loads=path.loads,
-        limits=_limits_of(run, names, path.units, legs.values() if leg is None else (leg,)),
+        limits=_limits_of(run, names, path, legs.values() if leg is None else (leg,)),
         starts=starts_of(run.start, names, cyclic=cyclic),
         leg=leg,
         legs=legs,
@@ -284,11 +284,12 @@ def values_by_joint(
 
 
 def _limits_of(
-    run: settings.Run, names: Sequence[str], units: Sequence[str], legs: Iterable[Leg]
+    run: settings.Run, names: Sequence[str], path: paths.SampledPath, legs: Iterable[Leg]
 ) -> tuple[Array, Array] | None:
     """Limits of joints [rad]: of the settings, or else common to the servos and the legs.
 
-    Those of servos and legs are angles, which say nothing about shares of a joint's range.
+    Joints in shares of a range, about which angles say nothing, have by default the range, or that
+    of the path where it goes beyond.
     """
     spans = dict[str, tuple[float, float]]()
     for leg in legs:
@@ -298,9 +299,9 @@ def _limits_of(
     for name in servos.keys() & {*names}:
         (low, high), (lower, upper) = servos[name].limits, spans.get(name, (-math.inf, math.inf))
         spans[name] = max(lower, low), min(upper, high)
-    for name, unit in zip(names, units, strict=False):  # a foot has axes, in meters
+    for name, unit, values in zip(path.names, path.units, path.values.T, strict=True):
         if unit in SHARES:
-            spans.pop(name, None)
+            spans[name] = min(0.0, np.min(values)), max(SHARES["range"], np.max(values))
     for name, (low, high) in values_by_joint("limits", run.limits, names).items():
         spans[name] = math.radians(low), math.radians(high)
     own = {name: spans[name] for name in names if name in spans}
@@ -444,15 +445,18 @@ def models_of(
                 f"'{name}' takes a request every {each.period:g} s and '{joints[0]}' every "
                 f"{period:g} s, expected one rate; plan them one by one",
             )
-    if not set(units) & set(SHARES):
+    shares = [unit in SHARES for unit in units]
+    for name, each, share in zip(joints, models, shares, strict=False):
+        check_unit(name, each.evidence, shares=share)
+    if not any(shares):
         return models
     if file == settings.SHIPPED_MODEL:
         raise BadSetting(
             "the path has joints in shares of their range, of which the ERS-210A's model says "
             "nothing; name models of theirs, as identify writes them, with ‹model.file›"
         )
-    pairs = zip(models, units, strict=True)
-    return tuple(_in_percent(each) if unit in SHARES else each for each, unit in pairs)
+    pairs = zip(models, shares, strict=True)
+    return tuple(_in_percent(each) if share else each for each, share in pairs)
 
 
 def _by_file(run: settings.Run, joints: Sequence[str], leg: Leg | None) -> tuple[JointModel, ...]:

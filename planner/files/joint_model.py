@@ -17,7 +17,14 @@ import numpy as np
 from planner.arrays import LARGEST, as_number, as_whole, shown
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
 from planner.files.text import Expected, Kind, Toml, key_name, read_toml, toml_value, within
-from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
+from planner.model.evidence import (
+    ACCEPTED,
+    GAIN,
+    AngleUnit,
+    Evidence,
+    Verdict,
+    warn_of_refused,
+)
 from planner.model.joint import JointModel
 from planner.robot import EXPECTED_BUS, bus_name
 
@@ -92,7 +99,8 @@ TESTED = {
 
 # The field of Evidence for each of its keys but the intervals.
 EVIDENCE = dict(zip(TESTED, Evidence._fields, strict=False))
-EVIDENCE |= {"verdict": "verdict", "verdict_reason": "reason", "correlations": "correlations"}
+EVIDENCE |= {"verdict": "verdict", "verdict_reason": "reason", "angle_unit": "unit"}
+EVIDENCE |= {"correlations": "correlations"}
 
 MODEL = {
     # parameters and intervals are checked when all are known
@@ -110,6 +118,11 @@ MODEL = {
         f"to plan with only if {' or '.join(map(toml_value, ACCEPTED))}",
     ),
     "verdict_reason": Key(_text, "the reason in words"),
+    "angle_unit": Key(
+        Kind(AngleUnit).fitted,
+        f"one of {', '.join(map(repr, get_args(AngleUnit)))}",
+        'of the logs; "range" for shares of the joint\'s range',
+    ),
 }
 
 # Keys above all tables: the place and the type of the servos, and all.

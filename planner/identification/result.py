@@ -419,6 +419,7 @@ class Identification(ReadOnly, Summarised):
             self.correlations,
             self.verdict,
             self.reason,
+            "rad" if self.unit == "rad" else "range",
         )
 
     def _delay_error(self, known: Mapping[str, Interval]) -> float:

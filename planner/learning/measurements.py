@@ -130,11 +130,19 @@ def check_angles(
 def check_trial(
     cycles: Array, modelled: Array, trials: Sequence[Trial], before: Sequence[Array]
 ) -> None:
-    """Refuse another motion, and a cycle that was already measured under other requests.
+    """Refuse another motion or zero, and a cycle already measured under other requests.
 
     ``modelled`` and ``before`` are the angles of the models in this and in earlier trials [rad],
     (n, k). From a motion farther from them than a joint at rest learning could not converge.
     """
+    shift = np.mean(cycles.mean(axis=0) - modelled, axis=0)
+    for j in np.flatnonzero(np.abs(shift) > math.radians(30.0)).tolist():  # more than any sag
+        raise InvalidTrajectory(
+            f"measured: the angles of {_joint(j, modelled)} are on average "
+            f"{angle_text(shift[j], digits=2)} from those of the model, which no load or friction "
+            "explains: is their zero another one, or are they of another joint? give angles from "
+            "the zero of the requests"
+        )
     away = np.std(cycles.mean(axis=0) - modelled, axis=0)
     resting = np.std(modelled, axis=0)
     should_move = np.ptp(modelled, axis=0) > MOVING

@@ -51,6 +51,9 @@ Verdict = Literal["holds", "usable", "worse than a delay", "refused"]
 ACCEPTED: tuple[Verdict, ...] = ("holds", "usable")
 """Verdicts on models that may be planned with."""
 
+AngleUnit = Literal["rad", "range"]
+"""What the angles of a model are: angles, or shares of the joint's range."""
+
 ALIKE = 0.7
 """Correlation up to which a plan's own error and that of its model may add up or cancel: on eleven
 servos from their physics it was -0.70 to 0.64."""
@@ -82,6 +85,7 @@ class Evidence(NamedTuple):
     correlations: tuple[tuple[float, ...], ...] = ()
     verdict: Verdict | None = None  # whether the model may be planned with
     reason: str = ""  # why, in words
+    unit: AngleUnit | None = None  # what the angles are; None where it is not known
 
     @property
     def refused(self) -> bool:
@@ -159,6 +163,26 @@ class Evidence(NamedTuple):
             by_acceleration=pairs,
             intervals=intervals,
         )
+
+
+def check_unit(joint: str, evidence: Evidence | None, *, shares: bool) -> None:
+    """Raise InvalidInput where angles, or ``shares`` of a range, meet a model known of the other.
+
+    Example:
+        >>> check_unit("jaw", Evidence(unit="range"), shares=True)
+    """
+    if evidence is None or evidence.unit is None or (evidence.unit == "range") == shares:
+        return
+    name = joint or "joint"
+    got, known, expected = (
+        ("shares of its range", "in radians", f"angles: columns {name}_deg or {name}_rad")
+        if shares
+        else ("angles", "in shares of its range", f"{name}_percent or {name}_range (0 to 1)")
+    )
+    raise InvalidInput(
+        f"{name}: got {got}, but its model is {known}; expected {expected}, or a model that was "
+        f"identified from logs in {got}"
+    )
 
 
 def refusal(evidence: Mapping[str, Evidence | None]) -> str:

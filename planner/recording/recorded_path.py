@@ -18,7 +18,7 @@ from planner.arrays import MOST_SAMPLES, Array, as_number, as_positive, check_ch
 from planner.exceptions import InvalidInput, InvalidModel, PlannerError, nearest
 from planner.identification.grid import sound_rows, timing_of
 from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
-from planner.model.evidence import with_reasons
+from planner.model.evidence import check_unit, with_reasons
 from planner.model.joint import JointModel
 from planner.planning.task import JointLimits, LoadOfPose, limits_of_each
 
@@ -163,6 +163,7 @@ def recorded_path(
             angles = np.interp(times, times[sound], angles[sound])
         freeze(times, angles)
         model, reason = chosen[name]
+        check_unit(name, model.evidence if model else None, shares=log.unit == "1")
         paths.append(
             Path(
                 name=name,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import filterfalse
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from planner.arrays import Array, Summarised, Summary, as_number, check_choice, shown
 from planner.exceptions import Infeasible, InvalidInput, PlannerError
 from planner.planning.bounds.certify import lower_bound
+from planner.planning.bounds.reachable_set import distance_from_rest
 from planner.planning.task import JointLimits
 from planner.recording.recorded_path import Models, Path, RecordedPath, Track, recorded_path
 from planner.recording.replaying import JointReplay, Kind, Replay, replay_at
@@ -283,6 +285,7 @@ class _Search:
         low = 1.0
         if not self.misses(low):
             return self.doubled(low, self.misses)
+        self.check_slowest()
         while self.misses(low := low / 2.0):
             if low / 2.0 < SLOWEST:
                 least = self.measure.largest(self.replays[min(self.replays)])
@@ -290,6 +293,25 @@ class _Search:
                 advice = "allow more, or choose a part that begins at rest"
                 raise Infeasible(f"tolerance: at {low:g} times the speed {words}; {advice}")
         return low, 2.0 * low
+
+    def check_slowest(self) -> None:
+        """Raise Infeasible where the hardest second is far beyond the tolerance even if slow."""
+        path, (replay,) = self.path, self.replays.values()
+        worst = replay.moments[np.argmax(self.measure.errors(replay, "planned"))]
+        first, last = max(path.first, worst - 0.75), min(path.last, worst + 0.25)
+        part, settled = replace(path, first=first, last=last), 0.5 * (worst - first)
+        self.progress(f"{SLOWEST:.3g} times the speed near {worst:.4g} s")
+        try:
+            slow = replay_at(part, part.moments(SLOWEST), speed=SLOWEST, **self.options)
+        except PlannerError:
+            return  # the search meets it where it matters
+        late = slow.moments >= first + settled  # the part begins at rest, in motion
+        least = float(np.max(self.measure.errors(slow, "planned")[late]))
+        if least > 5.0:  # the plan for the largest error gains less
+            raise Infeasible(
+                f"tolerance: at {SLOWEST:g} times the speed the plan near {worst:.4g} s still is "
+                f"{least:.3g} times as far off as allowed; allow more"
+            )
 
     def doubled(self, low: float, too_fast: Callable[[float], Any]) -> tuple[float, float]:
         """A factor, doubled until twice it is ``too_fast``, and twice it; itself if none is."""
@@ -305,10 +327,11 @@ class _Search:
         if not self.bounded or path.track != "state" or not self.misses(1.0):
             return ()
         late = tuple(name for name, ratio in self.bounds(1.0, path.first) if ratio > 1.0)
-        # at most a hundred moments, from each of which the first seconds are looked at first
+        # at most a hundred moments, of which a dozen may be proved; the first seconds come first
         step = max(path.period, path.duration / 200.0)
         step = path.period * math.ceil(step / path.period - 1e-6)
-        for moment in np.arange(path.first + step, path.first + path.duration / 2.0, step):
+        every = np.arange(path.first + step, path.first + path.duration / 2.0, step)
+        for moment in list(filterfalse(self.leaves_at_once, every))[:12]:
             ends = (min(moment + 2.0, path.last), path.last)
             if late and all(r <= 1.0 for end in ends for _, r in self.bounds(1.0, moment, end)):
                 raise Infeasible(
@@ -318,6 +341,20 @@ class _Search:
                     "s"
                 )
         return late
+
+    def leaves_at_once(self, moment: float) -> bool:
+        """Whether a joint is off before requests from rest at a moment can move it: (3) alone."""
+        for path in self.path.planned:
+            assert path.model is not None, "planned joints have models"
+            if path.load is None and not path.model.exceeds_v_max:
+                window, hold = path.model.window, path.model.hold
+                unloaded = np.zeros(hold + window.first + len(window.weights))
+                near = distance_from_rest(path.model, unloaded, "envelope")[::hold]
+                moments = np.asarray(moment + self.path.period * np.arange(len(near)))
+                angles = path.at(moments, path.followed)
+                if np.any(np.abs(angles - angles[0]) - near > self.measure.of_path(path)):
+                    return True
+        return False
 
     def curve(self, speed: float, impossible: Impossible | None) -> tuple[SpeedErrors, ...]:
         """Errors from well below the factor found to beyond the one that is impossible."""

@@ -55,6 +55,8 @@ FILES = {
     "others.csv": b"t_s,requested_deg,actual_deg\n0,1,1\n0.008,2,2\n0.016,14,5\n0.024,9,9\n",
     "gaits": GAITS.encode(),
     "gaits.toml": f"out = 'o'\n{GAITS}height = [0.02]\n".encode(),
+    "share.toml": MODEL.encode() + b"tick = 0.02\nangle_unit = 'range'\n",
+    "turn.toml": MODEL.encode() + b"tick = 0.02\nangle_unit = 'rad'\n",
     "soft.toml": MODEL.encode() + b"tick = 0.008\ncompliance = 0.1\n",
 }
 """What the commands find, beside ``desired.csv``, ``foot.csv`` and an empty ``folder``."""

@@ -100,6 +100,9 @@ def test_another_motion_and_the_angles_of_an_earlier_trial_are_refused_by_number
     check_trial(cycles, MODELLED, trials, others)
     with pytest.raises(InvalidTrajectory, match=r"the angles of joint 2 are .* from those of the "):
         check_trial(of_joint_2(-1.1 * MODELLED[:, 1]), MODELLED, trials, others)
+    check_trial(of_joint_2(MODELLED[:, 1] + np.radians(29.0)), MODELLED, trials, others)
+    with pytest.raises(InvalidTrajectory, match=r"of joint 2 are on average 1.6 rad from those of"):
+        check_trial(of_joint_2(MODELLED[:, 1] + np.pi / 2.0), MODELLED, trials, others)
     again = np.concatenate([cycles, trials[1].measured[1:] + 0.9e-9])
     with pytest.raises(InvalidTrajectory, match="same angles as in trial 2, whose requests were o"):
         check_trial(again, MODELLED, trials, others)

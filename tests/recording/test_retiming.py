@@ -205,6 +205,15 @@ def test_no_replay_is_slower_than_a_sixteenth_nor_faster_than_eight_periods_or_6
     assert found_for(MadeUp(monkeypatch, best=1.0 / 16.0)).constant == 1.0 / 16.0
 
 
+def test_a_tolerance_that_no_speed_keeps_is_refused_by_the_hardest_second():
+    tried = []
+    requests = np.concatenate([np.zeros(50), swing(0.8, 3000)])
+    with pytest.raises(Infeasible, match=r"at 0\.0625 times the speed the plan near .* still is"):
+        fastest(log(requests), SERVO, tolerance=1e-8, progress=tried.append)
+    planned = [each for each in tried if not each.startswith("elbow: the lower bound")]
+    assert len(planned) == 2  # the recorded speed, and the slowest
+
+
 @pytest.mark.parametrize("proved", [1.31, 1.9, 2.7, 9.0])
 def test_the_lowest_speed_that_is_proved_too_high_is_found_to_a_hundredth(proved, monkeypatch):
     found = found_for(MadeUp(monkeypatch, best=1.3, proved=proved))
