@@ -70,6 +70,9 @@ function at import: every process would compile it.
 
 NO_PICTURE = '<svg viewBox="0 0 1 1">\n</svg>\n'  # an SVG file in which nothing is drawn
 
+EXPERIMENTS = {"model": "reproduction.reproduce", "virtual": "virtual_experiment.play_experiment"}
+"""The function of planner.evaluation behind ``reproduce --robot``."""
+
 
 def pytest_addoption(parser):
     """Say what is to become of snapshots."""
@@ -160,10 +163,6 @@ def once(tmp_path_factory):
         return folder
 
     return once
-
-
-EXPERIMENTS = {"model": "reproduction.reproduce", "virtual": "virtual_experiment.play_experiment"}
-"""The function of planner.evaluation behind ``reproduce --robot``."""
 
 
 def _experiment(robot):

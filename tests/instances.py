@@ -8,6 +8,13 @@ import numpy as np
 from planner import JointModel, reference_walk, simulate
 from planner.arrays import Array
 
+ERS210A = JointModel.ers210a()
+
+SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
+"""A servo that is asked 50 times a second."""
+
+TICK = 0.008  # time step of the random models [s]
+
 
 def joint_of(
     v_max: float, theta_0: float, lag: float, acceleration_time: float, **terms: float
@@ -15,14 +22,6 @@ def joint_of(
     """A joint by its four numbers [rad/s, rad, s, s], and the other terms that it has."""
     four = {"v_max": v_max, "theta_0": theta_0, "lag": lag, "acceleration_time": acceleration_time}
     return JointModel(**four, **terms)
-
-
-ERS210A = JointModel.ers210a()
-
-SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
-"""A servo that is asked 50 times a second."""
-
-TICK = 0.008  # time step of the random models [s]
 
 
 class ReferenceJoint(NamedTuple):

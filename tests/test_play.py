@@ -14,6 +14,9 @@ TICK = 1.0 / 128.0
 
 ROUNDING = 1e-12  # sums of a few thousand such times [s], and of angles of some rad
 WALK = np.array([[0.0, 1.0], [0.1, 0.9], [0.2, 0.8], [0.1, 0.9]])
+pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
+JOINT = joint_of(5.0, 0.15, 2.0 * TICK, 3.0 * TICK, tick=TICK)
+PATH = 0.2 - 0.2 * np.cos(np.linspace(0.0, 6.0, 60))[:, np.newaxis]
 
 
 class Robot:
@@ -155,12 +158,6 @@ def test_nothing_is_sent_where_the_input_is_wrong(changes, message):
         robot.play(**{"cycles": 1, **changes})
     assert str(caught.value) == message
     assert robot.rows == []
-
-
-pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
-
-JOINT = joint_of(5.0, 0.15, 2.0 * TICK, 3.0 * TICK, tick=TICK)
-PATH = 0.2 - 0.2 * np.cos(np.linspace(0.0, 6.0, 60))[:, np.newaxis]
 
 
 class Following(Robot):

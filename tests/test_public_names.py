@@ -13,6 +13,11 @@ import kinematics
 import planner
 import planner.exceptions
 
+ANGLES = np.sin(np.arange(30.0) / 5.0)
+CURVE = planner.PiecewiseLinear(knots=[0, 5], values=[0.0, 1.0], samples=9, tick=0.01, cyclic=True)
+SERVO = planner.JointModel(v_max=9.0, theta_0=0.2, lag=0.03, acceleration_time=0.05)
+FINDER = doctest.DocTestFinder(exclude_empty=True)
+
 
 @pytest.mark.parametrize("package", [planner, kinematics], ids=["planner", "kinematics"])
 def test_all_is_sorted_and_every_name_in_it_exists(package):
@@ -34,11 +39,6 @@ def test_everything_that_is_raised_on_purpose_is_public():
 def test_a_name_that_does_not_exist_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'invert_magically'"):
         _ = planner.invert_magically
-
-
-ANGLES = np.sin(np.arange(30.0) / 5.0)
-CURVE = planner.PiecewiseLinear(knots=[0, 5], values=[0.0, 1.0], samples=9, tick=0.01, cyclic=True)
-SERVO = planner.JointModel(v_max=9.0, theta_0=0.2, lag=0.03, acceleration_time=0.05)
 
 
 def _with_predicted(plan):
@@ -68,9 +68,6 @@ def test_copies_of_values_cannot_be_written_to(name, copied):
     arrays = [each for each in vars(copied(value)).values() if isinstance(each, np.ndarray)]
     assert arrays
     assert not any(array.flags.writeable for array in arrays)
-
-
-FINDER = doctest.DocTestFinder(exclude_empty=True)
 
 
 def _examples():

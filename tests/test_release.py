@@ -30,6 +30,8 @@ KINDS = {
     *(".pyi", ".svg", ".toml", ".txt", ".typed", ".urdf"),
 }
 
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
 
 def _sources():
     """Every file of the packages that is to be in a wheel: all but what tools left there."""
@@ -126,9 +128,6 @@ def test_scripts_lerobot_installs_what_the_tests_of_the_plugin_use(tmp_path):
     code = [sys.executable, "-P", "-c", USED_BY_THE_PLUGIN, *modules]
     done = subprocess.run(code, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_model_file_of_the_readme_is_one_and_the_files_that_it_names_are_there(tmp_path):

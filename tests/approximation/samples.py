@@ -6,6 +6,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 KINDS = ("sines", "noise", "steps", "ramp", "noisy sine", "walk", "impulse")
+EXACT_KNOTS = np.array([3.0, 20.5, 41.25, 70.0])
+EXACT_VALUES = np.array([0.1, 0.8, -0.3, 0.4])  # corners on samples and between them
 
 
 def samples_of(kind, n, rng):
@@ -44,10 +46,6 @@ def problems(draw, least=3, most=60):
     desired = desired * 10.0 ** draw(st.integers(-6, 3)) + draw(st.sampled_from([0.0, 1.0, -30.0]))
     steepness = 10.0 ** draw(st.floats(-3.0, 3.0))  # of the bound, over the range in one cycle
     return desired, steepness * max(np.ptp(desired), 1e-9) / n, draw(st.booleans())
-
-
-EXACT_KNOTS = np.array([3.0, 20.5, 41.25, 70.0])
-EXACT_VALUES = np.array([0.1, 0.8, -0.3, 0.4])  # corners on samples and between them
 
 
 def on_a_cycle(n=88):

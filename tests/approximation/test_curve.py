@@ -16,6 +16,11 @@ PATH = PiecewiseLinear(
     knots=[0.0, 4.0, 9.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=False
 )
 
+INDEX = np.linspace(-7.0, 17.0, 49) + 0.013
+"""Places between samples, before, in and after the samples."""
+
+OVER = {"samples": 10, "tick": 0.5}
+
 
 def test_a_curve_takes_its_values_at_its_knots_and_repeats_or_goes_on_straight_beyond():
     assert all(np.array_equal(curve(curve.knots), curve.values) for curve in (CYCLE, PATH))
@@ -34,10 +39,6 @@ def test_slopes_are_rises_per_second_and_at_a_knot_those_of_the_segment_after():
     assert np.array_equal(PATH.slope_at(PATH.knots), PATH.slopes[[0, 1, 1]])
 
 
-INDEX = np.linspace(-7.0, 17.0, 49) + 0.013
-"""Places between samples, before, in and after the samples."""
-
-
 @pytest.mark.parametrize("curve", [CYCLE, PATH])
 def test_plain_data_gives_the_curve_back_to_the_last_digit(curve):
     curve = dataclasses.replace(curve, knots=curve.knots + 1 / 3, values=curve.values / 3)
@@ -45,9 +46,6 @@ def test_plain_data_gives_the_curve_back_to_the_last_digit(curve):
     assert np.array_equal(again.knots, curve.knots)
     assert np.array_equal(again.values, curve.values)
     assert np.array_equal(again(INDEX), curve(INDEX))
-
-
-OVER = {"samples": 10, "tick": 0.5}
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

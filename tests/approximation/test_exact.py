@@ -17,6 +17,7 @@ from tests.approximation.samples import KINDS, oracle_instance, oracle_instances
 CLOSE = 1.01  # error over the oracle's that the search is allowed, in at least 95 % of instances
 ZERO = 1e-9  # errors below this [rad] are none; samples are of unit size
 TABLE = json.loads((Path(__file__).parent / "oracle.json").read_text())
+CLOSED = 1e3  # weight of the condition that a cycle closes, in units of the samples' own
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -95,9 +96,6 @@ def test_a_joint_that_can_hardly_move_has_its_proof_at_once(cyclic, steepness):
     desired = samples_of("noise", 40, np.random.default_rng(0))
     fit = fit_pwl(desired, v_max=steepness / 40, tick=1.0, cyclic=cyclic, segments=5, exact=True)
     assert fit.rms == pytest.approx(np.std(desired), rel=2.0 * steepness)
-
-
-CLOSED = 1e3  # weight of the condition that a cycle closes, in units of the samples' own
 
 
 def least_error(desired, segments, step, cyclic):

@@ -24,6 +24,8 @@ SLOPE_ROUNDING = 1e-12  # relative excess over v_max that a slope may have
 SAME = 1e-6
 """Relative difference of the rms errors of two fits that should be one: where descents end."""
 
+PATH = {"v_max": 0.2, "tick": 1.0, "cyclic": False}
+
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
 def test_six_segments_come_within_one_percent_of_the_slope_bound_on_the_reference_walk(joint):
@@ -143,9 +145,6 @@ def test_automatic_follows_a_sine_in_few_corners_and_noise_in_none():
     assert fit_pwl(noise, v_max=1e4, tick=0.008).segments <= 6
     noisy = fit_pwl(np.sin(2 * np.pi * t) + 0.1 * noise, v_max=100.0, tick=0.008)
     assert noisy.segments <= 6
-
-
-PATH = {"v_max": 0.2, "tick": 1.0, "cyclic": False}
 
 
 def test_choices_never_rise_and_go_up_to_the_number_of_the_fit():

@@ -15,6 +15,9 @@ from planner.arrays import steps
 from tests.approximation.samples import KINDS, samples_of
 from tests.from_python import from_python
 
+evaluate = from_python(inner_loops.evaluate)
+SOLVED = 1e-6  # what Clarabel leaves of a squared error or a largest error of about one
+
 
 def on_the_reference_of(problem, knots):
     """Squared error of the best values, by cvxpy with Clarabel."""
@@ -46,9 +49,6 @@ def test_values_at_given_knots_are_those_of_an_independent_solver(cyclic, step, 
     assert best_values(problem, knots).error == pytest.approx(expected, rel=1e-6)
 
 
-evaluate = from_python(inner_loops.evaluate)
-
-
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_gradient_and_hessian_are_those_of_finite_differences(cyclic):
     rng = np.random.default_rng(0)
@@ -63,9 +63,6 @@ def test_gradient_and_hessian_are_those_of_finite_differences(cyclic):
         assert gradient[i] == pytest.approx(half, rel=1e-6, abs=1e-7)
         change = (ahead[1] - behind[1]) / 2e-6
         np.testing.assert_allclose(hessian[i], change, rtol=1e-6, atol=1e-6)
-
-
-SOLVED = 1e-6  # what Clarabel leaves of a squared error or a largest error of about one
 
 
 def programme(desired, step, cyclic, objective):

@@ -19,6 +19,7 @@ from tests.docs.shell import commands
 
 PAGE = ROOT / "docs" / "any_leg.md"
 FRONT = ("--base", "body", "--foot", "front_left_ball")
+TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))  # of a joint whose logs were slow
 
 
 @pytest.fixture
@@ -103,9 +104,6 @@ def test_speeds_come_from_the_urdf(run, robot, foot):
     result = run("plan", foot, "--leg", robot, *FRONT, "--model", "urdf")
     assert result.exit_code == 2
     assert "the URDF has no usable top speed of joint 'front_left_rotator'" in result.stderr
-
-
-TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))  # of a joint whose logs were slow
 
 
 def walk():

@@ -71,6 +71,11 @@ ODD = (
 )
 """Those that no file should hold."""
 
+WALK = '[leg]\nname = "reference"\nunreachable = "clamp"\n[path.half_ellipse]\n'
+JOINTS = '[path]\nfile = "desired.csv"\n'
+SWEPT = WALK + "[sweep.parameters]\n"
+KEYS = [(*table.place, key) for table in tables(Run) for key in table.keys]
+
 
 def test_bad_input_is_one_line_and_status_2_and_nothing_is_written(
     run, desired, foot, tmp_path, snapshot
@@ -112,9 +117,6 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_computed
     assert result.exit_code == 2
     assert "nowhere/file: cannot be written (no such file or directory)" in result.stderr
 
-
-WALK = '[leg]\nname = "reference"\nunreachable = "clamp"\n[path.half_ellipse]\n'
-JOINTS = '[path]\nfile = "desired.csv"\n'
 
 WRONG = {
     "no TOML": "[path\n",
@@ -163,9 +165,6 @@ WRONG = {
     + '[[export]]\nformat = "csv"\nfile = "a"\nunit = "us"\nreverse = ["kne"]\n',
 }
 
-
-SWEPT = WALK + "[sweep.parameters]\n"
-
 WRONG_SWEEPS = {
     "an unknown parameter": SWEPT + "lenght = [0.1]\n",
     "values that fall": SWEPT + "length = [0.2, 0.1]\n",
@@ -212,8 +211,6 @@ VALUES = st.recursive(
     max_leaves=4,
 )
 """What TOML can hold, and None, which stands for a key that is not there."""
-
-KEYS = [(*table.place, key) for table in tables(Run) for key in table.keys]
 
 
 def refused(file):

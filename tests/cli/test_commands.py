@@ -26,6 +26,9 @@ from planner.files.paths import foot_path, path_table, read_joint_path, write_jo
 from planner.report import meshcat_scene as report
 from tests.cli.test_servos import ARM
 
+SAME = 1e-9
+"""Files carry 12 decimals of a degree, and a joint's answer does not magnify that much [rad, m]."""
+
 
 def from_compiled_code(cause):
     """What Numba makes of an exception that a signal raises while it calls compiled code."""
@@ -223,10 +226,6 @@ def test_lines_are_no_faster_than_a_joint_whose_requests_are_held(run, desired):
         knots, values = np.array(answer["knots"]), np.radians(answer["values_deg"])
         speeds = np.diff(np.append(values, values[0])) / np.diff(np.append(knots, knots[0] + 88))
         assert np.max(np.abs(speeds)) / 0.008 == pytest.approx(fastest, rel=1e-6)
-
-
-SAME = 1e-9
-"""Files carry 12 decimals of a degree, and a joint's answer does not magnify that much [rad, m]."""
 
 
 @pytest.fixture

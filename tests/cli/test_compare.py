@@ -15,6 +15,7 @@ from planner.files.table import read_table
 from planner.report.paper_results import joint_paths
 
 JOINT = JointModel.ers210a()
+WRITTEN = 1e-9  # rounding of 12 decimals [deg, m]
 
 
 @pytest.fixture
@@ -69,9 +70,6 @@ def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, brief
     assert not document["passed"]
     failed = {check["name"] for check in document["checks"] if not check["passed"]}
     assert failed == {f"no worse than closed form, {r} rule" for r in ("paper's", "exact")}
-
-
-WRITTEN = 1e-9  # rounding of 12 decimals [deg, m]
 
 
 @pytest.mark.parametrize("robot", ["model", "virtual"])

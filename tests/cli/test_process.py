@@ -19,6 +19,9 @@ from tests.docs.logs import write_logs
 
 RUN = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
 
+ON_AN_ARM = {"calibrate", "check", "play", "record", "virtual-bus"}
+"""Their examples need servos, or serve some until Ctrl-C: ``test_servos`` is about them."""
+
 
 def _example(command):
     """The lines of the worked example in a command's help."""
@@ -33,10 +36,6 @@ def _on_pages():
     """The commands that tests/docs runs."""
     ran = [block.code for page in PAGES for block in blocks(page) if block.language == "sh"]
     return {line for code in ran for line in shell.commands(code)}
-
-
-ON_AN_ARM = {"calibrate", "check", "play", "record", "virtual-bus"}
-"""Their examples need servos, or serve some until Ctrl-C: ``test_servos`` is about them."""
 
 
 @pytest.mark.usefixtures("foot", "ready_experiments", "brief_search", "undrawn", "in_this_process")

@@ -18,6 +18,7 @@ RATE = 30
 ELBOW = SERVO.requested_every(1.0 / RATE)
 NAMES = ("shoulder_pan.pos", "elbow_flex.pos", "gripper.pos")
 LENGTHS = (60, 75, 50)
+UNITS = ("--unit", "range_m100_100,gripper=percent")
 
 
 def motion(count, size):
@@ -67,9 +68,6 @@ def dataset(tmp_path):
     root = v21(tmp_path / "my_dataset", list(NAMES), motions=motions, **cameras)
     (root / "meta" / "tasks.jsonl").write_text('{"task_index": 0, "task": "lift"}\n')
     return root
-
-
-UNITS = ("--unit", "range_m100_100,gripper=percent")
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -24,6 +24,11 @@ BRIEF = {"README.md": {"calibrate": {"duration_s": 8.0}}}
 
 UNBOUNDED = ("any_leg.md",)  # pages that tell no bound of a foot: it is not computed
 
+MEASURED = re.compile(r"(\d+\.\d+)(?:,? (?:and |to |instead of )?\d+\.\d+)* (?:deg(?:rees)?|cm)\b")
+"""An error as programs print them: with decimals, in degrees or centimetres."""
+
+PRINTED = "leg\nfoot 1\nfoot 2\nin all\n"
+
 
 @pytest.fixture
 def empty_folder(tmp_path, monkeypatch):
@@ -102,10 +107,6 @@ def test_the_blocks_of_the_page_run_and_print_what_it_says(page, request):
         pytest.skip(f"all but what needs {', '.join(sorted(not_installed))}")
 
 
-MEASURED = re.compile(r"(\d+\.\d+)(?:,? (?:and |to |instead of )?\d+\.\d+)* (?:deg(?:rees)?|cm)\b")
-"""An error as programs print them: with decimals, in degrees or centimetres."""
-
-
 @pytest.mark.parametrize(
     "page",
     [page for page in RUN if page.parent.name == "how_to" or page.name == "tutorial.md"],
@@ -120,9 +121,6 @@ def test_errors_that_the_text_of_a_page_names_are_printed_by_one_of_its_blocks(p
         for number in re.findall(r"\d+\.\d+", match[0])
     }
     assert named <= told
-
-
-PRINTED = "leg\nfoot 1\nfoot 2\nin all\n"
 
 
 @pytest.mark.parametrize(

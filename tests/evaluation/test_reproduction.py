@@ -17,6 +17,8 @@ from tests.instances import ERS210A
 PRINTED = 0.005  # figures known from an independent computation to two decimals [deg, cm]
 KNOWN_DIRECT = {"rotator": (32.80, 57.14), "abductor": (28.86, 53.09), "knee": (23.84, 58.13)}
 KNOWN_FOOT = {"direct": (3.156, 4.958), "shift": (1.470, 3.408)}
+PHASE = 2.0 * np.pi * np.arange(88) / 88
+DESIRED = np.column_stack([0.5 * np.sin(PHASE), 0.3 * np.cos(2.0 * PHASE)])
 
 
 @pytest.mark.parametrize("joint", paper.JOINTS)
@@ -91,10 +93,6 @@ def test_lag_and_acceleration_time_are_read_off_any_joint():
 @pytest.fixture(scope="session")
 def reproduction(reproduced):
     return reproduced.answer
-
-
-PHASE = 2.0 * np.pi * np.arange(88) / 88
-DESIRED = np.column_stack([0.5 * np.sin(PHASE), 0.3 * np.cos(2.0 * PHASE)])
 
 
 def _distance(angles):

@@ -26,6 +26,8 @@ from planner.robot.arm import Servo
 from planner.robot.schedule import ON_TIME, Schedule, resampled
 
 ROUNDING = 1e-10  # twelve decimals of a degree are written [rad]
+SHORT = Schedule(("knee",), np.zeros((3, 1)), 0.02)
+SINGLE = 1e-7  # half a step of float32 at angles below 1.5 rad, rounded up [rad]
 
 
 def _numbered(rows, period):
@@ -96,9 +98,6 @@ def test_hobby_servos_get_pulses_in_microseconds_of_their_own_centre_and_directi
     servos = {"hip": hip, "knee": replace(hip, zero_tick=2040)}
     with pytest.raises(InvalidInput, match=beyond):
         write_controller_csv(file, quarter, unit="us", servos=servos)
-
-
-SHORT = Schedule(("knee",), np.zeros((3, 1)), 0.02)
 
 
 @pytest.mark.parametrize(
@@ -200,9 +199,6 @@ def test_a_bag_is_read_back(schedule, tmp_path, storage):
     assert message.points[0].time_from_start.sec == 2
     for point, told in zip(message.points, points["points"], strict=True):
         assert point.velocities.tolist() == told.get("velocities", [])
-
-
-SINGLE = 1e-7  # half a step of float32 at angles below 1.5 rad, rounded up [rad]
 
 
 @pytest.fixture

@@ -29,6 +29,9 @@ from planner.files.paths import (
 from planner.files.table import read_table, write_table
 
 PHASE = 2.0 * np.pi * np.arange(100) / 100
+WRITTEN = 1e-12  # a written number is off by half of its last decimal at most [deg, m]
+MODEL = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
+PATH = "t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,4\n"
 
 
 def _written(file, column, values, times=None):
@@ -109,8 +112,6 @@ def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):
     np.testing.assert_allclose(finer.loads[:3, 0], [0.1, 0.15, 0.2], rtol=0.0, atol=1e-12)
     assert len(finer.loads) == len(finer.values) == 8
 
-
-WRITTEN = 1e-12  # a written number is off by half of its last decimal at most [deg, m]
 
 ANGLES = arrays(
     np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-100.0, 100.0)
@@ -198,8 +199,6 @@ def test_a_title_that_a_spreadsheet_takes_as_a_formula_is_written_as_text_and_re
     assert not any(title.startswith(("=", "+", "-", "@")) for title in titles)
     assert read_joint_path(tmp_path / "path.csv").names == (name, "hip")
 
-
-MODEL = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
 
 JOINT_PATHS = {
     "empty": b"",
@@ -292,8 +291,6 @@ def test_every_bad_file_says_what_is_wrong(tmp_path, snapshot):
     }
     snapshot.refusals("bad_input", read, cases, FILE=file)
 
-
-PATH = "t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,4\n"
 
 LIMITS = {
     "columns": ("table.MOST_COLUMNS", 3, "3 columns, expected at most 2; leave out"),

@@ -27,6 +27,9 @@ from tests.instances import ERS210A
 from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg
 
 TRACED = 1e-9  # largest distance to the foot that the inverse leaves [m]
+SAMPLES = 80  # of a cycle: every phase is a whole number of them
+HELD = replace(ERS210A, hold=2)
+TOLERANCE = 0.004
 
 
 @pytest.fixture(scope="module")
@@ -138,9 +141,6 @@ def test_a_stride_out_of_reach_or_on_which_the_leg_would_leap_is_an_error(leg):
         stride(replace(leg, limits=limits), length=0.14, **given)
 
 
-SAMPLES = 80  # of a cycle: every phase is a whole number of them
-
-
 @pytest.fixture(scope="module")
 def legs():
     urdf = urdf_path("ers210a.urdf")
@@ -209,10 +209,6 @@ def test_all_legs_have_one_stroke_at_the_height_of_the_body_at_which_the_lowest_
         assert getattr(strides[0], name) == min(getattr(each, name) for each in own) > 0.0
     assert walk.items() <= vars(strides[0]).items()
     assert list(made) == list(legs)
-
-
-HELD = replace(ERS210A, hold=2)
-TOLERANCE = 0.004
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,11 @@ FINE_NOISE, FINE_QUANTUM = math.radians(0.1), math.radians(0.09)  # the same of 
 AMPLITUDES = tuple(map(math.radians, (30.0, 90.0)))
 """Step tests [rad]: small enough to see the joint close in, large enough to saturate it."""
 
+JOINT = joint_of(5.0, 0.3, 0.02, 0.05, tick=0.005, hold=4)
+
+STICKY = joint_of(4.0, 0.3, 0.02, 0.04, tick=0.02, hold=1, dead_band=0.02)
+"""A joint whose dry friction shows, logged at 50 Hz."""
+
 
 def measured(angles, rng, *, noise=NOISE, quantum=QUANTUM):
     """Angles as a noisy sensor of finite resolution reports them."""
@@ -113,12 +118,6 @@ def logged(joint: planner.JointModel, *, period: float, rows: int, seed: int = 0
     angles = np.interp(times, ticks, planner.simulate(joint, requests[in_force], cyclic=False))
     angles = measured(angles, random, noise=FINE_NOISE, quantum=FINE_QUANTUM)
     return planner.Log(times=times, requests=requests, angles=angles)
-
-
-JOINT = joint_of(5.0, 0.3, 0.02, 0.05, tick=0.005, hold=4)
-
-STICKY = joint_of(4.0, 0.3, 0.02, 0.04, tick=0.02, hold=1, dead_band=0.02)
-"""A joint whose dry friction shows, logged at 50 Hz."""
 
 
 def holds_log(model=STICKY, *, seed=0, rows=1800, largest=0.6):

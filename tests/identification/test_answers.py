@@ -21,6 +21,8 @@ from tests.identification.made import (
     swung,
 )
 
+ONE_WAY = np.concatenate([np.zeros(100), np.linspace(0.0, 2.0, 300), np.full(100, 2.0)])
+
 
 def noisy(requests, *, joint=AIBO, quantum=0.0):
     """A log of a joint under these requests."""
@@ -127,8 +129,6 @@ def gentle_first():
     sizes = (0.04, 1.2)  # rad
     return np.concatenate([rich_log(seed=3, rows=300, amplitude=size).requests for size in sizes])
 
-
-ONE_WAY = np.concatenate([np.zeros(100), np.linspace(0.0, 2.0, 300), np.full(100, 2.0)])
 
 LOGS = {
     "worn": worn,

@@ -37,8 +37,8 @@ SAME_RUN = 1e-11
 """Two simulations of some hundred ticks of angles within 3 rad differ by rounding [rad]."""
 
 PLAIN = joint_of(4.0, 0.2, 0.0133, 0.0371, hold=2, offset=0.03)
-
 STICKY = replace(PLAIN, dead_band=0.03, v_offset=0.4, compliance=0.05, speed_per_torque=0.3)
+ROWS = 2 * MOST_ROWS + 1  # the fewest rows of which some are chosen, and one
 
 
 @given(
@@ -168,9 +168,6 @@ def test_rows_count_by_their_weights():
     )
     np.testing.assert_allclose(found[:4], bare[:4], rtol=2e-3)
     assert np.max(np.abs(far / bare - 1.0)[:4]) > 0.01
-
-
-ROWS = 2 * MOST_ROWS + 1  # the fewest rows of which some are chosen, and one
 
 
 def burst_log(model=AIBO, *, rows=ROWS, at=28_000):

@@ -34,6 +34,7 @@ from tests.identification.made import (
 from tests.instances import joint_of
 
 NAMES = ("asymmetry:", "mechanical stop", "ringing:", "slow drift", "backlash:")
+WAVE = np.sin(2.0 * np.pi * np.arange(300) / 100)
 
 
 def named(found):
@@ -70,9 +71,6 @@ def seen(angles, predicted, requests=None, *, name="log", period=0.02):
     )
     none, ones = np.full(len(angles), np.nan), np.ones(len(angles))
     return LogFit(log=log, predicted=predicted, held_out_predicted=none, weights=ones)
-
-
-WAVE = np.sin(2.0 * np.pi * np.arange(300) / 100)
 
 
 @pytest.mark.parametrize(

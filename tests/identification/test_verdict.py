@@ -26,6 +26,7 @@ from tests.identification.made import (
 )
 
 WHITE = 1.3  # a good fit leaves little more than the noise, by this factor
+PERIOD = 0.02
 
 
 def test_a_model_that_holds_says_which_of_friction_and_gravity_its_log_does_not_show():
@@ -64,9 +65,6 @@ def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
         assert warning.startswith("this log holds no motion of the joint")
     moved = planner.identify(changed(log, angles=rich_log(seed=1).angles), hold_out=False)
     assert not any("holds no motion" in warning for warning in moved.warnings)
-
-
-PERIOD = 0.02
 
 
 def waves(shape, frequency):

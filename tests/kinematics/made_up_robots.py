@@ -10,6 +10,7 @@ from kinematics import Leg, urdf_path
 
 LEGS = ("front_left", "front_right", "hind_left", "hind_right")
 Vector = tuple[float, float, float]
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,6 @@ def reference_leg() -> Leg:
     """The leg of the reference walk."""
     return Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
 
-
-X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 SHAPES: dict[str, tuple[list[Joint], Vector]] = {
     "first two axes intersect": (

@@ -29,6 +29,8 @@ CLOSE = 1e-12  # the closed form is this exact away from singular poses [m]
 SAME_POSE = 1e-6
 """Poses found by two routes agree to this [rad]; a singular pose is known to √eps only."""
 
+STRAIGHT = 0.133  # length of the stretched reference leg [m]
+
 
 @pytest.fixture(params=SHAPES)
 def shape(request, tmp_path):
@@ -200,9 +202,6 @@ def test_a_foot_on_the_hips_own_axis_is_within_reach():
     foot = wide.foot_positions([[0.7, 0.5 * np.pi, 0.0]])
     np.testing.assert_allclose(foot, [[0.0, 0.133, 0.0]], atol=CLOSE)
     assert wide.inverse(foot).distance.max() < EXACT
-
-
-STRAIGHT = 0.133  # length of the stretched reference leg [m]
 
 
 def around(leg, count, *, seed):

@@ -8,15 +8,13 @@ from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, urdf_text
 
 KNEE = Joint((0.0, 0.0, -0.2), Y)
 TIP = (0.0, 0.0, -0.2)
+VALID = urdf_text([Joint((0, 0, 0), X), KNEE], TIP)
 
 
 def leg_of(folder, text, *, base="link_0", foot="tip", **options):
     path = folder / "robot.urdf"
     path.write_text(text, encoding="utf-8")
     return Leg.from_urdf(path, base=base, foot=foot, **options)
-
-
-VALID = urdf_text([Joint((0, 0, 0), X), KNEE], TIP)
 
 
 def jointed(*joints):

@@ -33,6 +33,7 @@ VECTORS = {  # rotator, abductor, knee [deg]: ball of the left leg in the body [
     ],
 }
 ANGLES = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
+QUARTER = 0.5 * math.pi
 
 
 @pytest.mark.parametrize("name", VECTORS)
@@ -99,9 +100,6 @@ def test_a_leg_may_be_seen_from_any_frame_above_it():
     from_head = Leg.from_urdf(path, base="head", foot="hind_left_ball").foot_positions(angles)
     from_body = ers210a_leg("hind_left").foot_positions(angles)
     np.testing.assert_allclose(from_head, from_body - [0.075, 0.0, 0.098], atol=1e-15)
-
-
-QUARTER = 0.5 * math.pi
 
 
 class Chosen(NamedTuple):

@@ -25,6 +25,13 @@ DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE)])
 MODELLED = DESIRED + 0.01 * np.column_stack([np.cos(PHASE), np.sin(PHASE)])
 REQUESTS = DESIRED + 0.05 * np.column_stack([np.cos(PHASE), -np.sin(PHASE)])
 AWAY = 0.02 * np.sin(3.0 * PHASE)
+MODEL = JointModel(v_max=5.0, theta_0=0.3, lag=0.03, acceleration_time=0.04, tick=0.01)
+
+LATE = 0.03 + 0.04 / 2.0 + 0.3 / 5.0
+"""Lag, half the acceleration time and the time constant of the model's gain [s]."""
+
+SAMPLES = 200
+PERIOD = 0.02
 
 
 def refused(message):
@@ -109,14 +116,6 @@ def test_another_motion_and_the_angles_of_an_earlier_trial_are_refused_by_number
     check_trial(again, MODELLED, trials, [MODELLED] * 3)
 
 
-MODEL = JointModel(v_max=5.0, theta_0=0.3, lag=0.03, acceleration_time=0.04, tick=0.01)
-
-LATE = 0.03 + 0.04 / 2.0 + 0.3 / 5.0
-"""Lag, half the acceleration time and the time constant of the model's gain [s]."""
-
-SAMPLES = 200
-
-
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("number", [0, 3, 10, 40, 80])
 def test_of_one_frequency_the_cosine_of_its_phase_error_is_learnt(number, cyclic):
@@ -152,9 +151,6 @@ def test_twice_the_noise_is_taken_off_what_is_learnt_of_a_frequency():
         noise = np.full((SAMPLES // 2 + 1, 1), share * SAMPLES / 4.0 / 5.0)
         answer = learnt(rows, noise, [known], cyclic=True)
         np.testing.assert_allclose(answer, left * rows, rtol=0.0, atol=0.01)
-
-
-PERIOD = 0.02
 
 
 def motion(time):

@@ -16,6 +16,8 @@ from tests.instances import ERS210A
 ENCODER_STEP = 2.0 * math.pi / 4096.0
 """Errors up to this count as none, (12b) of ``docs/math.md`` [rad]."""
 
+PHASE = 2.0 * np.pi * np.arange(88) / 88
+
 
 def learnt(
     joint: MadeJoint, desired: Array, trials: int, *, reidentify: bool = True
@@ -282,9 +284,6 @@ def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatc
     assert errors[0] > 1.1 * best.rms
     assert errors[-1] < 1.05 * best.rms
     assert plan.learning.errors.min() == pytest.approx(min(errors))
-
-
-PHASE = 2.0 * np.pi * np.arange(88) / 88
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,8 @@ from tests.instances import joint_of
 SEEN = Evidence(0.02, 2.0, 0.5, (-1.0, 1.0), ((0.0, 0.01), (4.0, 0.03)))
 PHASE = 2.0 * np.pi * np.arange(200) / 200
 ROOT = np.sqrt(2.0)
+ROWS = 0.02 * np.arange(1000)
+LEVELS = np.random.default_rng(2).uniform(-1.0, 1.0, 1000)
 
 
 def sine(amplitude, frequency=1.0):
@@ -91,10 +93,6 @@ def test_a_plan_is_outside_of_a_log_of_steps_where_the_delay_counts_most():
 def held(requests, rows):
     """Each request for so many rows."""
     return np.repeat(requests[::rows], rows)[: len(requests)]
-
-
-ROWS = 0.02 * np.arange(1000)
-LEVELS = np.random.default_rng(2).uniform(-1.0, 1.0, 1000)
 
 
 @pytest.mark.parametrize(

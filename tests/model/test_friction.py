@@ -23,6 +23,8 @@ DRY = replace(
     JointModel.ers210a(), dead_band=0.05, v_offset=1.5, compliance=0.1, speed_per_torque=0.8
 )
 
+ANY = models(friction=True, inertia=True, integrals=INTEGRALS, poses=True)
+
 
 def loads(samples, seed=0):
     """Torques within ±1 N m."""
@@ -51,9 +53,6 @@ def test_the_speed_is_equation_2_with_friction_and_load(model, error, load):
         v_offset=model.v_offset + model.speed_per_torque * load,
     )
     assert model.speed(error, load) == pytest.approx(expected, abs=1e-13 * model.v_max / 0.02)
-
-
-ANY = models(friction=True, inertia=True, integrals=INTEGRALS, poses=True)
 
 
 @given(ANY, trajectories(), st.floats(-1.0, 1.0), st.integers(0, 9))

@@ -15,7 +15,6 @@ from tests.model.rounded_periods import rounded_periods
 
 FRICTION = {"dead_band": 0.03, "v_offset": 0.4, "compliance": 0.05, "speed_per_torque": 0.3}
 INERT = joint_of(4.0, 0.2, 0.0133, 0.0371, hold=2, offset=0.03, time_constant=0.02, **FRICTION)
-
 INTEGRALS = ({"integral_rate": 8.0}, {"position_integral_rate": 4.0})
 SAG = {"sag_sin": -0.1, "sag_cos": 0.05}
 

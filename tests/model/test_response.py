@@ -19,6 +19,14 @@ from tests.instances import ERS210A, joint_of
 from tests.strategies import INTEGRALS, models, trajectories
 
 SAME = 1e-12  # two ways to run the same recursion over a few hundred ticks agree to this [rad]
+SETTLED = 1e-9  # distance of two cycles in a row that counts as none [rad]
+BARE = joint_of(5.0, 0.25, 0.01, 0.01, tick=0.005, hold=2, offset=0.1, time_constant=0.03)
+
+LOADED = replace(BARE, sag_sin=-0.06, sag_cos=0.02, compliance=0.05, speed_per_torque=1.0)
+"""A joint that gravity pulls away, and a torque, whose physics is that of gravity."""
+
+RATES = {"integral_rate": 8.0, "position_integral_rate": 4.0}
+EACH = pytest.mark.parametrize("name", INTEGRALS)
 
 
 @given(models(whole=True, holds=(1, 1), offsets=False), trajectories(), st.floats(-1.0, 1.0))
@@ -71,9 +79,6 @@ def test_a_path_is_too_fast_by_the_top_speed_of_its_direction_under_its_load():
     assert not steady.too_fast.any()
 
 
-SETTLED = 1e-9  # distance of two cycles in a row that counts as none [rad]
-
-
 def ringing_joints():
     """Joints of little damping that saturate, with requests that may have several cycles."""
     rng = np.random.default_rng(1)
@@ -124,15 +129,6 @@ def test_an_integral_follows_lines_without_friction(name):
     offset = line_offset(model, 1.5)
     assert offset == line_offset(replace(model, dead_band=0.0), 1.5)
     assert behind[-1] == pytest.approx(offset if name == "integral_rate" else 0.0165, abs=1e-6)
-
-
-BARE = joint_of(5.0, 0.25, 0.01, 0.01, tick=0.005, hold=2, offset=0.1, time_constant=0.03)
-
-LOADED = replace(BARE, sag_sin=-0.06, sag_cos=0.02, compliance=0.05, speed_per_torque=1.0)
-"""A joint that gravity pulls away, and a torque, whose physics is that of gravity."""
-
-RATES = {"integral_rate": 8.0, "position_integral_rate": 4.0}
-EACH = pytest.mark.parametrize("name", INTEGRALS)
 
 
 def servo(name, model=LOADED):

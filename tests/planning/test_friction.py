@@ -37,6 +37,20 @@ PATHS = {
 }
 
 LOADS = {"none": None, "constant": 0.5, "gravity": 0.8 * np.cos(0.5 * np.sin(PHASE))}
+PAPER = planner.JointModel.ers210a()
+INERT = replace(PAPER, acceleration_time=0.016, time_constant=0.024)
+STARTING_SLOWLY = replace(PAPER, acceleration_time=0.008, max_acceleration=120.0)
+STICKY = replace(INERT, dead_band=0.02, tick=0.004, hold=2)
+
+OVERSHOOTING = replace(STICKY, dead_band=0.005, max_acceleration=150.0, integral_rate=12.0)
+"""A cascade of loops, that for the speed with an integral."""
+
+SWING = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60) ** 3
+"""A path that these joints can nearly follow [rad]."""
+
+SYMMETRIC = replace(WITHOUT, dead_band=0.035, compliance=0.06)
+SINE, HOLDS = 0.5 * np.sin(PHASE), np.clip(0.9 * np.sin(PHASE), -0.6, 0.6)
+NOISE = 0.001  # standard deviation of a path's noise [rad]: 3 % of the dead band
 
 
 @cache
@@ -122,17 +136,6 @@ def test_from_rest_beyond_the_limits_the_first_request_still_holds_the_joint():
         assert_held(made, joint)
 
 
-PAPER = planner.JointModel.ers210a()
-INERT = replace(PAPER, acceleration_time=0.016, time_constant=0.024)
-STARTING_SLOWLY = replace(PAPER, acceleration_time=0.008, max_acceleration=120.0)
-STICKY = replace(INERT, dead_band=0.02, tick=0.004, hold=2)
-
-OVERSHOOTING = replace(STICKY, dead_band=0.005, max_acceleration=150.0, integral_rate=12.0)
-"""A cascade of loops, that for the speed with an integral."""
-
-SWING = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60) ** 3
-"""A path that these joints can nearly follow [rad]."""
-
 EVERY = pytest.mark.parametrize(
     "model", [INERT, STARTING_SLOWLY, STICKY, OVERSHOOTING], ids=["T", "A", "both", "integral"]
 )
@@ -164,11 +167,6 @@ def test_no_closed_form_does_better_on_a_square_that_an_acceleration_limit_keeps
     plan = planner.invert_optimal(model, square, smoothness=0.0)
     forms = [planner.invert_closed_form(model, square, rule=rule) for rule in ("paper", "exact")]
     assert plan.rms <= min(form.rms for form in forms) + 1e-12
-
-
-SYMMETRIC = replace(WITHOUT, dead_band=0.035, compliance=0.06)
-SINE, HOLDS = 0.5 * np.sin(PHASE), np.clip(0.9 * np.sin(PHASE), -0.6, 0.6)
-NOISE = 0.001  # standard deviation of a path's noise [rad]: 3 % of the dead band
 
 
 def noisy(path, seed):

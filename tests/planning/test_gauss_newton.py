@@ -27,6 +27,7 @@ DAMPING = 1e-2  # Levenberg-Marquardt weight, which counts in the cost of a step
 MOST_DAMPING = 1.0  # within this the active limits of every step are found
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 SMOOTHING = pytest.mark.parametrize("smoothing", [True, False], ids=["smoothing", "nearby"])
+SAME = 1e-9  # agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]
 
 
 def joint(seed, *, cyclic, samples=10, inertia=False, friction=False, scenarios=1, **options):
@@ -294,9 +295,6 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
             if cyclic or number >= 0:
                 terms[number % samples] += bend
     assert_solves_the_dense_problem(step[: len(terms)], problem, stage, point, terms)
-
-
-SAME = 1e-9  # agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]
 
 
 def test_what_cycles_have_added_is_taken_off_the_desired_angles_within_the_limits():

@@ -39,6 +39,8 @@ SAME_QUALITY = 1e-3
 """Difference of rms between two searches that take the same steps but for rounding [relative]."""
 
 pytestmark = pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquation13")
+EXACT = 1e-12  # by how much a step may exceed the limit: the rounding of one subtraction [relative]
+CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
@@ -59,7 +61,7 @@ def test_the_largest_error_on_the_reference_walk_comes_within_three_percent_of_i
 
 
 @pytest.mark.parametrize("limited", [False, True], ids=["free", "limited"])
-@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@CYCLIC
 @pytest.mark.parametrize("seed", [1, 3, 5])
 def test_no_closed_form_within_the_limits_does_better(seed, cyclic, limited):
     rng = np.random.default_rng([seed, cyclic, limited])
@@ -86,7 +88,7 @@ def closed_forms_do_no_better(plan, *, segments=(None, None)):
         assert plan.rms <= rms(angles - plan.desired) + NO_WORSE
 
 
-@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@CYCLIC
 def test_no_closed_form_does_better_for_a_joint_at_top_speed_throughout(cyclic):
     # Without closed forms to start from, plans of these cycles are 0.01 to 0.14 % worse than them.
     model = JointModel(v_max=2.3, theta_0=0.086, lag=0.047, acceleration_time=0.031, tick=TICK)
@@ -97,7 +99,7 @@ def test_no_closed_form_does_better_for_a_joint_at_top_speed_throughout(cyclic):
         closed_forms_do_no_better(plan)
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
+@CYCLIC
 @pytest.mark.parametrize("seed", range(3))
 def test_within_tight_limits_no_general_least_squares_does_better(seed, cyclic):
     rng = np.random.default_rng(seed)
@@ -129,7 +131,7 @@ def test_what_the_joint_can_do_is_reached_to_a_hundredth_of_a_degree(seed, sampl
     assert invert_optimal(model, desired).rms <= ENCODER_STEP
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
+@CYCLIC
 @pytest.mark.parametrize("seed", range(2))
 def test_shift_mirror_rotation_and_an_offset_of_the_joint_change_nothing_else(seed, cyclic):
     desired = saturating(np.random.default_rng(seed), ERS210A)
@@ -155,7 +157,7 @@ def _barely_around(requests):
     return float(np.min(requests)) - 1e-3, float(np.max(requests)) + 1e-3
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
+@CYCLIC
 @pytest.mark.parametrize("loaded", [True, False])
 def test_the_ideal_is_the_nearest_trajectory_within_the_speeds_of_either_direction(loaded, cyclic):
     """By a convex solver; each step has the speeds under the torque of the sample where it ends."""
@@ -191,10 +193,6 @@ def test_from_rest_a_joint_is_within_reach_of_its_top_speed_from_the_second_requ
     top = model.speed_limits(load)[1 if way > 0.0 else 0] * model.period
     np.testing.assert_allclose(np.diff(far[far != 0.5]), top)
     np.testing.assert_allclose(np.diff(angles)[-3:], top)
-
-
-EXACT = 1e-12  # by how much a step may exceed the limit: the rounding of one subtraction [relative]
-CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 
 
 def steps(requests, *, cyclic):

@@ -26,6 +26,12 @@ from tests.plans import track
 ROUNDING = 1e-12  # errors of two simulations of the same requests [rad]
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 
+RAMP = np.interp(np.arange(200), [20, 35, 110, 125], [0.0, 0.3, 0.3, 0.0])
+"""To an angle and back, with rests before, between and after [rad]."""
+
+PHASE = 2.0 * np.pi * np.arange(40) / 40
+DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE), 0.1 * np.sin(2.0 * PHASE)])
+
 
 def allowed_error(error, share, noise=ENCODER_STEP):
     """The error that a joint's smoothing may leave [rad], (12b) of docs/math.md."""
@@ -154,10 +160,6 @@ def test_a_leg_with_friction_in_one_joint_does_not_cross_its_dead_band_for_noise
     assert travel(plan.requests[:, 2]) <= 15.0 * band  # 38 where the noise is followed
 
 
-RAMP = np.interp(np.arange(200), [20, 35, 110, 125], [0.0, 0.3, 0.3, 0.0])
-"""To an angle and back, with rests before, between and after [rad]."""
-
-
 @CYCLIC
 @pytest.mark.parametrize(
     ("terms", "limits"),
@@ -258,10 +260,6 @@ def test_the_best_end_of_all_sharp_stages_is_kept_even_if_the_last_is_worse():
     again, error = minimise(problem, best, problem.exact_angles(best), NARROW[:1])
     np.testing.assert_array_equal(again, best)
     assert error == least
-
-
-PHASE = 2.0 * np.pi * np.arange(40) / 40
-DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE), 0.1 * np.sin(2.0 * PHASE)])
 
 
 @pytest.fixture

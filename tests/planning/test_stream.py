@@ -25,6 +25,13 @@ from tests.model.rounded_periods import rounded_periods
 pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
 PREVIEW = 25
 
+NO_ROWS = ("another shape", "one row", "no row", "ragged", "nothing", "text")
+"""Those that are no rows of two angles."""
+
+cost, gauss_newton_step = from_python(tick.cost), from_python(tick.gauss_newton_step)
+SAMPLES, RADIUS, DAMPING = 30, 0.2, 1e-3
+LOWER, UPPER, RATE, SMOOTHING = -0.3, 0.4, 0.4, 2e-3
+
 
 def stretches(path, preview=PREVIEW):
     """What is known at every tick; at the end of the path its last row is held."""
@@ -159,9 +166,6 @@ BAD = {
     "text": ("straight on", ("held", "held")),
     "beyond the limits": (np.array([[0.1, 3.0]] * 5), ("planned", "unreachable")),
 }
-
-NO_ROWS = ("another shape", "one row", "no row", "ragged", "nothing", "text")
-"""Those that are no rows of two angles."""
 
 
 @pytest.mark.parametrize("bad", BAD)
@@ -402,11 +406,6 @@ def test_a_stream_that_was_reset_is_as_new(cycle):
         np.testing.assert_array_equal(used.step(rows, read), new.step(rows, read))
         assert (used.status, used.problem) == (new.status, new.problem)
         assert ("taken as missing" in new.problem) == (k in (1, 40))
-
-
-cost, gauss_newton_step = from_python(tick.cost), from_python(tick.gauss_newton_step)
-SAMPLES, RADIUS, DAMPING = 30, 0.2, 1e-3
-LOWER, UPPER, RATE, SMOOTHING = -0.3, 0.4, 0.4, 2e-3
 
 
 def joint(number):

@@ -16,6 +16,9 @@ from tests.instances import SERVO
 OWN = SERVO.period
 COUNT = 150
 
+SAGGING = replace(SERVO, compliance=0.05, speed_per_torque=0.5)
+"""The servo under loads: it sags by 0.05 rad/(N m)."""
+
 
 def asked(size=0.6):
     """A motion that begins and ends at rest [rad]."""
@@ -194,10 +197,6 @@ def test_a_recording_faster_than_the_top_speed_contradicts_the_model_where_it_is
     both = replay([log, replace(log, joint="wrist")], {"elbow": slow[0.7], "wrist": slow[1.1]})
     assert both.contradicted == ("elbow",)
     assert replay(log, slow[0.7], end=0.1 * OWN * COUNT).contradicted == ()
-
-
-SAGGING = replace(SERVO, compliance=0.05, speed_per_torque=0.5)
-"""The servo under loads: it sags by 0.05 rad/(N m)."""
 
 
 def carried(joint="elbow"):

@@ -17,6 +17,7 @@ from tests.instances import SERVO, joint_of
 
 PERIOD = SERVO.period
 TOLERANCE = 0.02
+ROWS = 1601
 
 
 def log(requests, joint="elbow", **others):
@@ -174,9 +175,6 @@ class MadeUp:
         assert options["start"] == desired[0]
         self.fewest = len(desired)
         return TOLERANCE * (ROWS - 1) / (len(desired) - 1) / self.proved
-
-
-ROWS = 1601
 
 
 def found_for(_, rows=ROWS):

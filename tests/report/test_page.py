@@ -27,6 +27,9 @@ PICTURES = (
     "optimised_trajectories",
 )
 
+BUDGET = 10_000  # time that passes in the page before its picture is taken, on its own clock [ms]
+FAR = 5_000  # how far below the screen the last figure stands [px]
+
 
 def test_pictures_are_drawn_and_not_dated(folder):
     for name in PICTURES:
@@ -34,10 +37,6 @@ def test_pictures_are_drawn_and_not_dated(folder):
         assert svg.startswith("<?xml")
         assert "<dc:date>" not in svg
         assert (folder / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
-
-
-BUDGET = 10_000  # time that passes in the page before its picture is taken, on its own clock [ms]
-FAR = 5_000  # how far below the screen the last figure stands [px]
 
 
 @pytest.fixture

@@ -10,6 +10,9 @@ from planner.evaluation.reproduction import STEP_AMPLITUDES
 from planner.files.staging import list_files
 from planner.report.paper_figures import ROLES, paper_figures, virtual_figures
 
+METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
+PLANS = METHODS[2:]
+
 
 @pytest.fixture(scope="module")
 def reproduction(reproduced):
@@ -90,10 +93,6 @@ def test_every_cycle_of_every_joint_is_drawn_under_its_method(outcome):
             assert values(told) == pytest.approx(
                 np.degrees([outcome.planned.plans[method].predicted[:, j]])
             )
-
-
-METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
-PLANS = METHODS[2:]
 
 
 def test_the_manifest_lists_every_file_of_the_folder(folder, results):

@@ -15,15 +15,13 @@ from planner.report.plan_results import PlanAnswer
 from tests.corpus.page_text import text_of
 
 DRAWN = 0.0051  # rounding of what is drawn [cm]
+WALK = planner.reference_walk()
+SERVO = planner.JointModel.ers210a()
 
 
 def foot_of(motion):
     """The path of the foot of a moving leg [cm]."""
     return np.array(motion["points"])[:, -1]
-
-
-WALK = planner.reference_walk()
-SERVO = planner.JointModel.ers210a()
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,14 @@ import pytest
 
 from planner.report.wording import NOTHING, Column, Row, Table, environment, fitted_to
 
+PARTS = ("ours", "paper", "diff.")
+WIDE = ["joint", *(f"column{k}" for k in range(12))]
+ROWS = [[f"joint number {j}", *(f"{j}.{k} deg" for k in range(12))] for j in range(3)]
+
 
 def drawn(table):
     """The table on a page."""
     return environment().from_string("{{ table }}").render(table=table)
-
-
-PARTS = ("ours", "paper", "diff.")
 
 
 def table(**more):
@@ -58,10 +59,6 @@ def test_a_page_writes_minus_signs_and_leaves_names_alone():
     assert "1e-05" in html
     assert "log-2" in html
     assert "height=-0.1" in html
-
-
-WIDE = ["joint", *(f"column{k}" for k in range(12))]
-ROWS = [[f"joint number {j}", *(f"{j}.{k} deg" for k in range(12))] for j in range(3)]
 
 
 def parts_of(text, rows):

@@ -16,6 +16,7 @@ from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 TICK = 2.0 * math.pi / 4096  # a count [rad]
 PERIOD = 0.01
 EVERY = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+DEGREE = math.radians(1.0)
 
 
 def arm_of(kind=KINDS["sts3215"], count=6, *, faults=None, seed=0, **servo):
@@ -212,9 +213,6 @@ def stops(tick, *arguments):
     except BusError as error:
         return str(error)
     return ""
-
-
-DEGREE = math.radians(1.0)
 
 
 def test_a_joint_is_stopped_15_degrees_beyond_its_range_or_where_it_began():

@@ -13,6 +13,8 @@ from planner.robot.bus import ATTEMPTS, Bus, SerialPort, lerobot_bus, robot_of
 from planner.robot.protocols import DYNAMIXEL, FEETECH
 from planner.virtual.servo_bus import KINDS, VirtualServos, terminal
 
+POSITION = FEETECH.answer(1, 0, b"\x10\x08")
+
 
 class ScriptedPort:
     """A port that hands over one content after each write, on a clock that waiting advances."""
@@ -37,9 +39,6 @@ class ScriptedPort:
 
 def bus_of(*contents, protocol=FEETECH):
     return Bus(ScriptedPort(*contents), protocol)
-
-
-POSITION = FEETECH.answer(1, 0, b"\x10\x08")
 
 
 def test_a_question_is_asked_four_times_and_every_loss_is_counted():

@@ -28,6 +28,8 @@ from planner.virtual.servo_bus import KINDS, VirtualPort, VirtualServos
 from tests.instances import joint_of
 
 TICK = 2.0 * math.pi / 4096
+LIMITS = (-0.7, 0.7)
+INTERVALS = {"v_max": (4.9, 5.1), "dead_band": (0.008, 0.012), "v_offset": (0.01, 0.03)}
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -100,8 +102,6 @@ def test_joints_that_rest_beyond_their_range_stay_at_its_end(limits, tmp_path):
     assert angle == pytest.approx(min(limits, key=abs), abs=0.02)
 
 
-LIMITS = (-0.7, 0.7)
-INTERVALS = {"v_max": (4.9, 5.1), "dead_band": (0.008, 0.012), "v_offset": (0.01, 0.03)}
 EVIDENCE = Evidence(
     error=0.002,
     intervals=INTERVALS,

@@ -42,6 +42,8 @@ file = "robot.csv"
 joint_names = ["a", "b", "c"]
 """
 ROBOT = urdf_path("reference_leg.urdf").read_bytes()
+ENTRY = {"goal_position": 0.5, "position": 0.25, "torque_enable": True}
+BAM = json.dumps({"entries": [{"timestamp": 0.01 * k, **ENTRY} for k in range(6)]})
 
 
 def _read_robot(path):
@@ -54,9 +56,6 @@ def _read_logs(path):
         assert np.isfinite(log.requests).all()
         assert (np.diff(log.times) > 0).all()
 
-
-ENTRY = {"goal_position": 0.5, "position": 0.25, "torque_enable": True}
-BAM = json.dumps({"entries": [{"timestamp": 0.01 * k, **ENTRY} for k in range(6)]})
 
 READERS = {
     "joints.csv": (JOINTS.encode(), read_joint_path),

@@ -24,6 +24,10 @@ from tests.files.logs.bags import (
 EXACT = 1e-12  # angles and times come through unchanged but for one product of float64 [rad, s]
 RECEIPT = 300_000  # how long after its stamp a message is received [ns]
 STATE = "/arm_controller/controller_state"
+ZSTD = rosbag2.CompressionFormat.ZSTD
+EARLIER = Kit(store()).header(START + PERIOD)
+JOINT_STATES = [("/s", START + k, Kit(store()).joint_state(START + k, [0, 0])) for k in range(4)]
+NUMBERS = [(name, lambda kit, _: kit.numbers([0.0, 0.0])) for name in ("/more", "/x")]
 
 
 def _controller_bag(path, layout=NEW, *, storage="sqlite3", compression=None):
@@ -90,7 +94,6 @@ def test_a_bag_without_definitions_tells_the_layout_by_its_bytes(tmp_path, layou
     _assert_holds_the_angles(*read_logs(folder, options=LogOptions(joint="knee")), "knee")
 
 
-ZSTD = rosbag2.CompressionFormat.ZSTD
 COMPRESSED = {
     "bz2": ("ros1", (rosbag1.Writer.CompressionFormat.BZ2,)),
     "lz4": ("ros1", (rosbag1.Writer.CompressionFormat.LZ4,)),
@@ -205,10 +208,6 @@ def _states(topics=(STATE,), changed=None, change=None):
         messages += [(topic, START + k * PERIOD, state) for topic in topics]
     return messages
 
-
-EARLIER = Kit(store()).header(START + PERIOD)
-JOINT_STATES = [("/s", START + k, Kit(store()).joint_state(START + k, [0, 0])) for k in range(4)]
-NUMBERS = [(name, lambda kit, _: kit.numbers([0.0, 0.0])) for name in ("/more", "/x")]
 
 REFUSED = {
     "several commands": (

@@ -16,14 +16,23 @@ EXACT = 1e-12  # angles and times come through unchanged but for one product of 
 REQUESTED = np.array([0.0, 10.0, 20.0, 20.0])
 ACTUAL = np.array([0.0, 2.0, 9.0, 17.0])
 
+FOUR = "0,0,0\n0.01,10,2\n0.02,20,9\n0.04,20,17\n"
+"""Rows of a log: time, requested and actual angle."""
+
+ALL = {"joint": "all"}
+
+PER_RADIAN, MIDDLE = -163.0, 512.0
+"""Counts of a potentiometer that is wired the wrong way round [1/rad], and at angle 0."""
+
+COUNTED = "requested=us,actual=counts"  # units of pulses and of a potentiometer
+HOBBY_SERVO = joint_of(4.0, 0.3, 0.02, 0.02, tick=0.02, dead_band=0.01)
+GOOD = "t_s,req_rad,act_rad\n0,0,0\n1,0,0\n2,0,0\n"
+TWO = "t_s,req_knee,act_knee,req_hip,act_hip\n" + "".join(f"{k},0,0,0,0\n" for k in range(3))
+
 
 def _read(file, **options):
     (log,) = read_logs(file, options=LogOptions(**options))
     return log
-
-
-FOUR = "0,0,0\n0.01,10,2\n0.02,20,9\n0.04,20,17\n"
-"""Rows of a log: time, requested and actual angle."""
 
 
 def _rows(*cells, count=3):
@@ -53,7 +62,6 @@ UNITS = (
     "rad radian radians deg degree degrees ° tick ticks us µs usec turn turns range percent % "
     "range_0_100 range_m100_100"
 )
-ALL = {"joint": "all"}
 
 READ = {
     "canonical": "t_s,requested_deg,actual_deg,torque_on\n0,0,0,1\n1,10,2,0\n2,20,9, true \n"
@@ -143,14 +151,6 @@ def test_joints_are_named_where_the_unit_of_the_times_is_still_to_be_said(tmp_pa
     assert planner.joints_in(log) == ("knee",)
 
 
-PER_RADIAN, MIDDLE = -163.0, 512.0
-"""Counts of a potentiometer that is wired the wrong way round [1/rad], and at angle 0."""
-
-COUNTED = "requested=us,actual=counts"  # units of pulses and of a potentiometer
-
-HOBBY_SERVO = joint_of(4.0, 0.3, 0.02, 0.02, tick=0.02, dead_band=0.01)
-
-
 def _csv(units, times, requests, angles, digits=9):
     """A log of a knee, as text."""
     titles = ("t_s", *map("knee_{}{}".format, ("requested", "actual"), units))
@@ -189,9 +189,6 @@ def _sines(units, of_requests, of_angles):
     titles = [f"_{unit}" for unit in units.split()]
     return _csv(titles, times, of_requests * requests, of_angles * angles)
 
-
-GOOD = "t_s,req_rad,act_rad\n0,0,0\n1,0,0\n2,0,0\n"
-TWO = "t_s,req_knee,act_knee,req_hip,act_hip\n" + "".join(f"{k},0,0,0,0\n" for k in range(3))
 
 BAD = {
     "empty": "",

@@ -16,6 +16,9 @@ EXACT = 1e-12  # angles come through unchanged but for one product of float64 [r
 CLOCK = 1e-7  # times are written in float32; below a second this is their last digit [s]
 LAYOUTS = {"v2.1": v21, "v3.0": v30}
 ELBOW = LogOptions(joint="elbow_flex", unit="deg")
+FEATURES = info("v2.1", [f"{joint}.pos" for joint in JOINTS])["features"]
+GRIPPER = {"joint": "gripper", "unit": "deg"}
+FOUR = [[1.0, 2.0, 3.0]] * 4
 
 
 def _assert_is(log, episode, joint):
@@ -93,8 +96,6 @@ def _with_features(root, action, state):
     _described(root, features=names)
 
 
-FEATURES = info("v2.1", [f"{joint}.pos" for joint in JOINTS])["features"]
-
 READ = {
     "an old version": (
         lambda root: _described(root, codebase_version="v2.0"),
@@ -157,8 +158,6 @@ ASKED = (
     {"time": "timestamp"},
 )
 
-GRIPPER = {"joint": "gripper", "unit": "deg"}
-
 
 def _read(path, **options):
     return read_logs(path, options=LogOptions(**options))
@@ -189,8 +188,6 @@ def _with_table(tmp_path, change):
 def _set(table, name, column):
     return table.set_column(table.column_names.index(name), name, pa.array(column))
 
-
-FOUR = [[1.0, 2.0, 3.0]] * 4
 
 TABLES = {
     "no rows": lambda table: table.slice(0, 0),

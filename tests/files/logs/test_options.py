@@ -24,6 +24,8 @@ BAD = {
     "more episodes than there can be": {"episodes": "0-999999999"},
 }
 
+DIGITS = 1e-5  # the CSV copies of BAM's recordings keep six digits of about 1 [rad, s]
+
 
 def test_options_that_fit_no_log_are_refused(snapshot):
     snapshot.refusals("log_options", lambda options: LogOptions(**options), BAD)
@@ -66,8 +68,6 @@ def test_the_numbers_of_the_page_are_the_codes():
     assert f"asks from {rows.SPARSE:g} s on" in PAGE
     assert f"beyond {rows.MOST_SHARE:.0f} either way" in PAGE
 
-
-DIGITS = 1e-5  # the CSV copies of BAM's recordings keep six digits of about 1 [rad, s]
 
 RUNS = {
     "2024-10-26_12h23m27": "sin_sin",

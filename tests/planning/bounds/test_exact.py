@@ -33,6 +33,7 @@ ROUNDING = 1e-7
 """Rounding of angles, contributions and cuts [theta_0]; the cycle closes to 1e-12 rad."""
 
 WITHIN = 1e-3  # what plans of the reference walk's joints may be above the bound
+SUMMED = 1e-9  # sums of at most a dozen terms of about one
 
 
 def unknowns(problem, model, requests, middle, *, cyclic, start):
@@ -132,9 +133,6 @@ def test_the_plan_of_the_reference_walk_is_within_a_thousandth_of_the_best():
     plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, smoothness=0.0)
     assert 0.0 <= plan.rms / certificate.bound - 1.0 <= WITHIN
     assert certificate.solver_gap <= WITHIN
-
-
-SUMMED = 1e-9  # sums of at most a dozen terms of about one
 
 
 @pytest.mark.parametrize(
