@@ -310,11 +310,14 @@ def run_on(servo, model, path, *, measured):
     return servo.angles(np.array(sent))[1:], np.array(sent[1:])
 
 
+TERMS = {"dead_band": 0.0078, "v_offset": 0.057, "sag_sin": -0.021, "integral_rate": 6.8}
+TERMS |= {"time_constant": 0.02, "max_acceleration": 126.0}
+IDENTIFIED = joint_of(5.27, 0.273, 0.0108, 0.0017, tick=0.001, hold=20, **TERMS)
+"""What ``identify`` finds of the benchmark's cascaded servo, from a triangle and random steps."""
+
+
 def test_on_a_servo_that_is_not_the_model_a_shift_is_beaten_and_measuring_helps():
-    servo, rng = CASCADED, np.random.default_rng(3)
-    triangle = np.interp(np.arange(200), (0, 50, 150, 200), (0.0, 0.9, -0.9, 0.0))
-    requests = np.concatenate([triangle, np.repeat(rng.uniform(-1.0, 1.0, 14), 18)])
-    model = planner.identify(servo.log(requests), hold_out=False).model
+    servo, model = CASCADED, IDENTIFIED
     time = servo.period * np.arange(250)
     path = 0.5 - 0.5 * np.cos(4.4 * time) + 0.15 * np.sin(10.0 * time) * np.minimum(time, 1.0)
     shifted = min(
@@ -322,8 +325,7 @@ def test_on_a_servo_that_is_not_the_model_a_shift_is_beaten_and_measuring_helps(
         for lead in range(8)
     )
     blind, measured = (run_on(servo, model, path, measured=each) for each in (False, True))
-    assert rms(blind[0] - path) <= shifted
-    assert rms(measured[0] - path) <= 0.7 * shifted
+    assert rms(measured[0] - path) < rms(blind[0] - path) < 0.2 * shifted
     assert rms(np.diff(measured[1], n=2)) <= 2.0 * rms(np.diff(blind[1], n=2))  # no oscillation
 
 

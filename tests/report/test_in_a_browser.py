@@ -26,8 +26,8 @@ SCROLL_THROUGH = """(async () => {
 
 
 @pytest.fixture(scope="module")
-def report(folder):
-    return folder / "report.html"
+def report(reproduced):
+    return reproduced.folder / "report.html"
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def test_an_entry_of_the_legend_hides_its_curve_in_every_panel(quiet, report):
     quiet.wait_for(f"{shown} === 4")
 
 
-def test_a_table_is_copied_as_a_spreadsheet_reads_it(quiet, report, results):
+def test_a_table_is_copied_as_a_spreadsheet_reads_it(quiet, report, reproduced):
     button = "document.querySelector('.scroll[aria-label=\"Foot distances\"] + .copy')"
     _open(quiet, report)
     quiet.ask("navigator.clipboard.writeText = async (text) => { live.copied = text; }")
@@ -146,14 +146,14 @@ def test_a_table_is_copied_as_a_spreadsheet_reads_it(quiet, report, results):
     quiet.wait_for("live.copied !== undefined")
     rows = [line.split("\t") for line in quiet.ask("live.copied").splitlines()]
     assert len({len(row) for row in rows}) == 1
-    direct = results["foot"]["direct"]
+    direct = reproduced.results["foot"]["direct"]
     (row,) = [row for row in rows if row[0].startswith("direct")]
     assert row[1:3] == [f"{direct['L2']:.2f}", f"{direct['paper']['L2']:.2f}"]
     assert row[3].startswith(("-", "+", "0"))
     quiet.wait_for(f"{button}.textContent === 'copied'")
 
 
-def test_a_table_that_is_wider_than_a_phone_shows_every_row_as_a_list(quiet, report, results):
+def test_a_table_that_is_wider_than_a_phone_shows_every_row_as_a_list(quiet, report, reproduced):
     table = "document.querySelector('[aria-label=\"Table 2\"]')"
     cells = f"{table}.querySelectorAll('tbody tr:first-child td')"
     quiet.open(report, width=PHONE)
@@ -162,7 +162,7 @@ def test_a_table_that_is_wider_than_a_phone_shows_every_row_as_a_list(quiet, rep
         "rotator, ours",
         "paper",
     ]
-    direct = results["table2"]["rotator"]["Des,Dir"]
+    direct = reproduced.results["table2"]["rotator"]["Des,Dir"]
     assert quiet.ask(f"{cells}[0].innerText") == f"{direct['L2']:.2f}"
     quiet.open(report)
     assert quiet.ask(f"getComputedStyle({table}.querySelector('tr')).display") == "table-row"

@@ -31,12 +31,13 @@ BUDGET = 10_000  # time that passes in the page before its picture is taken, on 
 FAR = 5_000  # how far below the screen the last figure stands [px]
 
 
-def test_pictures_are_drawn_and_not_dated(folder):
+def test_pictures_are_drawn_and_not_dated(reproduced):
+    folder = reproduced.folder / "figures"
     for name in PICTURES:
-        svg = (folder / "figures" / f"{name}.svg").read_text()
+        svg = (folder / f"{name}.svg").read_text()
         assert svg.startswith("<?xml")
         assert "<dc:date>" not in svg
-        assert (folder / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+        assert (folder / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
 
 
 @pytest.fixture

@@ -15,13 +15,8 @@ PLANS = METHODS[2:]
 
 
 @pytest.fixture(scope="module")
-def reproduction(reproduced):
-    return reproduced.answer
-
-
-@pytest.fixture(scope="module")
-def figures(reproduction):
-    return {figure.name: figure for figure in paper_figures(reproduction)}
+def figures(reproduced):
+    return {figure.name: figure for figure in paper_figures(reproduced.answer)}
 
 
 def curve_of(panel, name):
@@ -38,7 +33,8 @@ def test_the_foot_of_the_moving_leg_goes_along_the_drawn_paths(figures):
             np.testing.assert_allclose(path.y[:-1], foot[:, 2], atol=0.0051)
 
 
-def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):
+def test_the_step_tests_shade_lag_and_acceleration_time(reproduced, figures):
+    reproduction = reproduced.answer
     period = 1000.0 * reproduction.models[0].period
     for number, amplitude in enumerate(STEP_AMPLITUDES, 3):
         (panel,) = figures[f"figure{number}_step_{amplitude:g}"].panels
@@ -57,18 +53,14 @@ def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):
         np.testing.assert_array_equal(angles, np.degrees(response.angles))
 
 
-@pytest.fixture(scope="module")
-def outcome(virtually_reproduced):
-    return virtually_reproduced.answer
-
-
 def values(curve):
     """The values of a curve without its gaps and without the sample that closes each cycle."""
     parts = np.split(curve.y, np.flatnonzero(np.isnan(curve.y)))
     return np.array([part[np.isfinite(part)][:-1] for part in parts])
 
 
-def test_every_cycle_of_every_joint_is_drawn_under_its_method(outcome):
+def test_every_cycle_of_every_joint_is_drawn_under_its_method(virtually_reproduced):
+    outcome = virtually_reproduced.answer
     figures = {figure.name: figure for figure in virtual_figures(outcome)}
     panels, walk = figures["joints_by_method"].panels, outcome.planned.walk
     for j, (panel, name) in enumerate(zip(panels[:3], walk.joint_names, strict=True)):
@@ -95,11 +87,11 @@ def test_every_cycle_of_every_joint_is_drawn_under_its_method(outcome):
             )
 
 
-def test_the_manifest_lists_every_file_of_the_folder(folder, results):
-    assert sorted({*results["files"], "results.json"}) == list_files(folder)
+def test_the_manifest_lists_every_file_of_the_folder(reproduced):
+    assert sorted({*reproduced.results["files"], "results.json"}) == list_files(reproduced.folder)
 
 
-def test_the_readme_states_the_figures_of_the_foot(results):
+def test_the_readme_states_the_figures_of_the_foot(reproduced):
     told = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
     for method in PLANS:
-        assert re.search(rf"\b{results['foot'][method]['L2']:.2f}\b", told), method
+        assert re.search(rf"\b{reproduced.results['foot'][method]['L2']:.2f}\b", told), method

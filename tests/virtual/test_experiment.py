@@ -5,7 +5,6 @@ import math
 import re
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
 from planner.virtual.robot import VirtualRobot
+from tests.docs.blocks import ROOT
 
 PLANS = {"closed_form": "Des,MB", "optimal": "Des,Opt"}
 STEP_RMS = 0.45  # what a model of this kind leaves of step tests [deg]; the sensor's count is 0.29
@@ -28,12 +28,10 @@ LOSS_OF_THE_PAPERS = 0.10
 WRITTEN = 1e-9  # rounding of 12 decimals of a degree in a file [deg]
 
 
-@pytest.fixture(scope="module")
-def joints(results):
-    return tuple(results["table2"])
-
-
-def test_joints_are_identified_near_table_1_and_predict_motions_they_never_saw(results):
+def test_joints_are_identified_near_table_1_and_predict_motions_they_never_saw(
+    virtually_reproduced,
+):
+    results = virtually_reproduced.results
     for found in results["identified"].values():
         table = found["table1"]
         assert table["v_max_deg_per_tick"]["value"] == pytest.approx(2.5, rel=0.03)
@@ -44,13 +42,13 @@ def test_joints_are_identified_near_table_1_and_predict_motions_they_never_saw(r
             assert entry["lower"] <= entry["value"] <= entry["upper"]
         assert table["theta_0_deg"]["paper"] == pytest.approx(7.0)
         assert table["offset_deg"]["paper"] is None
-    for found in results["identified"].values():
         assert found["rms_deg"] < STEP_RMS
         assert found["held_out_rms_deg"] < 1.5 * STEP_RMS
         assert found["unseen_walk_rms_deg"] < 2.0 * STEP_RMS
 
 
-def test_plans_predict_what_the_robot_does(results):
+def test_plans_predict_what_the_robot_does(virtually_reproduced):
+    results = virtually_reproduced.results
     for table in results["table2"].values():
         for pair in PLANS.values():
             assert table[pair]["loss"] < LOSS
@@ -60,8 +58,9 @@ def test_plans_predict_what_the_robot_does(results):
     assert results["foot"]["closed_form_plain"]["loss"] < LOSS_OF_THE_PAPERS
 
 
-def test_the_order_of_the_methods_and_their_fidelity_are_the_papers(results):
+def test_the_order_of_the_methods_and_their_fidelity_are_the_papers(virtually_reproduced):
     """L2(Pwl, MB): 2.6 to 2.7 degrees on its robot."""
+    results = virtually_reproduced.results
     foot = {method: entry["L2"] for method, entry in results["foot"].items()}
     assert foot["closed_form_plain"] < foot["shift"] < foot["direct"]
     assert foot["closed_form"] < foot["shift"]
@@ -71,15 +70,16 @@ def test_the_order_of_the_methods_and_their_fidelity_are_the_papers(results):
         assert table["Pwl,Plain"]["L2"] < 4.5
 
 
-def test_the_distances_follow_from_the_angles_in_the_files(folder, results, joints):
+def test_the_distances_follow_from_the_angles_in_the_files(virtually_reproduced):
+    folder, table = virtually_reproduced.folder, virtually_reproduced.results["table2"]
     desired = read_joint_path(folder / "desired.csv").values
     for method, pair in (("direct", "Des,Dir"), ("foot_optimal", "Des,Foot")):
         angles = read_joint_path(folder / f"angles_{method}.csv").values
         cycles = angles.reshape(-1, *desired.shape)
         assert len(cycles) == 20
-        for j, joint in enumerate(joints):
+        for j, joint in enumerate(table.values()):
             errors = [math.degrees(rms(cycle[:, j] - desired[:, j])) for cycle in cycles]
-            entry = results["table2"][joint][pair]
+            entry = joint[pair]
             assert entry["L2"] == pytest.approx(np.mean(errors), abs=WRITTEN)
             assert entry["std"]["L2"] == pytest.approx(np.std(errors, ddof=1), abs=WRITTEN)
 
@@ -92,8 +92,9 @@ def test_a_walk_that_does_not_repeat_itself_is_refused(monkeypatch):
 
 
 def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
-    command_line, monkeypatch, played, tmp_path
+    command_line, monkeypatch, virtually_reproduced, tmp_path
 ):
+    played = virtually_reproduced.answer
     bad = tuple(replace(found, verdict="refused") for found in played.identifications)
     refused = replace(played, identifications=bad)
     # The pictures are those of the run that is well.
@@ -109,22 +110,20 @@ def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
     assert json.loads(result.stdout) == json.loads((out / "results.json").read_text())
 
 
-def test_the_page_states_the_figures_of_the_foot(results):
+def test_the_page_states_the_figures_of_the_foot(virtually_reproduced):
     """Within half a millimetre: the search for requests may end elsewhere on another machine."""
-    top = Path(__file__).parents[2]
-    page = (top / "docs" / "virtual_robot.md").read_text(encoding="utf-8")
-    for method, row in (
-        ("direct", "direct"),
-        ("closed_form", "closed form, knots refined"),
-        ("foot_optimal", "foot-optimised"),
-    ):
+    page = (ROOT / "docs" / "virtual_robot.md").read_text(encoding="utf-8")
+    rows = {"closed_form": "closed form, knots refined", "foot_optimal": "foot-optimised"}
+    for method, row in {"direct": "direct", **rows}.items():
         stated = re.search(rf"^\| {row} \|[^|]*\| ([\d.]+) ±", page, re.MULTILINE)
         assert stated is not None, method
-        assert float(stated[1]) == pytest.approx(results["foot"][method]["L2"], abs=0.05)
+        found = virtually_reproduced.results["foot"][method]["L2"]
+        assert float(stated[1]) == pytest.approx(found, abs=0.05)
 
 
-def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(played):
+def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(virtually_reproduced):
     """The plan is within two per cent of it already; no trial makes that worse by its noise."""
+    played = virtually_reproduced.answer
     errors = [each.mean.rms for each in played.learnt_foot]
     bound = 100.0 * float(played.planned.plans["foot_optimal"].lower_bounds[0])
     last = played.learning
@@ -134,35 +133,15 @@ def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(playe
     assert sum(trial.cycles for trial in last.trials) == 20
 
 
-@pytest.fixture(scope="session")
-def played(virtually_reproduced):
-    """What the experiment gave."""
-    return virtually_reproduced.answer
-
-
-@pytest.fixture(scope="session")
-def folder(virtually_reproduced):
-    return virtually_reproduced.folder
-
-
-@pytest.fixture(scope="session")
-def results(virtually_reproduced):
-    return virtually_reproduced.results
-
-
-PICTURES = (
-    "foot_paths",
-    "step_tests",
-    "joints_direct",
-    "trajectories",
+PICTURES = {
+    *("foot_paths", "step_tests", "joints_direct", "trajectories", "learning", "joints_by_method"),
     "foot_optimised_trajectories",
-    "learning",
-    "joints_by_method",
-)
+}
 
 
-def test_every_figure_comes_to_life_without_a_complaint_or_a_request(folder, browser):
-    assert set(browser.read_through(folder / "report.html", dark=True)) == set(PICTURES)
+def test_every_figure_comes_to_life_without_a_complaint_or_a_request(virtually_reproduced, browser):
+    page = virtually_reproduced.folder / "report.html"
+    assert set(browser.read_through(page, dark=True)) == PICTURES
     title = browser.ask("document.querySelector('h1').textContent")
     assert title == "The paper’s experiment on a virtual robot"
 
