@@ -16,7 +16,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
-import click
 import numpy as np
 
 from planner.arrays import error_norm, index_of_largest
@@ -25,12 +24,12 @@ from planner.cli.console import BadSetting, speaking_of
 from planner.cli.declared import understand
 from planner.cli.desired import Desired, leg_of, models_of, refused_models
 from planner.cli.planning import plan_of, prepare
-from planner.cli.settings import SWEPT, Run, Sweep
+from planner.cli.settings import SWEPT, Run, Samples, Sweep
 from planner.evaluation.pareto_front import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.paths import is_foot_path, path_table
 from planner.files.results import Results, Task, digest_of
-from planner.files.text import read_toml
+from planner.files.text import Kind, read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
 
@@ -72,14 +71,6 @@ class Space:
             for name, value in zip(self.values, values, strict=True)
         )
 
-    def point_of(self, pairs: Iterable[tuple[str, float]]) -> Point:
-        """A point from values by name."""
-        values = dict(pairs)
-        if values.keys() != self.values.keys():
-            got, expected = ", ".join(values) or "nothing", ", ".join(self.values)
-            raise click.UsageError(f"--at: got {got}, expected a value for each of {expected}.")
-        return self.point(values[name] for name in self.values)
-
     def content(self, point: Point) -> dict[str, Any]:
         """The run file of a point."""
         content = deepcopy(self.settings.source.content)
@@ -94,7 +85,7 @@ class Space:
     def desired(self, point: Point) -> Desired:
         """The plan of a point, ready to be computed."""
         with speaking_of(self.settings.source):
-            desired = _prepared(self.content(point), self.settings.folder)
+            desired = prepared(self.content(point), self.settings.folder)
         desired.settings.source = self.settings.source
         return desired
 
@@ -147,19 +138,16 @@ def read_sweep(path: str) -> Space:
         if gait and leg is None:
             raise BadSetting("‹sweep.parameters›: a gait needs a leg; set ‹leg.name›")
         if leg is not None and "period_s" in values:
-            period = models_of(run, leg.joint_names, leg)[0].period
-        for name, each in values.items():
-            of_value, unit = options.SETTINGS[SWEPT[name]].kind, 1.0
-            expected = of_value.expected
-            if name == "period_s":
-                count, unit = expected.removeprefix("a whole number from "), period
-                expected = f"{count} requests, which are {period:g} s apart"
-            for value in each:
+            period, samples = models_of(run, leg.joint_names, leg)[0].period, Kind(Samples)
+            for value in values["period_s"]:
                 try:
-                    of_value.fitted(round(value / unit) if name == "period_s" else value)
+                    samples.fitted(round(value / period))
                 except (ValueError, OverflowError) as error:
-                    words = f"got {value:g}, expected {expected}"
-                    raise BadSetting(f"‹sweep.parameters.{name}›: {words}") from error
+                    count = samples.expected.removeprefix("a whole number from ")
+                    raise BadSetting(
+                        f"‹sweep.parameters.period_s›: got {value:g}, expected {count} requests, "
+                        f"which are {period:g} s apart"
+                    ) from error
     swept = Swept(
         file=run.source.path,
         names=tuple(values),
@@ -231,7 +219,7 @@ def planned_points(
     return replace(space.swept, outcomes=tuple(by_point.values()))
 
 
-def _prepared(content: dict[str, Any], folder: str) -> Desired:
+def prepared(content: dict[str, Any], folder: str) -> Desired:
     """The plan of a point's run file in a folder, ready to be computed."""
     run = Run.of(content)
     run.folder = folder
@@ -244,7 +232,7 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     The argument is the run file of the point, and the folder from which files are named.
     """
     try:
-        desired = _prepared(*argument)
+        desired = prepared(*argument)
         plan = plan_of(desired, bounded=False)
     except PlannerError as error:  # kept, too: it is found only by planning
         reason = reason_of(error)

@@ -17,7 +17,7 @@ from planner.cli.declared import (
     option,
     setting,
 )
-from planner.files.text import Expected, within
+from planner.files.text import Expected, Kind, within
 
 FROM_LOG, FROM_URDF, SHIPPED_MODEL = "from-log", "urdf", "ers210a"
 """Models without a file: those that `replay` identifies from the recordings themselves, those with
@@ -31,6 +31,8 @@ Weights = Annotated[
 ]
 Tick = Annotated[int, within(ge=1 - 10**9, le=10**9 - 1)]
 Length = Annotated[float, within(gt=0.0, le=2.0, words="a number above 0, up to 2, in metres")]
+Height = Annotated[float, within(ge=0.0, le=2.0, words="a number from 0 to 2, in metres")]
+Fraction = Annotated[float, within(gt=0.0, lt=1.0)]
 Share = Annotated[float, within(ge=0.0, le=1.0, words="a number from 0 to 1, 0.05 for 5 %")]
 Seed = Annotated[int, within(ge=0, le=10**9)]
 Samples = Annotated[int, within(ge=4, le=10**6)]
@@ -117,13 +119,11 @@ class HalfEllipse(Settings):
 
     samples: Samples = option(default=88)
     length: Length = setting(default=0.04893, option="--half-stroke")
-    height: Annotated[float, within(ge=0.0, le=2.0, words="a number from 0 to 2, in metres")] = (
-        option(default=0.042)
-    )
+    height: Height = option(default=0.042)
     forward: float = option(default=0.049)
     sideways: float = option(default=0.028)
     hip_height: float = option(default=0.077)
-    ground_fraction: Annotated[float, within(gt=0.0, lt=1.0)] = option(default=0.5)
+    ground_fraction: Fraction = option(default=0.5)
     heading_deg: float = option(default=0.0)
     for_leg: bool = setting(default=False)
 
@@ -385,6 +385,13 @@ class ReplayRun(Run):
     replay: Replay = Replay()
 
 
+def _each(annotation: Any) -> Expected:
+    """Rising values, each of the kind of an annotation."""
+    kind = Kind(annotation)
+    words = f"a list of rising numbers, each {kind.expected}"
+    return Expected(words, lambda values: tuple(map(kind.fitted, values)))
+
+
 def _tried(*values: float, active: bool = False) -> Any:
     """A parameter, with example values, which a template sets if ``active``."""
     return setting(example=list(values), set_to=values if active else None)
@@ -406,16 +413,16 @@ class SweptParameters(Settings):
         smoothness: Any path: `smoothness` of [plan].
     """
 
-    length: Values | None = _tried(0.03, 0.04, 0.05, active=True)
-    height: Values | None = _tried(0.02, 0.04)
+    length: Annotated[Values, _each(Length)] | None = _tried(0.03, 0.04, 0.05, active=True)
+    height: Annotated[Values, _each(Height)] | None = _tried(0.02, 0.04)
     forward: Values | None = _tried(0.03, 0.05)
     sideways: Values | None = _tried(0.02, 0.03)
     hip_height: Values | None = _tried(0.07, 0.09)
-    ground_fraction: Values | None = _tried(0.5, 0.6, 0.75)
+    ground_fraction: Annotated[Values, _each(Fraction)] | None = _tried(0.5, 0.6, 0.75)
     heading_deg: Values | None = _tried(0.0, 90.0)
-    period_s: Values | None = _tried(0.5, 0.6, 0.7, 0.8, active=True)
-    speed: Values | None = _tried(1.0, 1.5, 2.0)
-    smoothness: Values | None = _tried(0.0, 0.01, 0.1)
+    period_s: Annotated[Values, _each(Positive)] | None = _tried(0.5, 0.6, 0.7, 0.8, active=True)
+    speed: Annotated[Values, _each(Positive)] | None = _tried(1.0, 1.5, 2.0)
+    smoothness: Annotated[Values, _each(Share)] | None = _tried(0.0, 0.01, 0.1)
 
 
 SWEPT = {

@@ -69,7 +69,11 @@ def sweep(
     if at:
         if out is None:
             raise click.UsageError("--at: name a folder for its results with --out.")
-        return carried_out(space.desired(space.point_of(at)), out)
+        chosen, names = dict(at), list(space.values)
+        if {*chosen} != {*names}:
+            got, expected = ", ".join(chosen) or "nothing", ", ".join(names)
+            raise click.UsageError(f"--at: got {got}, expected a value for each of {expected}.")
+        return carried_out(space.desired(space.point(chosen[name] for name in names)), out)
     click.get_current_context().with_resource(claimed(place))
     options.warn_of(space.remarks())
     inputs = space.inputs()
