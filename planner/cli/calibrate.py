@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from planner.cli import buses, options
+from planner.cli import options, servos
 from planner.cli.console import Answer, Progress, remark, summarise, warn
 from planner.cli.declared import Positive, option
 from planner.cli.settings import Tick
@@ -30,8 +30,8 @@ TICKS = options.of_kind(Tick, "[JOINT=]N", "knee=2048")
 @options.command("Also write a page with pictures, as HTML.")
 def calibrate(
     *,
-    port: Mapping[str, Any] = buses.bus_options(),
-    ids: Annotated[Mapping[str, int], buses.IDS] = option(
+    port: Mapping[str, Any] = servos.bus_options(),
+    ids: Annotated[Mapping[str, int], servos.IDS] = option(
         "Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2."
     ),
     joint: tuple[str, ...] = option(
@@ -87,12 +87,12 @@ def calibrate(
 
     if rate_hz < 16.0:  # of slower ones the sines of the test motion have too few
         raise click.UsageError(f"--rate-hz: got {rate_hz:g}, expected 16 Hz or more.")
-    ids = buses.ids_by_joint(port, ids)
+    ids = servos.ids_by_joint(port, ids)
     joints = _chosen(joint, ids)
     zeros: dict[str, int] = dict(zero_tick)
     folder = Path(output).with_name(f"{Path(output).stem}_logs")
     results: dict[str, Compared] = {}
-    with buses.open_bus(port, ids) as bus:
+    with servos.open_bus(port, ids) as bus:
         zero, turn = zeros.pop("", bus.protocol.middle), bus.protocol.ticks_per_turn
         like = Servo(zero_tick=zero, ticks_per_turn=turn)
         arm = Arm(bus, servos_of(ids, like, zeros, reverse))
@@ -133,7 +133,7 @@ def calibrate(
         if not yes:
             _asked(click.confirm, "Is the way free, and may they move?", abort=True)
         advice = f"what was measured is in {folder}; go on with --resume"
-        with buses.stopping(advice), arm.powered():
+        with servos.stopping(advice), arm.powered():
             for name in joints:
                 with Progress() as progress, about(name):
                     results[name] = calibration.calibrate(
@@ -220,7 +220,7 @@ def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
 @options.command()
 def check(
     *,
-    port: Mapping[str, Any] = buses.bus_options(
+    port: Mapping[str, Any] = servos.bus_options(
         "The models and servos of the joints, as calibrate writes them."
     ),
     joint: tuple[str, ...] = option("Check this joint only.", otherwise="all"),
@@ -253,7 +253,7 @@ def check(
                 f"[{name}] has no expected_error to compare with; calibrate the joint first",
             )
     with (
-        buses.open_arm(port, advice="nothing was changed") as arm,
+        servos.open_arm(port, advice="nothing was changed") as arm,
         TemporaryDirectory() as folder,
         Progress() as progress,
     ):

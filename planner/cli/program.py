@@ -47,7 +47,15 @@ COMMANDS = {
 """The commands and their help: each is the function of this name, with _ for -, in the module of
 this name or of :data:`MODULES`."""
 
-MODULES = {"check": "calibrate", "completion": "program", "record": "play", "virtual-bus": "buses"}
+MODULES = {
+    "check": "calibrate",
+    "completion": "program",
+    "excite": "identify",
+    "play": "servos",
+    "record": "servos",
+    "sweep": "run",
+    "virtual-bus": "servos",
+}
 """Modules of commands that share one."""
 
 FAILED, BAD_INPUT = 1, 2

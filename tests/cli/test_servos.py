@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from planner import BusError, JointModel, Log, Playback, read_logs, read_models, simulate
-from planner.cli import buses
+from planner.cli import servos
 from planner.files.joint_model import read_servos
 from planner.model.evidence import Evidence
 from planner.robot import calibration
@@ -406,9 +406,9 @@ def test_a_model_holds_within_twice_its_error_or_a_small_one_unless_a_new_one_mi
 def test_identifiers_are_numbers_ranges_and_names_each_once(text, ids):
     if ids is None:
         with pytest.raises(click.UsageError, match="expected identifiers of servos, such as 1-6"):
-            buses.IDS.convert(text, None, None)
+            servos.IDS.convert(text, None, None)
     else:
-        assert buses.IDS.convert(text, None, None) == ids
+        assert servos.IDS.convert(text, None, None) == ids
 
 
 @pytest.fixture

@@ -217,7 +217,7 @@ def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypat
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("planner.cli.sweep.write_sweep", killed)
+        patch.setattr("planner.cli.run.write_sweep", killed)
         assert run(*words).exit_code == 130
         fresh = run("sweep", "gaits.toml", "--workers", "1")
         assert "2 results of an earlier sweep removed; --resume keeps them" in fresh.stderr

@@ -7,7 +7,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from planner.cli.buses import ids_by_joint
+from planner.cli.servos import ids_by_joint
 from planner.exceptions import BusError, InvalidInput
 from planner.robot.bus import ATTEMPTS, Bus, SerialPort, lerobot_bus, robot_of
 from planner.robot.protocols import DYNAMIXEL, FEETECH
