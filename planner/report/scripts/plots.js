@@ -144,7 +144,6 @@ live.plotOf = (figure) => {
 live.kinds.plot = async (figure, description) => {
   const { clock, views } = description, { data, layout } = live.plotOf(description), { height } = live.roomOf(description);
   const place = live.element("div", { className: "canvas" });
-  place.style.height = `${height}px`;
   const names = [...new Set(data.filter((trace) => trace.showlegend !== false).map((trace) => trace.name))];
   const entries = names.map((name) => {
     const rows = [...data.keys()].filter((k) => data[k].name === name && data[k].showlegend !== false);
@@ -174,7 +173,7 @@ live.kinds.plot = async (figure, description) => {
     hoverlabel: { bgcolor: "var(--surface)", bordercolor: "var(--line)", font },
     dragmode: live.touch ? false : "zoom", // a finger on a plot scrolls the page
     modebar: { color: "var(--muted)", activecolor: "var(--accent)", bgcolor: "rgba(0,0,0,0)" },
-    autosize: true,
+    height,
   };
   for (const [key, axis] of Object.entries(layout)) {
     if (/^[xy]axis/.test(key)) Object.assign(axis, { tickfont: small, title: { ...axis.title, font: small } });
@@ -183,20 +182,19 @@ live.kinds.plot = async (figure, description) => {
     displaylogo: false,
     displayModeBar: true,
     modeBarButtons: [[...(live.touch ? [] : ["zoom2d", "pan2d"]), "zoomIn2d", "zoomOut2d", "resetScale2d", "toImage"]],
-    responsive: true,
     showTips: false,
   };
   // What the reader has hidden or zoomed stays so when the colours change: uirevision.
   const draw = () => {
     const shapes = (place.layout?.shapes ?? layout.shapes).slice(0, 1);
-    const width = live.PAPER * (figure.closest(".wide, .pictures > :only-child, section > figure") ? 2 : 1);
-    const paper = matchMedia("print").matches ? { autosize: false, width } : {};
-    const now = live.coloured({ ...looks, ...layout, ...paper });
+    const paper = live.PAPER * (figure.closest(".wide, .pictures > :only-child, section > figure") ? 2 : 1);
+    const width = matchMedia("print").matches ? paper : place.clientWidth;
+    const now = live.coloured({ ...looks, ...layout, width });
     if (clock && place.layout) Object.assign(now.shapes[0], { x0: shapes[0].x0, x1: shapes[0].x1 });
     return Plotly.react(place, live.coloured(data), now, config);
   };
   await draw();
-  // A picture of any width fits the paper.
+  // A picture of any width fits the paper, and the screen until it is drawn for that.
   const scale = () => place.querySelectorAll(".main-svg").forEach((svg) => {
     const [width, height] = [svg.width, svg.height].map((side) => side.baseVal.value);
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
@@ -205,6 +203,10 @@ live.kinds.plot = async (figure, description) => {
   scale();
   place.on("plotly_afterplot", scale);
   for (const change of live.colours) change.addEventListener("change", draw);
+  new ResizeObserver(() => {
+    const width = place.clientWidth, fits = Math.abs(width - place.layout.width) < 1;
+    if (width && !fits && !matchMedia("print").matches) Plotly.relayout(place, { width });
+  }).observe(place);
   if (!clock) return;
   const point = (moment) => Plotly.relayout(place, { "shapes[0].x0": moment * clock, "shapes[0].x1": moment * clock });
   let visible = true;
