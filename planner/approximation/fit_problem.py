@@ -166,8 +166,8 @@ def checked_knots(
         # Rounded, as places are often times over a period; the sum is 0.0 for -0.0.
         knot = round(_number(f"{name} knots", place), 9) + 0.0
         if not (0.0 <= knot < n if cyclic else 0.0 <= knot <= n - 1.0):
-            limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
-            raise InvalidInput(f"{name}: got a knot at {knot:g}, expected {limit} [samples]")
+            limit = f"up to, without, sample {n}" if cyclic else f"to sample {n - 1}"
+            raise InvalidInput(f"{name}: got a knot at sample {knot:g}, expected sample 0 {limit}")
         angles[knot] = math.nan if angle is None else _number(f"{name} angles", angle)
     places = np.array(sorted(angles))
     return places, np.array([angles[place] for place in places.tolist()])
@@ -225,8 +225,8 @@ def check_feasible(
         k = int(np.argmin(apart))
         if apart[k] < SHORTEST:
             raise Infeasible(
-                f"{name} at samples {places[k]:g} and {places[k + 1] % n:g}: {apart[k]:g} samples "
-                "apart, expected at least 1; leave one out"
+                f"{name} at sample {places[k]:g} and sample {places[k + 1] % n:g}: they are "
+                f"{apart[k]:g} of a sample apart, expected at least 1; leave one out"
             )
     pinned = np.isfinite(problem.pins)
     places, angles = problem.required[pinned], problem.pins[pinned]

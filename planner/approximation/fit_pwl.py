@@ -206,8 +206,8 @@ def _check(problem: Problem, question: Question, tick: float) -> None:
             between = np.empty(0) if places is None else places[places != np.floor(places)]
             if between.size:
                 raise InvalidInput(
-                    f"{name}: got a knot at {between[0]:g} with exact, expected whole numbers; an "
-                    "optimum is proved for knots on samples"
+                    f"{name}: got a knot at sample {between[0]:g} with exact, expected whole "
+                    "samples; an optimum is proved for knots on them"
                 )
         if knots is None and problem.samples > MOST_SAMPLES:
             raise InvalidInput(

@@ -252,10 +252,10 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, str]:
         )
         return True, at_rest if np.all(ends <= 0.01 * steps) else ""
     apart = np.max(gaps / np.maximum(steps, np.finfo(float).tiny))
+    away = f", but {apart:.3g} of its largest steps away" if apart > 3.0 else ""
     return False, (
-        f"the path does not close, its ends are {apart:.3g} times its largest step apart: it is "
-        "taken as a motion from rest, as with ‹plan.cyclic = false›; ‹plan.cyclic = true› lets it "
-        "repeat"
+        f"the path does not end where it begins{away}: it is taken as a motion from rest, as with "
+        "‹plan.cyclic = false›; ‹plan.cyclic = true› lets it repeat"
     )
 
 

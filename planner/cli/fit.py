@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import click
@@ -11,7 +14,7 @@ from planner.cli import options
 from planner.cli.console import Answer, Progress
 from planner.cli.declared import Positive, argument, option
 from planner.cli.settings import Run
-from planner.exceptions import about
+from planner.exceptions import PlannerError, about
 
 
 def _knot(text: str) -> tuple[float, float | None]:
@@ -87,7 +90,7 @@ def fit(
     with Progress(len(path.names)) as progress:
         for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
             progress(name)
-            with about(name):
+            with about(name), _in_seconds(path.period):
                 fits[name] = fit_pwl(
                     path.angles[:, j], v_max=joint.v_max, tick=joint.period, **arguments
                 )
@@ -107,6 +110,17 @@ def fit(
         origins_of(run),
         [*inputs_of(path), ("lines", output), ("knots", knots)],
     )
+
+
+@contextmanager
+def _in_seconds(period: float) -> Iterator[None]:
+    """Let errors inside the block name the times [s] of samples, as their user has."""
+    try:
+        yield
+    except PlannerError as error:
+        message, number = str(error), r"\bsample (\d+(?:\.\d+)?(?:e[+-]?\d+)?)"
+        error.args = (re.sub(number, lambda each: f"{period * float(each[1]):.6g} s", message),)
+        raise
 
 
 def _samples(time: float, period: float) -> float:

@@ -167,9 +167,9 @@ def task_of(desired: Desired) -> Task:
 
 def answer_of(desired: Desired, plan: Plan) -> tuple[PlanAnswer, list[str]]:
     """The plan with how the settings asked for it, and remarks on it."""
-    tolerance, units = desired.settings.tolerance, [*desired.shown_units.values()]
+    tolerance, units = desired.settings.tolerance, desired.shown_units
     missed, doubted = against_tolerances(
-        plan, units, degrees=tolerance.deg, centimetres=tolerance.cm
+        plan, [*units.values()], degrees=tolerance.deg, centimetres=tolerance.cm
     )
     answer = PlanAnswer(
         plan=plan,
@@ -193,16 +193,13 @@ def page_of(desired: Desired, answer: PlanAnswer) -> Page:
 
 
 def notes_of(desired: Desired) -> list[str]:
-    """Remarks on the models and the units, for a page."""
-    notes = []
-    if desired.settings.model.file == settings.FROM_URDF:
-        notes.append(
-            "The URDF has no more than the top speeds of the servos; the rest of their models is "
-            "assumed. Identify the joints before these requests are sent."
-        )
-    if shares := [name for name, unit in desired.shown_units.items() if unit != "deg"]:
-        notes.append(f"{', '.join(shares)}: degrees stand for percent of the joint's range.")
-    return notes
+    """Remarks on the models, for a page."""
+    if desired.settings.model.file != settings.FROM_URDF:
+        return []
+    return [
+        "The URDF has no more than the top speeds of the servos; the rest of their models is "
+        "assumed. Identify the joints before these requests are sent."
+    ]
 
 
 def inputs_of(desired: Desired) -> list[tuple[str, str]]:

@@ -152,7 +152,7 @@ def read_sweep(path: str) -> Space:
         file=run.source.path,
         names=tuple(values),
         outcomes=(),
-        speed_unit="cm/s" if gait else "times",
+        speed_unit="cm/s" if gait else "×",
         error_unit="cm" if of_foot else "deg",
         requirement=requirement,
     )

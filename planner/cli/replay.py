@@ -121,8 +121,8 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
     with Progress() as progress:
         result, fastest = task.run(progress)
         progress("the errors of other requests")
-        content = replay_results(result, task.models.words, task.models.remarks)
-        words = replay_text(result, task.models.words, fastest)
+        content = replay_results(result, task.models)
+        words = replay_text(result, task.models, fastest)
         misses = missed(task, result)
 
     def page() -> Page:
@@ -136,11 +136,10 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
         return replay_page(
             result,
             title=PurePath(task.recording.name).name,
-            models=task.models.words,
+            models=task.models,
             fastest=fastest,
             arm=None if missing else arm,
             missed=misses,
-            remarks=task.models.remarks,
         )
 
     if fastest is not None:

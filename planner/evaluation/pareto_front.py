@@ -57,7 +57,7 @@ class Requirement:
 
 @dataclass(frozen=True)
 class Swept:
-    """All points of a sweep in order; speeds are "cm/s" or "times" that of the path."""
+    """All points of a sweep in order; speeds are in cm/s, or "×" that of the path."""
 
     file: str
     names: tuple[str, ...]

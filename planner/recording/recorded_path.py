@@ -331,6 +331,7 @@ class JointModels:
     by_joint: Mapping[str, JointModel]
     words: str = ""
     remarks: tuple[str, ...] = ()
+    of_recording: bool = False  # whether they were identified from what is replayed
 
 
 def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
@@ -386,5 +387,8 @@ def models_from(
         first = f"first {len(used)} of " if len(used) < len(recordings) else ""
         words = f"the {first}{len(recordings)} recordings"
     return JointModels(
-        by_joint=models, words=f"models: identified from {words}", remarks=tuple(remarks)
+        by_joint=models,
+        words=f"models: identified from {words}",
+        remarks=tuple(remarks),
+        of_recording=True,
     )

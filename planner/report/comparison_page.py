@@ -86,7 +86,7 @@ def comparison_page(
         pictures=pictures,
         table=checks_table(check.checks),
         reasons=tolerance_reasons(check.checks),
-        models=models_table(names, [joint.model for joint in joints]),
+        models=models_table({joint.name: joint.model for joint in joints}),
     )
 
 

@@ -5,7 +5,6 @@ Its looks are a colour and a line for each role, distinct without colours too.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from planner.arrays import Array, rms
-from planner.report.wording import words_of
+from planner.report.wording import UNITS, Unit, words_of
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan
@@ -302,15 +301,15 @@ def joint_figure(
     angles: Traces = (),
     errors: Traces = (),
     requests: Traces,
-    unit: tuple[str, float] = ("deg", math.degrees(1.0)),
+    unit: Unit = UNITS["rad"],
     limits: tuple[float, float] | None = None,
     spans: Sequence[Span] = (),
     below: Sequence[Panel] = (),
     clock: bool = True,
     title: str = "predicted",
 ) -> Figure:
-    """A joint's angles, errors and requests in one unit, a sign and a factor; those given."""
-    sign, factor = unit
+    """A joint's angles, errors and requests; those given."""
+    sign, factor = unit.sign, unit.factor
 
     def curves(drawn: Traces, *, held: bool = False) -> list[Curve]:
         of_path = DESIRED.light  # nothing holds what is desired

@@ -22,7 +22,7 @@ from planner.identification.result import (
     Topic,
     telling_error,
 )
-from planner.report.page import PARAMETERS
+from planner.report.page import PARAMETERS, shown_in
 from planner.report.wording import (
     NOTHING,
     UNITS,
@@ -32,6 +32,7 @@ from planner.report.wording import (
     phrase,
     rendered_text,
     table_of,
+    table_with_units,
     two_digits,
 )
 
@@ -116,15 +117,10 @@ def parameters(identification: Identification) -> list[Parameter]:
         estimate = getattr(model, name)
         if math.isinf(estimate):  # no limit of the acceleration
             continue
-        unit, ends = PARAMETER_UNITS.get(name, "1/s").replace("^2", "²"), intervals[name]
-        si, factor = None, 1.0
-        if unit == "s":
-            factor, unit = 1e3, "ms"
-        elif "rad" in unit:
-            if units.words == "deg":
-                si = (f"{rounded_by(estimate, ends)} {unit}", between(ends))
-            angle = units.words if unit == "rad" else units.sign
-            factor, unit = units.factor, unit.replace("rad", angle)
+        (factor, unit), ends, si = shown_in(name, units), intervals[name], None
+        if "deg" in unit:
+            words = unit.replace("deg", "rad")
+            si = (f"{rounded_by(estimate, ends)} {words}", between(ends))
         shown, half = Interval(*(factor * end for end in ends)), 0.5 * (ends.upper - ends.lower)
         rough = not half <= 0.2 * abs(beside.get(name, estimate))
         # beside itself, too, where a warning says that the log does not determine it
@@ -213,27 +209,20 @@ def profile(identification: Identification) -> str:
 
 def joints_table(identifications: Mapping[str, Identification], *, page: bool = False) -> Table:
     """Every joint in a row; on a page a unit that a whole column has stands in its title."""
-    every, shown = list[dict[str, tuple[str, str]]](), set[str]()
-    for each in identifications.values():
+    every, briefs = list[tuple[Row, dict[str, tuple[str, str]]]](), []
+    for joint, each in identifications.items():
         sized, estimates = UNITS[each.unit].sized, parameters(each)
         word = "DOES NOT FIT" if each.verdict == "refused" else each.verdict
         delays = (telling_error(other)[0] for other in each.alternatives if other.name == "delay")
-        every.append({"model": (word, ""), **{row.brief: row.short for row in estimates}})
-        every[-1] |= {"rms": sized(each.rms), "held out": sized(each.held_out_rms)}
-        every[-1] |= {"best delay": sized(next(delays, None))}
-        shown |= {row.brief for row in estimates}
-    briefs = [brief for _, brief in PARAMETERS.values() if brief in shown]
-    titles, common = ["model", *briefs, "rms", "held out", "best delay"], dict[str, str]()
-    for title in titles:
-        units = {cells[title][1] for cells in every if title in cells} - {""}
-        common[title] = units.pop() if page and len(units) == 1 else ""
-    rows = []
-    for (joint, each), cells in zip(identifications.items(), every, strict=True):
-        own = [(title, *cells.get(title, (NOTHING, ""))) for title in titles]
-        words = [f"{size} {unit}" if unit not in ("", common[t]) else size for t, size, unit in own]
-        rows.append(Row(joint or "unnamed", words, kind="" if each.accepted else "broken"))
-    columns = (f"{title} [{unit}]" if unit else title for title, unit in common.items())
-    return Table("joint", columns, rows, "Joints")
+        cells = {"model": (word, ""), **{row.brief: row.short for row in estimates}}
+        cells |= {"rms": sized(each.rms), "held out": sized(each.held_out_rms)}
+        cells["best delay"] = sized(next(delays, None))
+        briefs += [row.brief for row in estimates]
+        kind = "" if each.accepted else "broken"
+        every.append((Row(joint or "unnamed", kind=kind), cells))
+    titles = [brief for _, brief in PARAMETERS.values() if brief in briefs]
+    titles = ["model", *titles, "rms", "held out", "best delay"]
+    return table_with_units("joint", titles, every, "Joints", page=page)
 
 
 def explained(identifications: Mapping[str, Identification]) -> str:

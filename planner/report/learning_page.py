@@ -13,7 +13,7 @@ from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Page
 from planner.report.plan_results import Numbers, in_unit
-from planner.report.wording import NOTHING, Row, Table, table_of, words_of
+from planner.report.wording import CARRIED, NOTHING, UNITS, Row, Table, Unit, table_of, words_of
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan
@@ -38,6 +38,7 @@ def learning_page(
 ) -> Page:
     """The page about the next plan; the last requests and their mean cycle are (n, k) [rad]."""
     worst = max(progress, key=lambda name: min(progress[name]["errors"]))
+    units = {name: each["unit"] for name, each in progress.items()}
     rest = {name: each for name, each in progress.items() if name != worst}
     return Page(
         "learning",
@@ -51,7 +52,10 @@ def learning_page(
         table=trials_table(progress),
         more=[errors_figure(*each, f"_{j}") for j, each in enumerate(rest.items(), 2)],
         short=_short,
-        joints=[joint_figure(plan, executed, measured, j) for j in range(len(plan.names))],
+        joints=[
+            joint_figure(plan, executed, measured, j, CARRIED[units.get(name, "deg")])
+            for j, name in enumerate(plan.names)
+        ],
     )
 
 
@@ -76,7 +80,9 @@ def errors_figure(joint: str, numbers: Numbers, suffix: str = "") -> Figure:
     return Figure(f"learning{suffix}", *words, across, [panel])
 
 
-def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure:
+def joint_figure(
+    plan: Plan, executed: Array, measured: Array, j: int, unit: Unit = UNITS["rad"]
+) -> Figure:
     """A joint's angles, its error with what was learnt of it, and its requests before and after."""
     disturbance = plan.task.disturbance
     assert disturbance is not None, "a learnt plan has a disturbance"
@@ -85,6 +91,7 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
         Timeline.of(plan),
         f"learning_joint_{j + 1}",
         words_of("learning_joint", name=plan.names[j]),
+        unit=unit,
         angles=[
             (desired, figure.DESIRED),
             (measured[:, j], EXECUTED),

@@ -21,7 +21,17 @@ from markupsafe import Markup
 
 from planner._version import __version__
 from planner.report.figure import ROLES, Figure, Role
-from planner.report.wording import NOTHING, Row, Table, breakable, environment, signed
+from planner.report.wording import (
+    NOTHING,
+    UNITS,
+    Row,
+    Table,
+    Unit,
+    breakable,
+    environment,
+    signed,
+    table_with_units,
+)
 
 if TYPE_CHECKING:
     from planner.model.joint import JointModel
@@ -124,29 +134,44 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
     return Markup("\n".join(parts))  # our own, and JSON without markup
 
 
-def models_table(names: Sequence[str], models: Sequence[JointModel]) -> Table:
-    """The parameters of every joint."""
-    titles = parameters_of([model.parameters() for model in models])
+def models_table(
+    models: Mapping[str, JointModel], units: Mapping[str, Unit] | None = None
+) -> Table:
+    """The parameters of every joint, in degrees or in its unit, and in milliseconds."""
+    names = parameters_of([model.parameters() for model in models.values()])
+    titles = {name: PARAMETERS[name][1] for name in names}
     rows = []
-    for joint, model in zip(names, models, strict=True):
-        values = (getattr(model, name) for name in titles)
-        cells = [NOTHING if math.isinf(each) else signed(f"{each:.4g}") for each in values]
-        rows.append(Row(joint, cells))
-    return Table("joint", titles.values(), rows, "Models")
+    for joint, model in models.items():
+        unit, cells = UNITS["rad"] if units is None else units[joint], dict[str, tuple[str, str]]()
+        for name, title in titles.items():
+            (factor, words), value = shown_in(name, unit), getattr(model, name)
+            size = NOTHING if math.isinf(value) else signed(f"{factor * value:.4g}")
+            cells[title] = (size, words)
+        rows.append((Row(joint), cells))
+    return table_with_units("joint", list(titles.values()), rows, "Models")
 
 
-def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
-    """The parameters to show for some models, by name, in a few words."""
+def shown_in(parameter: str, unit: Unit) -> tuple[float, str]:
+    """The factor from SI to the unit in which a parameter is shown of a joint, and this unit."""
+    from planner.files.joint_model import PARAMETER_UNITS
+
+    si = PARAMETER_UNITS.get(parameter, "1/s").replace("^2", "²")
+    if si == "s":
+        return 1e3, "ms"
+    if si == "ticks":
+        return 1.0, ""
+    if "rad" not in si:
+        return 1.0, si
+    return unit.factor, si.replace("rad", unit.words if si == "rad" else unit.sign)
+
+
+def parameters_of(models: Sequence[Mapping[str, float]]) -> list[str]:
+    """The names of the parameters to show of some models."""
     from planner.model.joint import JointModel
 
-    return {
-        each.name: f"{PARAMETERS[each.name][1]} [{each.metadata['unit'].replace('^2', '²')}]"
-        if each.name != "hold"
-        else "hold"
-        for each in fields(JointModel)
-        if each.name in ("v_max", "theta_0", "lag", "acceleration_time", "tick", "hold", "offset")
-        or any(model.get(each.name) for model in models)
-    }
+    shown = "v_max", "theta_0", "lag", "acceleration_time", "tick", "hold", "offset"
+    names = (each.name for each in fields(JointModel))
+    return [name for name in names if name in shown or any(each.get(name) for each in models)]
 
 
 def versions(*more: str) -> dict[str, str]:

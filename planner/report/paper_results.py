@@ -27,9 +27,10 @@ from planner.evaluation.virtual_experiment import (
 from planner.identification.result import Identification
 from planner.model.joint import JointModel
 from planner.report.figure import Figure
-from planner.report.page import Page, file_link, parameters_of, versions
+from planner.report.page import PARAMETERS, Page, file_link, parameters_of, shown_in, versions
 from planner.report.wording import (
     NOTHING,
+    UNITS,
     Column,
     Row,
     Table,
@@ -351,13 +352,21 @@ def _values(results: Results) -> dict[str, Any]:
     return values | {
         "bounds": bounds_table(results),
         "parameters": [
-            *((words, f"{model[name]:.6g}") for name, words in parameters_of([model]).items()),
+            *(
+                (PARAMETERS[name][1], _parameter(name, model[name]))
+                for name in parameters_of([model])
+            ),
             ("samples in a step of the walk", parameters["samples"]),
             ("of these clamped into the leg’s reach", parameters["clamped_samples"]),
             ("lines of each approximation", parameters["segments"]),
             ("rule that inverts a line", parameters["rule"]),
         ],
     }
+
+
+def _parameter(name: str, value: float) -> str:
+    factor, unit = shown_in(name, UNITS["rad"])
+    return f"{factor * value:.6g} {unit}".strip()
 
 
 def table_2(results: Results) -> Table:

@@ -14,7 +14,7 @@ from planner.report import figure
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
 from planner.report.plan_results import NORMS, SHIFTED, WITHOUT, PlanAnswer, no_bound, sizes_of
-from planner.report.wording import Column, Row, Table, signed, table_of, words_of
+from planner.report.wording import Column, Row, Table, labelled, signed, spoken, table_of, words_of
 
 DIRECT = figure.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
@@ -25,6 +25,7 @@ def plan_page(
 ) -> Page:
     """The whole page; ``foot_given`` [m], (n, 3), is what the leg may not reach."""
     plan, role, timeline = answer.plan, figure.ROLES[answer.method], Timeline.of(answer.plan)
+    unit, labels = labelled(answer.shown)
     requests = [  # may be long
         Row(f"{timeline.step * k:.6g}", [f"{angle:.3f}" for angle in angles])
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
@@ -33,11 +34,11 @@ def plan_page(
     if foot_given is not None:
         as_given = sizes_of(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
     if foot is None:
-        unit, subject = "degrees", "joints" if len(joints) > 1 else "joint"
+        words, subject = spoken(answer.shown.values()), "joints" if len(joints) > 1 else "joint"
         expected = float(np.degrees(np.nan_to_num(plan.expected_rms).max()))
         planned = sizes_of(plan.errors) | {"without_plan": sizes_of(plan.direct.errors)}
     else:
-        unit, subject, planned = "cm", "feet" if answer.parts else "foot", foot
+        words, subject, planned = "cm", "feet" if answer.parts else "foot", foot
         expected = foot["expected_rms"] or 0.0 if plan.task.leg else 0.0
     parts = answer.parts or ({"": plan} if plan.task.leg else {})
     feet = {name: [(DIRECT, part.direct), (role, part)] for name, part in parts.items()}
@@ -47,7 +48,8 @@ def plan_page(
         plan=plan,
         title=title,
         good=not (answer.missed or jumps_of(plan)),
-        unit=unit,
+        unit=words,
+        of_joints=foot is None,
         subject=subject,
         planned=planned,
         expected=expected,
@@ -62,9 +64,9 @@ def plan_page(
         distances=figure.foot_figure(timeline, feet) if feet else None,
         joints=joints_table(answer),
         no_bound=no_bound(plan),
-        pictures=[joint_figure(plan, role, j) for j in range(len(plan.names))],
-        requests=Table(timeline.unit, plan.names, requests, "Requests"),
-        models=models_table(plan.names, plan.models),
+        pictures=[joint_figure(answer, role, j) for j in range(len(plan.names))],
+        requests=Table(timeline.unit, labels.values(), requests, f"Requests [{unit}]"),
+        models=models_table(dict(zip(plan.names, plan.models, strict=True)), answer.shown),
     )
 
 
@@ -80,28 +82,28 @@ def jumps_of(plan: Plan) -> list[int]:
 def joints_table(answer: PlanAnswer) -> Table:
     """Errors, speeds and limits of joints, and lower bounds where there are any."""
     task, norms, is_shift = answer.plan.task, ("rms", "max"), answer.plan.method == "shift"
-    rows = []
+    rows, unit = [], answer.unit
     ends = np.degrees([task.lower, task.upper]).T.tolist()
-    for name, (_, each), (lower, upper) in zip(task.names, answer.rows, ends, strict=True):
+    for (label, each), (lower, upper) in zip(answer.rows, ends, strict=True):
         low, high = (signed(f"{limit:.1f}").removesuffix(".0") for limit in (lower, upper))
         one_sided = f"at least {low}" if math.isfinite(lower) else f"at most {high}"
         known = [math.isfinite(end) for end in (lower, upper)]
         limits = f"{low} to {high}" if all(known) else one_sided if any(known) else "none"
         early = f"{1e3 * each['best_shift']['lead_s']:.0f}"
-        rows.append((name, each | {"limits": limits, "early": early}))
+        rows.append((label, each | {"limits": limits, "early": early}))
     bounded = any(each["lower_bound"] is not None for _, each in rows)
     columns = {
-        Column("best time shift [deg]" if is_shift else "planned [deg]", norms): NORMS,
+        Column(f"{'best time shift' if is_shift else 'planned'} [{unit}]", norms): NORMS,
         "early [ms]": is_shift and "{early}",
-        "on the robot [deg]": answer.tested and "{on_robot}",
-        Column("without a plan [deg]", norms): WITHOUT,
-        Column("best time shift", ("rms [deg]", "early [ms]")): not is_shift
+        f"on the robot [{unit}]": answer.tested and "{on_robot}",
+        Column(f"without a plan [{unit}]", norms): WITHOUT,
+        Column("best time shift", (f"rms [{unit}]", "early [ms]")): not is_shift
         and (SHIFTED[0], "{early}"),
-        f"{answer.bound} [deg]": bounded and "{lower_bound:.3f}",
+        f"{answer.bound} [{unit}]": bounded and "{lower_bound:.3f}",
         "gap": bounded and "{gap:.2%}",
-        Column("speed [deg/s]", ("desired", "top")): ("{desired_speed:.0f}", "{top_speed:.0f}"),
+        Column(f"speed [{unit}/s]", ("desired", "top")): ("{desired_speed:.0f}", "{top_speed:.0f}"),
         "too fast": "{share_too_fast:.0%}",
-        "limits [deg]": "{limits}",
+        f"limits [{unit}]": "{limits}",
         "at or beyond limits": "{requests_at_limits}",
     }
     return table_of("joint", rows, columns, "Joints")
@@ -122,8 +124,9 @@ def leg_figure(plan: Plan, role: figure.Role) -> Figure:
     return Timeline.of(plan).leg("leg", words_of("plan_leg"), desired, drawn)
 
 
-def joint_figure(plan: Plan, role: figure.Role, j: int) -> Figure:
+def joint_figure(answer: PlanAnswer, role: figure.Role, j: int) -> Figure:
     """A joint's angles as desired, without a plan and with it, and its requests."""
+    plan, unit = answer.plan, answer.shown[answer.plan.names[j]]
     desired = (plan.desired[:, j], figure.DESIRED)
     return figure.joint_figure(
         Timeline.of(plan),
@@ -131,6 +134,7 @@ def joint_figure(plan: Plan, role: figure.Role, j: int) -> Figure:
         words_of("plan_joint", name=plan.names[j], shift=plan.method == "shift"),
         angles=[desired, (plan.direct.predicted[:, j], DIRECT), (plan.predicted[:, j], role)],
         requests=[desired, (plan.requests[:, j], figure.REQUESTED)],
+        unit=unit,
         limits=(plan.task.lower[j], plan.task.upper[j]),
         clock=plan.task.leg is not None or len(plan.names) > 1,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -23,11 +23,12 @@ from planner.planning.plan import DEGREE, ErrorsOfModels, FootInversion, Inversi
 from planner.planning.time_shift import (
     CLEARLY,
     has_refused,
+    keeps_steps,
     refining_recommended,
     shift_recommended,
     shifted,
 )
-from planner.report.wording import Column, Table, number, percent, table_of
+from planner.report.wording import CARRIED, Column, Table, Unit, labelled, number, percent, table_of
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -57,16 +58,6 @@ SPEEDS = {"desired_speed", "top_speed"}
 AT_LIMIT = 1e-6
 """A request this close to a limit is at it [deg]."""
 
-MOTIONS = {
-    "largest step [deg]": "{largest_step:.2f}",
-    "reversals/s": "{reversals_per_s:.1f}",
-    "length [deg]": "{path_length:.1f}",
-    "desired": "{desired_path_length:.1f}",
-    "outside desired [deg]": "{beyond_desired:.2f}",
-}
-"""How requests move, beside the desired path."""
-
-
 NORMS = ("{rms:.3f}", "{max:.3f}")
 WITHOUT = ("{without_plan[rms]:.3f}", "{without_plan[max]:.3f}")
 SHIFTED = ("{best_shift[rms]:.3f}", "{best_shift[max]:.3f}")
@@ -93,6 +84,18 @@ def motion_of(plan: Plan, j: int, factor: float = DEGREE) -> Numbers:
     return {name: value * (factor if name in MOTION else 1.0) for name, value in motion.items()}
 
 
+def motions_table(rows: Iterable[tuple[str, Numbers]], unit: str) -> Table:
+    """How requests move, beside the desired path."""
+    columns = {
+        f"largest step [{unit}]": "{largest_step:.2f}",
+        "reversals/s": "{reversals_per_s:.1f}",
+        f"length [{unit}]": "{path_length:.1f}",
+        "desired": "{desired_path_length:.1f}",
+        f"outside desired [{unit}]": "{beyond_desired:.2f}",
+    }
+    return table_of("requests", rows, columns, "How the requests move")
+
+
 def foot_numbers(feet: Sequence[Plan]) -> Numbers:
     """The errors of a foot, or of several together [cm]."""
 
@@ -115,7 +118,8 @@ class PlanAnswer:
     plan: Plan
     method: str  # as the user names it
     model: str = ""  # where the models come from, in words
-    units: Sequence[str] = ()  # of each joint, "deg" or "percent"; () if all are degrees
+    # of joints in percent of their range, "percent"; others are in degrees, "deg"
+    units: Mapping[str, str] = field(default_factory=dict)
     # of a whole robot whose joints are all planned, by name
     legs: Mapping[str, Leg] = field(default_factory=dict)
     of_foot: bool = False  # whether the path is that of a foot
@@ -126,6 +130,16 @@ class PlanAnswer:
     def shift(self) -> Plan:
         """The best time shift for the same task."""
         return shifted(self.plan.task)
+
+    @cached_property
+    def shown(self) -> dict[str, Unit]:
+        """The unit of each joint."""
+        return {name: CARRIED[self.units.get(name, "deg")] for name in self.plan.names}
+
+    @property
+    def unit(self) -> str:
+        """The unit of the joints in tables; the label of a joint in another says that."""
+        return labelled(self.shown)[0]
 
     @cached_property
     def joints(self) -> dict[str, Numbers]:
@@ -205,7 +219,7 @@ class PlanAnswer:
             self.refining and f"recommended: {refine}: {self.refining}",
         ]
         untested = untested_words(self.plan.names, self.plan.expected)
-        return list(filter(None, [untested, *lines, start_words(self.plan)]))
+        return list(filter(None, [untested, *lines, start_words(self.plan, self.shown)]))
 
     @property
     def fast(self) -> dict[str, Numbers]:
@@ -224,12 +238,11 @@ class PlanAnswer:
     @property
     def rows(self) -> list[tuple[str, Numbers]]:
         """The joints, with their unit where that is not degrees, and the errors on the robot."""
-        rows, units = list[tuple[str, Numbers]](), self.units or ["deg"] * len(self.joints)
-        for (name, each), unit in zip(self.joints.items(), units, strict=True):
+        rows, labels = list[tuple[str, Numbers]](), labelled(self.shown)[1]
+        for name, each in self.joints.items():
             ends = [f"{end:.3g}" for end in each["expected_range"] or ()]
             note = f"\n{' to '.join(ends)}" if len(set(ends)) > 1 else ""
-            label = name if unit == "deg" else f"{name} [% of its range]"
-            rows.append((label, each | {"on_robot": number(each["expected_rms"], 3) + note}))
+            rows.append((labels[name], each | {"on_robot": number(each["expected_rms"], 3) + note}))
         return rows
 
     @property
@@ -245,7 +258,7 @@ class PlanAnswer:
     @property
     def over_models(self) -> Table | None:
         """Errors of a robust plan over the models that joints may have, and of the nominal plan."""
-        unit, named = "deg", [(name, each["over_models"]) for name, each in self.rows]
+        unit, named = self.unit, [(name, each["over_models"]) for name, each in self.rows]
         if self.plan.of_foot is not None:
             unit, named = "cm", [("foot", over_models(self.plan.of_foot, 100.0))]
         kinds = {"robust_plan": self.plan.task.robust, "nominal_plan": "nominal model"}
@@ -273,8 +286,7 @@ class PlanAnswer:
     @property
     def motions(self) -> Table:
         """How the requests move, beside the desired path."""
-        label = "How the requests move"
-        return table_of("requests", self.joints.items(), MOTIONS, label)
+        return motions_table(self.rows, self.unit)
 
     # For machines, and for people on a terminal.
 
@@ -282,7 +294,6 @@ class PlanAnswer:
         """The plan for machines; fields that a plan for the foot does not have are null."""
         plan, task, foot = self.plan, self.plan.task, None
         step, method = float(np.min(task.max_step)), "shift" if self.recommended else self.method
-        joints = zip(self.joints.items(), self.units or ["deg"] * len(self.joints), strict=True)
         if self.of_foot and self.foot:
             bound, inversion = plan.foot_bound, plan.of_foot
             foot = self.foot | {
@@ -310,7 +321,9 @@ class PlanAnswer:
             "max_step_deg": None if math.isinf(step) else math.degrees(step),
             "unreachable_samples": self.unreachable,
             "lower_bound_withdrawn": no_bound(plan) or None,
-            "joints": {name: in_unit(each, unit) for (name, each), unit in joints},
+            "joints": {
+                name: in_unit(each, self.shown[name].name) for name, each in self.joints.items()
+            },
             "foot": foot and in_unit(foot, "cm"),
             **({"legs": feet} if feet else {}),
             "within_tolerance": None if self.missed is None else not self.missed,
@@ -319,7 +332,7 @@ class PlanAnswer:
     def text(self) -> str:
         """The plan for people."""
         joints, plan, task = self.joints, self.plan, self.plan.task
-        columns = {"rms [deg]": "{rms:.3f}", "max [deg]": "{max:.3f}"}
+        columns = {f"rms [{self.unit}]": "{rms:.3f}", f"max [{self.unit}]": "{max:.3f}"}
         if self.tested:
             columns["on the robot"] = "{on_robot}"
         columns |= {self.bound: "{lower_bound:.3f}", "gap": "{gap:.2%}"}
@@ -354,7 +367,9 @@ class PlanAnswer:
             )
             lines.append(f"early by: {', '.join(leads)}")
         else:
-            lines.append(f"desired angles sent early instead, rms [deg]: {self._shift_words()}")
+            lines.append(
+                f"desired angles sent early instead, rms [{self.unit}]: {self._shift_words()}"
+            )
         if fast := self.fast:
             worst = ", ".join(
                 f"{name} ({percent(each['share_too_fast'], 0)} of the path, up to "
@@ -403,7 +418,8 @@ class PlanAnswer:
             early["expected_rms"] < CLEARLY * each["expected_rms"]
             for each, early in shifts.values()
         )
-        if better and not (self.recommended or has_refused(self.plan)):
+        possible = keeps_steps(self.plan, self.shift) and not has_refused(self.plan)
+        if better and possible and not self.recommended:
             words += "; on the robot that is better for some joints: see --method shift"
         return words
 
@@ -419,7 +435,7 @@ def no_bound(plan: Plan) -> str:
     return f"for {', '.join(faster)}: with the integral of a speed loop v_max may be exceeded"
 
 
-def start_words(plan: Plan) -> str:
+def start_words(plan: Plan, units: Mapping[str, Unit]) -> str:
     """How to bring joints to the start of a plan from rest; "" where it makes no difference.
 
     The first request holds a joint in the middle of its dead band; one that comes to rest under it
@@ -428,7 +444,7 @@ def start_words(plan: Plan) -> str:
     if plan.cyclic:
         return ""
     off = {
-        name or "the joint": math.degrees(model.steady.dead_band)
+        name: math.degrees(model.steady.dead_band)
         for name, model, expected, own in zip(
             plan.names, plan.models, plan.expected, map(rms, plan.errors.T), strict=True
         )
@@ -436,7 +452,10 @@ def start_words(plan: Plan) -> str:
     }
     if not off:
         return ""
-    joints = ", ".join(f"{name} by up to {size:.2g} degrees" for name, size in off.items())
+    joints = ", ".join(
+        f"{name or 'the joint'} by up to {size:.2g} {units[name].long}"
+        for name, size in off.items()
+    )
     return (
         f"by dry friction a joint may rest beside the start that the plan assumes ({joints}): lead "
         "it there slowly, from below to a request as much above the first one, or from above to "

@@ -16,21 +16,24 @@ from planner.recording.recorded_path import WHY
 from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, joined, line, rounded
 from planner.report.page import Page, models_table
-from planner.report.plan_results import MOTIONS, Numbers, in_unit, motion_of, sizes_of
+from planner.report.plan_results import Numbers, in_unit, motion_of, motions_table, sizes_of
 from planner.report.wording import (
     NOTHING,
     UNITS,
     Column,
     Row,
     Table,
+    labelled,
     phrase,
     rendered_text,
+    spoken,
     table_of,
     words_of,
 )
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
+    from planner.recording.recorded_path import JointModels
     from planner.recording.replaying import JointReplay, Kind, Replay
     from planner.recording.retiming import Fastest
 
@@ -70,26 +73,24 @@ def joint_numbers(joint: JointReplay) -> Numbers:
     }
 
 
-def label_of(joint: JointReplay) -> str:
-    """The name of a joint, with its unit where that is not degrees."""
-    return joint.name if joint.path.unit == "rad" else f"{joint.name} [% of its range]"
+def labels_of(replay: Replay) -> tuple[str, dict[str, str]]:
+    """The unit of tables, and the label of each joint."""
+    return labelled({joint.name: UNITS[joint.path.unit] for joint in replay.joints})
 
 
 def replay_page(
     replay: Replay,
     *,
     title: str,
-    models: str,
+    models: JointModels,
     fastest: Fastest | None = None,
     arm: Leg | None = None,
     missed: Sequence[str] = (),
-    remarks: Sequence[str] = (),
 ) -> Page:
     """The page about a replay, or the fastest; an ``arm``, whose joints are all recorded, moves."""
-    there = [joint.path.unit for joint in replay.planned]
-    units = {"rad": "degrees", "1": "% of the range"}
+    units = {joint.name: UNITS[joint.path.unit] for joint in replay.planned}
     joints = {
-        joint.name: joint_numbers(joint) | {"sign": UNITS[joint.path.unit].sign}
+        joint.name: joint_numbers(joint) | {"sign": units[joint.name].sign}
         for joint in replay.planned
     }
     expected = {name: each["expected_on_robot_rms"] for name, each in joints.items()}
@@ -100,7 +101,7 @@ def replay_page(
         **_spoken(replay, models, fastest),
         title=title,
         planned=joints,
-        unit=" or ".join(words for each, words in units.items() if each in there),
+        unit=spoken(units.values()),
         most={
             kind: max(each[kind]["max"] for each in joints.values())
             for kind in ("planned", "direct", "resent")
@@ -108,7 +109,6 @@ def replay_page(
         good=not missed,
         missed=missed,
         fast={name: seconds for name, seconds in fast.items() if seconds},
-        remarks=remarks,
         farthest=max(joints, key=lambda name: float(joints[name]["planned"]["rms"])),
         expected=max(known, key=lambda name: known[name], default=None),
         moving=moment_figure(replay) if arm is None else arm_figure(replay, arm),
@@ -116,22 +116,23 @@ def replay_page(
         open_speeds=sorted(replay.path.open_top_speeds),
         joints=joints_table(replay),
         pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
-        parameters=models_table([*joints], [each.plan.models[0] for each in replay.planned]),
+        parameters=models_table({each.name: each.plan.models[0] for each in replay.planned}, units),
     )
 
 
-def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
+def replay_text(replay: Replay, models: JointModels, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms, and how its requests move."""
-    motions = ((label_of(joint), joint_numbers(joint)) for joint in replay.planned)
+    unit, labels = labels_of(replay)
+    motions = ((labels[joint.name], joint_numbers(joint)) for joint in replay.planned)
     return rendered_text(
         "replay.txt",
         **_spoken(replay, models, fastest),
-        joints=joints_table(replay, "rms [deg]"),
-        requests=table_of("requests", motions, MOTIONS),
+        joints=joints_table(replay, "rms"),
+        requests=motions_table(motions, unit),
     )
 
 
-def _spoken(replay: Replay, models: str, fastest: Fastest | None) -> dict[str, Any]:
+def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dict[str, Any]:
     """What the sentences about a replay say."""
     fast = {each.name for each in replay.planned if each.too_fast}
     return {
@@ -153,9 +154,9 @@ def _allowed(fastest: Fastest) -> tuple[float, str]:
     return math.degrees(fastest.tolerance), "deg"
 
 
-def joints_table(replay: Replay, about: str = "joint [deg]") -> Table:
+def joints_table(replay: Replay, about: str = "joint") -> Table:
     """Errors of every joint by kind of requests; a terminal shows the root mean squares."""
-    norms, rows = ("rms", "max"), []
+    norms, rows, (unit, labels) = ("rms", "max"), [], labels_of(replay)
     for joint in replay.joints:
         fast = "nowhere"
         if joint.inversion is None:
@@ -166,7 +167,7 @@ def joints_table(replay: Replay, about: str = "joint [deg]") -> Table:
             if len(spans) > 1:
                 total = sum(last - first for first, last in spans)
                 fast = f"{total:.2g} s in {len(spans)} parts, such as {fast}"
-        rows.append((label_of(joint), joint_numbers(joint) | {"fast": fast}))
+        rows.append((labels[joint.name], joint_numbers(joint) | {"fast": fast}))
     kinds = ("recorded", "resent", "direct", "shifted", "planned")
     recorded, resent, direct, shifted, planned = (
         (f"{{{kind}[rms]:.3f}}", f"{{{kind}[max]:.3f}}") for kind in kinds
@@ -184,7 +185,7 @@ def joints_table(replay: Replay, about: str = "joint [deg]") -> Table:
         "lower bound": "{lower_bound:.3f}",
         Column("faster than the joint", words=True): "{fast}",
     }
-    return table_of(about, rows, columns, "Joints")
+    return table_of(f"{about} [{unit}]", rows, columns, "Joints")
 
 
 # The figures.
@@ -242,7 +243,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         timeline,
         f"joint_{j}",
         words_of("replay_joint", joint=joint),
-        unit=(unit.sign, unit.factor),
+        unit=unit,
         angles=[desired, *planned] if planned else [],
         errors=[(angles - joint.desired, role) for angles, role in planned[1:]],
         requests=[desired, recorded, (joint.requests, figure.REQUESTED)],
@@ -289,7 +290,7 @@ def speeds_figures(fastest: Fastest) -> list[Figure]:
 # For machines.
 
 
-def replay_results(replay: Replay, models: str, remarks: Sequence[str]) -> dict[str, Any]:
+def replay_results(replay: Replay, models: JointModels) -> dict[str, Any]:
     """A replay with ``models`` for machines, in degrees or percent; missing values are null."""
     joints = {}
     for joint in replay.joints:
@@ -302,13 +303,13 @@ def replay_results(replay: Replay, models: str, remarks: Sequence[str]) -> dict[
         "recording": replay.path.name,
         "track": replay.path.track,
         "why": WHY[replay.path.track],
-        "models": models,
+        "models": models.words,
         "speed": replay.speed,
         "period_s": replay.period,
         "requests": len(replay.moments),
         "recorded_s": replay.path.duration,
         "joints": joints,
-        "remarks": [*replay.path.remarks, *remarks],
+        "remarks": [*replay.path.remarks, *models.remarks],
     }
 
 

@@ -34,7 +34,7 @@ WORDS = {
     "ground_fraction": ("part on the ground", ""),
     "heading_deg": ("heading", "deg"),
     "period_s": ("period", "s"),
-    "speed": ("speed", "times"),
+    "speed": ("speed", "×"),
     "smoothness": ("smoothness", ""),
 }
 """Name and unit of each parameter."""

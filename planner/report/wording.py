@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import groupby, zip_longest
 from operator import attrgetter
@@ -33,7 +33,8 @@ class Unit(NamedTuple):
     name: str  # in names of results
     sign: str  # in figures
     words: str
-    factor: float  # from the unit of its logs
+    long: str  # in sentences
+    factor: float  # from the unit of its logs, or of the package
 
     def sized(self, error: float | None) -> tuple[str, str]:
         """An error in the unit of the logs as a number, and this unit."""
@@ -41,10 +42,26 @@ class Unit(NamedTuple):
 
 
 UNITS = {
-    "rad": Unit("deg", "deg", "deg", math.degrees(1.0)),
-    "1": Unit("percent", "%", "% of range", 100.0),
+    "rad": Unit("deg", "deg", "deg", "degrees", math.degrees(1.0)),
+    "1": Unit("percent", "%", "% of range", "% of the range", 100.0),
 }
 """Units by those of logs: radians, or shares of the joint's range."""
+
+CARRIED = {"deg": UNITS["rad"], "percent": UNITS["1"]._replace(factor=math.degrees(1.0))}
+"""Units of planned joints by their name: paths carry a percent of a range as a degree."""
+
+
+def labelled(units: Mapping[str, Unit]) -> tuple[str, dict[str, str]]:
+    """The unit of a table about joints, and their labels, with the unit of those in another."""
+    signs = {unit.sign for unit in units.values()}
+    common = signs.pop() if len(signs) == 1 else "deg"
+    own = ((name, unit.sign != common) for name, unit in units.items())
+    return common, {name: name + " [% of its range]" * other for name, other in own}
+
+
+def spoken(units: Iterable[Unit]) -> str:
+    """Units in a sentence about several joints."""
+    return " or ".join(sorted({unit.long for unit in units}, reverse=True))
 
 
 @contextmanager
@@ -77,7 +94,7 @@ class Row:
     about: str  # its label, in the first column
 
     # its cells: words, or one for each part of their column. Text after a line break is a note
-    cells: Sequence[str | tuple[str, ...]]
+    cells: Sequence[str | tuple[str, ...]] = ()
     subject: str = ""  # its group; rows of one subject stand together
     kind: str = ""  # how a page marks it, such as "bound"
 
@@ -154,6 +171,31 @@ def table_of(
 
     cells = (Row(name, [cell(each, row) for each in shown.values()]) for name, row in rows)
     return Table(about, shown, cells, label)
+
+
+def table_with_units(
+    about: str,
+    titles: Sequence[str],
+    rows: Sequence[tuple[Row, Mapping[str, tuple[str, str]]]],
+    label: str,
+    *,
+    page: bool = True,
+) -> Table:
+    """A table of rows with values and their units by title, which has them if all are one unit.
+
+    On a terminal the values keep their units.
+    """
+    common = dict[str, str]()
+    for title in titles:
+        units = {cells[title][1] for _, cells in rows if title in cells} - {""}
+        common[title] = units.pop() if page and len(units) == 1 else ""
+    drawn = []
+    for row, cells in rows:
+        own = [(*cells.get(title, (NOTHING, "")), unit) for title, unit in common.items()]
+        words = [size if unit in ("", of_all) else f"{size} {unit}" for size, unit, of_all in own]
+        drawn.append(replace(row, cells=words))
+    columns = (f"{title} [{unit}]" if unit else title for title, unit in common.items())
+    return Table(about, columns, drawn, label)
 
 
 def _laid_out(rows: Sequence[Sequence[str]], about: int) -> str:

@@ -135,9 +135,9 @@ def test_arguments_that_exclude_each_other_are_named_before_knots_too_close():
     asked = {"v_max": 0.2, "tick": 1.0}
     with pytest.raises(InvalidInput, match="knots, segments: got both"):
         fit_pwl(SINE, knots=[3.0, 3.5], segments=4, **asked)
-    with pytest.raises(Infeasible, match="required knots at samples 3 and 3"):
+    with pytest.raises(Infeasible, match="required knots at sample 3 and sample 3"):
         fit_pwl(SINE, knots=[20.0], required=[3.0, 3.5], **asked)
-    with pytest.raises(Infeasible, match=r"^knots at samples 3 and 3\.5: 0\.5 samples apart"):
+    with pytest.raises(Infeasible, match=r"^knots at sample 3 and sample 3\.5: they are 0\.5 of"):
         fit_pwl(SINE, knots=[3.5], required=[3.0], **asked)
 
 

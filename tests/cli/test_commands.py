@@ -120,7 +120,7 @@ def test_a_path_whose_ends_are_far_apart_is_a_motion_from_rest_unless_it_shall_r
     taken, told, repeated = (run(*asked, *more) for more in ((), ("--no-cyclic",), ("--cyclic",)))
     assert taken.stdout == told.stdout != repeated.stdout
     assert told.stderr == repeated.stderr == ""
-    assert "does not close, its ends are 52.7 times its largest step apart" in taken.stderr
+    assert "does not end where it begins, but 52.7 of its largest steps away" in taken.stderr
     assert "--cyclic lets it repeat" in taken.stderr
     fitted = run("fit", "open.csv", "--segments", "3", "--json")
     assert fitted.stderr == taken.stderr

@@ -23,6 +23,7 @@ from planner.report.figure import (
 )
 from planner.report.page import Page
 from planner.report.paper_figures import draw, with_cycles
+from planner.report.wording import UNITS
 
 X = np.array([0.0, 1.0, 2.0])
 
@@ -131,7 +132,7 @@ def test_limits_are_drawn_where_the_requests_come_near():
     timeline, requests = Timeline(0.5, 3, cyclic=False), [(np.array([0.0, 10.0, 5.0]), REQUESTED)]
 
     def lines(limits):
-        about = {"requests": requests, "unit": ("deg", 1.0), "limits": limits}
+        about = {"requests": requests, "unit": UNITS["rad"]._replace(factor=1.0), "limits": limits}
         *drawn, _ = joint_figure(timeline, "name", ("title", "caption"), **about).panels[0].curves
         return [(curve.y.tolist(), curve.x.tolist()) for curve in drawn]
 

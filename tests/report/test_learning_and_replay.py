@@ -11,6 +11,7 @@ import planner
 from planner import replay
 from planner.evaluation.checks import Check, Tolerance
 from planner.planning.bounds import foot_bound
+from planner.recording.recorded_path import JointModels
 from planner.report import learning_page as learning
 from planner.report.comparison_page import SHOWN, comparison_page, foot_table
 from planner.report.learning_page import AFTER, BEFORE, ERROR, EXECUTED, LEARNT, NEXT
@@ -95,7 +96,9 @@ def test_learning(planned, snapshot):
 @pytest.mark.parametrize(("size", "speed"), [(2.0, 1.5), (4.0, 2.0), (3.0, 3.0)])
 def test_the_error_that_joints_stay_within_is_not_rounded_down(size, speed):
     made = replay(logs("elbow", size=size), SERVO, speed=speed)
-    page = replay_page(made, title="demo.csv", models="model: arm.toml").html()
+    page = replay_page(
+        made, title="demo.csv", models=JointModels(by_joint={}, words="model: arm.toml")
+    ).html()
     (promised,) = re.findall(r"stays within\s(\S+) degrees", page)
     largest = np.degrees(np.max(np.abs(made.planned[0].errors["planned"])))
     assert largest <= float(promised) <= 1.1 * largest

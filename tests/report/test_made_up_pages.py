@@ -9,6 +9,7 @@ import pytest
 from kinematics import Leg, urdf_path
 from planner import Log, plan, replay, simulate
 from planner.model.evidence import Evidence
+from planner.recording.recorded_path import JointModels
 from planner.report.calibration_text import calibration_page, calibration_text
 from planner.report.plan_page import plan_page
 from planner.report.plan_results import PlanAnswer
@@ -96,7 +97,9 @@ def replayed_arm():
     recorded = [*logs(hip, size=2.5), *logs(knee, jaw, "gripper")]
     limits = {hip: (-0.25, 3.25)}
     made = replay(recorded, {hip: tested, knee: plain}, speed=1.5, track="action", limits=limits)
-    return replay_page(made, title="demo.csv", models="model: arm.toml", arm=leg).html()
+    return replay_page(
+        made, title="demo.csv", models=JointModels(by_joint={}, words="model: arm.toml"), arm=leg
+    ).html()
 
 
 PAGES = {made.__name__: made for made in (calibration, robot, replayed_arm)}
