@@ -159,7 +159,6 @@ def rows_by_request(table: Table, log: SampledPath, period: float) -> Array:
 
 
 FORMAT = "request-planner refine 1"  # the value of `format` that identifies such a file
-IN_RADIANS = ("requests", "measured", "noise")  # fields that are called `…_rad` in the file
 
 # State of learning of one plan, whose joints may have been identified anew.
 LearningState = tuple[tuple[JointModel, ...], Learning]
@@ -171,7 +170,7 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InvalidFile(path, "not a file that 'request-planner refine --history' wrote")
     try:
-        angles, plans = np.array(content["desired_rad"], dtype=np.float64), content["plans"]
+        angles, plans = np.array(content["desired"], dtype=np.float64), content["plans"]
         if not set(plans) <= set(names) or len(angles) != len(desired):
             expected = f"{len(desired)} of {', '.join(names)}; begin another file for another path"
             problem = f"{len(angles)} requests of {', '.join(plans)}, expected {expected}"
@@ -188,29 +187,18 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
 def write_history(path: str, desired: Array, states: Mapping[str, LearningState]) -> None:
     """Write the state that the next call needs, for a path ``desired`` [rad], (n, k)."""
     plans = {
-        name: {
-            "models": [model.parameters() for model in models],
-            "learning": _renamed(asdict(learning), {key: f"{key}_rad" for key in IN_RADIANS}),
-        }
+        name: {"models": [model.parameters() for model in models], "learning": asdict(learning)}
         for name, (models, learning) in states.items()
     }
-    content = {"format": FORMAT, "desired_rad": desired.tolist(), "plans": plans}
-    write_text(path, to_json(content))  # NaN is null
-
-
-def _renamed(value: Any, names: Mapping[str, str]) -> Any:
-    """The same data with other keys."""
-    if isinstance(value, dict):
-        return {names.get(key, key): _renamed(each, names) for key, each in value.items()}
-    return [_renamed(each, names) for each in value] if isinstance(value, list | tuple) else value
+    write_text(path, to_json({"format": FORMAT, "desired": desired, "plans": plans}))
 
 
 def _state(name: str, content: Mapping[str, Any], shape: tuple[int, ...]) -> LearningState:
     models = tuple(JointModel(**model) for model in content["models"])
-    columns = shape[1] if len(models) > 1 else 1
-    fields = _renamed(content["learning"], {f"{key}_rad": key for key in IN_RADIANS})
-    numbers = (*fields["floor"], fields.get("next_error"))
-    speed, noise, next_error = (math.nan if each is None else float(each) for each in numbers)
+    fields, columns = content["learning"], shape[1] if len(models) > 1 else 1
+
+    def number(value: Any) -> float:
+        return math.nan if value is None else float(value)  # NaN is null
 
     def rows(values: Any, number: int) -> Array:
         trial, numbers = f"trial {number} of {name}", np.array(values, dtype=np.float64)
@@ -219,23 +207,23 @@ def _state(name: str, content: Mapping[str, Any], shape: tuple[int, ...]) -> Lea
             raise ValueError(f"{trial}: got {len(array)} rows, expected {shape[0]}")
         return array
 
-    learning = Learning(
-        trials=tuple(
+    speed, noise = map(number, fields["floor"])
+    known = {
+        "trials": tuple(
             Trial(
-                requests=rows(each["requests"], number),
-                measured=np.stack([rows(cycle, number) for cycle in each["measured"]]),
+                requests=rows(each["requests"], k),
+                measured=np.stack([rows(cycle, k) for cycle in each["measured"]]),
                 error=float(each["error"]),
             )
-            for number, each in enumerate(fields["trials"], start=1)
+            for k, each in enumerate(fields["trials"], start=1)
         ),
-        noise=np.array(fields["noise"], dtype=np.float64),
-        gain=float(fields["gain"]),
-        reidentified=tuple(fields["reidentified"]),
-        delays=tuple(SensorDelay(**each) for each in fields["delays"]),
-        best=int(fields["best"]),
-        floor=(speed, noise),
-        next_error=next_error,
-        stopped=str(fields["stopped"]),
-        remarks=tuple(fields["remarks"]),
-    )
-    return models, learning
+        "noise": np.array(fields["noise"], dtype=np.float64),
+        "gain": float(fields["gain"]),
+        "reidentified": tuple(fields["reidentified"]),
+        "delays": tuple(SensorDelay(**each) for each in fields["delays"]),
+        "best": int(fields["best"]),
+        "floor": (speed, noise),
+        "next_error": number(fields["next_error"]),
+        "remarks": tuple(fields["remarks"]),
+    }
+    return models, Learning(**fields | known)

@@ -33,14 +33,14 @@ def _trial(content, plan, key, value):
 CHANGES = {
     "another format": lambda c: c.update(format="request-planner refine 0"),
     "a plan of another joint": lambda c: c["plans"].update(tail=c["plans"].pop("knee")),
-    "a row less": lambda c: c["desired_rad"].pop(),
-    "a joint less": lambda c: c.update(desired_rad=[[0.5]] * ROWS),
-    "another angle": lambda c: c["desired_rad"][1].__setitem__(1, 0.5 + 1.1e-6),
-    "a joint's requests of two": lambda c: _trial(c, "knee", "requests_rad", [[0.0, 0.0]] * ROWS),
-    "a foot's angles of one": lambda c: _trial(c, "foot", "measured_rad", [[[0.0]] * ROWS]),
-    "angles of a row more": lambda c: _trial(c, "knee", "measured_rad", [[[0.0]] * 4]),
-    "a request without end": lambda c: _trial(c, "knee", "requests_rad", [[0.0], [-1e300], [0.0]]),
-    "an angle that is none": lambda c: _trial(c, "foot", "measured_rad", [[[0.0, None]] * ROWS]),
+    "a row less": lambda c: c["desired"].pop(),
+    "a joint less": lambda c: c.update(desired=[[0.5]] * ROWS),
+    "another angle": lambda c: c["desired"][1].__setitem__(1, 0.5 + 1.1e-6),
+    "a joint's requests of two": lambda c: _trial(c, "knee", "requests", [[0.0, 0.0]] * ROWS),
+    "a foot's angles of one": lambda c: _trial(c, "foot", "measured", [[[0.0]] * ROWS]),
+    "angles of a row more": lambda c: _trial(c, "knee", "measured", [[[0.0]] * 4]),
+    "a request without end": lambda c: _trial(c, "knee", "requests", [[0.0], [-1e300], [0.0]]),
+    "an angle that is none": lambda c: _trial(c, "foot", "measured", [[[0.0, None]] * ROWS]),
     "an error in words": lambda c: _trial(c, "knee", "error", "small"),
     "no gain": lambda c: c["plans"]["knee"]["learning"].pop("gain"),
     "no joint's model": lambda c: c["plans"]["knee"]["models"][0].update(lag=-1.0),
@@ -51,7 +51,7 @@ def test_a_history_that_is_not_of_this_path_or_damaged_is_refused(tmp_path, snap
     file, other = tmp_path / "FILE", tmp_path / "OTHER"
     write_history(str(file), DESIRED, {"knee": _state(1), "foot": _state(2)})
     content = json.loads(file.read_text())
-    content["desired_rad"][1][1] = 0.5 + 0.9e-6  # files carry angles rounded
+    content["desired"][1][1] = 0.5 + 0.9e-6  # files carry angles rounded
     file.write_text(json.dumps(content))
     assert list(read_history(str(file), JOINTS, DESIRED)) == ["knee", "foot"]
 
