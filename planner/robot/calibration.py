@@ -164,15 +164,6 @@ def move(
     return record
 
 
-def angles_of(log: Log, count: int, period: float) -> Array:
-    """The angle that was measured with each of so many requests [rad]; NaN where none was."""
-    angles = np.full(count, np.nan)
-    rows = np.rint((log.times - log.times[0]) / period).astype(int)
-    kept = log.measured & (rows < count)
-    angles[rows[kept]] = log.angles[kept]
-    return angles
-
-
 def by_request(times: Array, angles: Array, count: int, period: float) -> Array:
     """Angles (rows, k) at the time of every request, (count, k); missing ones are interpolated."""
     due = period * np.arange(count)
@@ -283,7 +274,7 @@ class Candidate(NamedTuple):
     max_error: float  # the largest of them [rad]
     largest_step: float  # largest change between requests [rad]
     expected: float  # the error that the model led one to expect [rad]; NaN without one
-    angles: Array  # the measured angles [rad], NaN where none was read, shape (n,)
+    angles: Array  # the measured angles [rad], shape (n,)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -322,7 +313,9 @@ def calibrate(
 
     def measured(way: Way, requests: Array) -> Array:
         progress(f"{joint}: test motion, {WORDS[way]}")
-        return angles_of(moved(requests, f"{joint}_{way}"), len(requests), period)
+        log = moved(requests, f"{joint}_{way}")
+        angles = np.where(log.measured, log.angles, np.nan)[:, None]
+        return by_request(log.times - log.times[0], angles, len(requests), period)[:, 0]
 
     progress(f"{joint}: excitation, {duration:g} s")
     log = moved(excitation(arm, joint, period=period, duration=duration), joint)
@@ -358,7 +351,6 @@ def compare(
         expected = np.nan if name in ("direct", "shift") else plans[name].expected.error
         angles = measure(name, allowed)
         errors = (angles - desired)[round(RUN_IN / model.period) :]
-        errors = errors[np.isfinite(errors)]
         step = float(np.max(np.abs(np.diff(allowed))))
         largest = float(np.max(np.abs(errors)))
         candidates.append(Candidate(name, rms(errors), largest, step, expected, angles))

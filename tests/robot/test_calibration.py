@@ -16,7 +16,6 @@ from planner.robot import calibration
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
 from planner.robot.calibration import (
-    angles_of,
     check,
     move,
     ranges_by_hand,
@@ -78,17 +77,6 @@ def test_a_servo_that_reports_a_fault_is_named_before_anything_moves():
     arm = Arm(Bus(VirtualPort(servos), FEETECH), {f"joint_{k}": Servo(id=k) for k in (1, 2)})
     with pytest.raises(BusError, match=r"joint_2: the servo reports .*; switch it off"):
         check(arm)
-
-
-def test_a_row_that_was_not_measured_is_no_angle_nor_is_one_that_came_too_late():
-    rows = np.array([0, 1, 3, 4, 6])
-    log = Log(
-        times=5.0 + 0.02 * rows + 0.004,
-        requests=np.zeros(5),
-        angles=0.1 * rows,
-        measured=np.array([True, True, False, True, True]),
-    )
-    np.testing.assert_allclose(angles_of(log, 6, 0.02), [0.0, 0.1, np.nan, np.nan, 0.4, np.nan])
 
 
 @pytest.mark.parametrize("limits", [(0.05, 1.0), (-1.0, -0.05)])
@@ -155,13 +143,12 @@ def test_candidates_have_the_figures_of_what_was_played_after_the_run_in(monkeyp
         error = np.full(len(desired), 0.02)
         error[:skipped] = 5.0  # of the run-in
         error[-1] = -0.06
-        error[-2] = np.nan  # not read
         return desired + error
 
     monkeypatch.setattr(calibration, "invert_optimal", inverted)
     found = calibration.compare(SimpleNamespace(model=MODEL), LIMITS, measured)
     assert [each.plan.task.limits[0] for each in plans] == [LIMITS, LIMITS]
-    count = len(desired) - skipped - 1
+    count = len(desired) - skipped
     for each in found.candidates:
         assert each.error == pytest.approx(np.sqrt((0.02**2 * (count - 1) + 0.06**2) / count))
         assert each.max_error == pytest.approx(0.06)

@@ -12,11 +12,10 @@ import re
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -66,18 +65,18 @@ LAYOUTS = tuple(
 
 def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     """Read a bag; the times of its joints have one origin."""
-    with open_bag(path) as bag:
-        topics = choose_topics(bag.path, bag.topics, options)
+    with _opened(path) as (kinds, messages):
+        topics = _choose_topics(path, kinds, options)
         notes = [f"actual from {topics[0]}, requested from {topics[1]}"]
-        actual, requested = tracks = Track(), Track()
-        if topics[0] == topics[1]:
-            _gather(bag, topics[0], {"requested": requested, "actual": actual})
-        else:
-            _gather(bag, topics[0], {"actual": actual})
-            notes += _gather(bag, topics[1], {"requested": requested}, actual, options.joint)
+        tracks = {"actual": Track(), "requested": Track()}
+        for topic in dict.fromkeys(topics):  # one may hold both
+            roles = [role for role, own in zip(tracks, topics, strict=True) if own == topic]
+            content = messages(topic)
+            notes += _gather(path, topic, kinds[topic], content, tracks, roles, options.joint)
+    actual, requested = tracks.values()
     joints = tuple(name for name in actual if name in requested)
     if not joints:
-        there = [", ".join([*track][:20]) or "none" for track in tracks]
+        there = [", ".join([*track][:20]) or "none" for track in tracks.values()]
         found = f"{topics[0]} has {there[0]}, {topics[1]} has {there[1]}"
         raise InvalidFile(path, f"no joint is on both topics: {found}")
     stamped = _stamped(actual, requested)
@@ -159,18 +158,20 @@ def _states(
 
 
 def _gather(
-    bag: Bag,
+    path: Path | str,
     topic: str,
+    kind: str,
+    messages: Iterable[tuple[int, Any]],
     tracks: Mapping[str, Track],
-    names: Iterable[str] = (),
-    joint: str | None = None,
+    roles: Sequence[str],
+    joint: str | None,
 ) -> tuple[str, ...]:
-    """Add messages to tracks, by role; numbers without names are of ``names``, or the joint."""
-    kind, names = bag.topics[topic], tuple(names)
-    notes: tuple[str, ...] = ()
-    for k, (received, content) in enumerate(bag.messages(topic)):
+    """Add messages to tracks, by role; numbers without names are of the actual joints, or one."""
+    names, notes = tuple(tracks["actual"]), tuple[str, ...]()
+    for k, (received, content) in enumerate(messages):
         place = f"topic {topic}, message {k + 1}"
-        for role, track in tracks.items():
+        for role in roles:
+            track = tracks[role]
             try:
                 joints, angles, field = _angles_in(content, kind, role)
                 values, stamp = tuple(map(float, angles)), 0
@@ -180,7 +181,7 @@ def _gather(
                     stamp = stamp if 0 < stamp < LATEST else 0
             except (AttributeError, LookupError, TypeError, ValueError, ArithmeticError) as error:
                 raise InvalidFile(  # the bag's definition of the type may be anything
-                    bag.path,
+                    path,
                     f"{place}: fields are not those of {kind} ({error}); is the bag damaged?",
                 ) from error
             if joints is None:
@@ -191,12 +192,12 @@ def _gather(
                     advice = "choose the joint with --joint" if len(values) == 1 else advice
                     each = f"a number for each of {len(names)} joints ({', '.join(names)})"
                     got = f"topic {topic}: got {len(values)} without names"
-                    raise InvalidFile(bag.path, f"{got}, expected {each}; {advice}")
+                    raise InvalidFile(path, f"{got}, expected {each}; {advice}")
                 notes = (f"numbers of {topic} taken for {', '.join(joints)}",)
             if len(joints) != len(values) or len(set(joints)) != len(joints):
                 each = f"an angle for each of {len(joints)} joints ({', '.join(joints[:20])})"
                 got = f"got {len(values)} in '{field}'"
-                raise InvalidFile(bag.path, f"{place}: {got}, expected {each}")
+                raise InvalidFile(path, f"{place}: {got}, expected {each}")
             for name, value in zip(joints, values, strict=True):
                 series = track.setdefault(name, (array("q"), array("q"), array("d")))
                 series[0].append(received)
@@ -225,7 +226,9 @@ def _angles_in(content: Any, kind: str, role: str) -> tuple[tuple[str, ...] | No
     return tuple(map(str, joints)), angles, field
 
 
-def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> tuple[str, str]:
+def _choose_topics(
+    path: Path | str, kinds: Mapping[str, str], options: LogOptions
+) -> tuple[str, str]:
     """The topics of actual and of requested angles: named, or the only ones of their types."""
 
     def listed(topics: Iterable[str]) -> str:
@@ -275,39 +278,16 @@ def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> 
 # The file.
 
 
-@dataclass(frozen=True)
-class Bag:
-    """An open bag, and the type of every topic."""
-
-    path: Path
-    topics: Mapping[str, str]
-    _reader: Any
-    _ros1: bool
-
-    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """The messages of a topic, in order of receipt: the time of it [ns], and the fields."""
-        connections = [each for each in self._reader.connections if each.topic == topic]
-        kind, stores = self.topics[topic], _stores(connections)
-        for k, (_, when, data) in enumerate(self._reader.messages(connections=connections)):
-            place = f"topic {topic}, message {k + 1}"
-            if not 0 <= when < LATEST:
-                raise InvalidFile(self.path, f"{place}: received at {when} ns, expected a time")
-            content = None
-            while content is None:
-                decode = stores[0].deserialize_ros1 if self._ros1 else stores[0].deserialize_cdr
-                try:
-                    content = decode(data, kind)
-                except Exception as error:
-                    if len(stores) == 1:
-                        words = f"{place}: no {kind} ({_words(error)}); is the bag damaged?"
-                        raise InvalidFile(self.path, words) from error
-                    del stores[0]  # the bag was recorded with another layout of this type
-            yield when, content
+# By topic, the messages in order of receipt: the time of it [ns], and the fields.
+Messages = Callable[[str], Iterator[tuple[int, Any]]]
 
 
 @contextmanager
-def open_bag(path: Path | str) -> Iterator[Bag]:
-    """Open a bag of ROS 1, of ROS 2 (folder or a single file of it), or an MCAP file."""
+def _opened(path: Path | str) -> Iterator[tuple[dict[str, str], Messages]]:
+    """Open a bag of ROS 1, of ROS 2 (folder or a single file of it), or an MCAP file.
+
+    In the block stand the type of every topic, and its messages.
+    """
     with importing("reading bags", "bags"):
         from rosbags import rosbag1, rosbag2
     place = Path(path)
@@ -318,12 +298,33 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
         of_format: Any = (rosbag1 if ros1 else rosbag2).Reader
         with _limited(path), of_format(place) as reader:
             topics = {connection.topic: connection.msgtype for connection in reader.connections}
-            yield Bag(place, topics, reader, ros1)
+            yield topics, partial(_messages, path, reader, "ros1" if ros1 else "cdr")
     except PlannerError:
         raise
     except Exception as error:  # of rosbags, SQLite, YAML or a decoder
         words = f"not a bag that can be read ({_words(error)}); is it cut short?"
         raise InvalidFile(path, words) from error
+
+
+def _messages(
+    path: Path | str, reader: Any, form: Literal["ros1", "cdr"], topic: str
+) -> Iterator[tuple[int, Any]]:
+    connections = [each for each in reader.connections if each.topic == topic]
+    kind, stores = connections[0].msgtype, _stores(connections)
+    for k, (_, when, data) in enumerate(reader.messages(connections=connections)):
+        place = f"topic {topic}, message {k + 1}"
+        if not 0 <= when < LATEST:
+            raise InvalidFile(path, f"{place}: received at {when} ns, expected a time")
+        content = None
+        while content is None:
+            try:
+                content = getattr(stores[0], f"deserialize_{form}")(data, kind)
+            except Exception as error:
+                if len(stores) == 1:
+                    words = f"{place}: no {kind} ({_words(error)}); is the bag damaged?"
+                    raise InvalidFile(path, words) from error
+                del stores[0]  # the bag was recorded with another layout of this type
+        yield when, content
 
 
 def _stores(connections: Sequence[Connection]) -> list[Typestore]:
