@@ -26,7 +26,6 @@ from planner.exceptions import BusError
 from planner.robot.protocols import BROADCAST, SYNC_WRITE, WRITE, Packet, ServoProtocol
 from planner.virtual.motors import Motor, Motors, arm_of
 
-REG_WRITE, ACTION = 0x04, 0x05  # instructions of the emulator only: write later, at the same moment
 HOT = 70.0  # temperature at which a servo switches its torque off [°C]
 WIRE = 1e-3  # time of a packet and its answers on the wire, in lock step [s]
 PROTECTIVE, SAGGING = 0.2, 0.3  # largest duty of a servo that gave up, and at a supply that sags
@@ -91,7 +90,7 @@ class VirtualServos:
         self.faults, self.step = faults or Faults(), step
         self._tick = 0.0
         self._random = np.random.default_rng(seed)
-        self._received, self._later = bytearray(), list[Packet]()
+        self._received = bytearray()
         self._memories = [bytearray(256) for _ in self.ids]
         for servo in self.ids:
             self._set(servo, {**kind.registers, "goal": kind.protocol.middle})
@@ -152,10 +151,6 @@ class VirtualServos:
                 self._write(rows[k], first, rows[k + 1 : k + 1 + size])
         elif packet.code == protocols.SYNC_READ:
             servos = content[2 * width :]
-        elif packet.code == ACTION:
-            for each in self._later:
-                list(self._carry_out(each._replace(code=WRITE)))
-            self._later.clear()
         for servo in servos:
             if servo not in self.ids:
                 continue
@@ -164,11 +159,8 @@ class VirtualServos:
                 yield self._answer(servo, bytes(model) + b"\x01" if width == 2 else b"")
             elif reads:
                 yield self._answer(servo, self._memory(servo)[first : first + size])
-            elif packet.code in (WRITE, REG_WRITE):
-                if packet.code == WRITE:
-                    self._write(servo, first, content[width:])
-                else:
-                    self._later.append(packet)
+            elif packet.code == WRITE:
+                self._write(servo, first, content[width:])
                 if packet.servo != BROADCAST:
                     yield self._answer(servo, b"")
 

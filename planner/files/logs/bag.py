@@ -8,7 +8,6 @@ define.
 
 from __future__ import annotations
 
-import re
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -330,16 +329,12 @@ def _messages(
 def _stores(connections: Sequence[Connection]) -> list[Typestore]:
     """Stores of types to try, in this order: the bag's own types, or the default ones."""
     from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     own: dict[str, Any] = {}
-    for connection in connections:
-        form, text = connection.msgdef.format, connection.msgdef.data
-        if form == MessageDefinitionFormat.MSG:
-            own.update(get_types_from_msg(text, connection.msgtype))
-        elif form == MessageDefinitionFormat.IDL:
-            for part in re.split(r"^=+\nIDL: .*\n", text, flags=re.MULTILINE):
-                own.update(get_types_from_idl(part) if part.strip() else {})
+    for connection in connections:  # a definition as IDL is that of a type that stands there
+        if connection.msgdef.format == MessageDefinitionFormat.MSG:
+            own.update(get_types_from_msg(connection.msgdef.data, connection.msgtype))
     if own:
         stores = [get_typestore(Stores.EMPTY)]
         stores[0].register(own)
