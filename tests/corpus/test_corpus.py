@@ -69,6 +69,11 @@ WIDTH = 400  # longest line of JSON [characters], but for arrays of numbers
 TEXTS = (".csv", ".json", ".toml", ".txt", ".yaml", ".jsonl")
 """Endings of files whose content stands in a snapshot."""
 
+WHOLE = ("plan-page", "refine-page", "compare-page")  # cases whose pages stand with these lines
+OF_LEGS = {"--base", "--foot", "--lock", "--lock-m", "--near"}
+OF_LOGS = {"--time", "--requested", "--actual", "--torque", "--ticks-per-turn"}
+OF_DATASETS = {"--topic", "--command-topic", "--episodes"}
+
 
 def columns(table: str) -> str:
     """A table of comma-separated values column by column, a line each."""
@@ -120,8 +125,6 @@ COMMON = (
     *("Move the slider and the leg follows", "No requests have less error than the"),
 )
 """How lines of many pages begin, which the pages of ``WHOLE`` hold."""
-
-WHOLE = ("plan-page", "refine-page", "compare-page")  # cases whose pages stand with these lines
 
 
 def brief(page: str, printed: str) -> str:
@@ -284,10 +287,6 @@ def reproduction(request, name, keep):
     text = "\n".join([masked(made.printed), *parts])
     return re.sub(r"(?<=CSV files: ).*", "out", text)
 
-
-OF_LEGS = {"--base", "--foot", "--lock", "--lock-m", "--near"}
-OF_LOGS = {"--time", "--requested", "--actual", "--torque", "--ticks-per-turn"}
-OF_DATASETS = {"--topic", "--command-topic", "--episodes"}
 
 ELSEWHERE = {
     "excite": set(),

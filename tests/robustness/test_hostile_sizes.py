@@ -7,6 +7,7 @@ import pytest
 
 MEMORY = 2 * 2**30  # address space that a command gets [bytes]: its libraries take a third of it
 SECONDS = 20  # processor time that a command gets [s], its imports done
+LEG = ("--leg", "robot.urdf", "--base", "a", "--foot", "b")
 
 
 def _sparse(folder, name, start, size):
@@ -53,7 +54,6 @@ def _json_bomb(folder):
     (folder / "log.json").write_text('{"entries": ' + "[" * 10**6 + "]" * 10**6 + "}")
 
 
-LEG = ("--leg", "robot.urdf", "--base", "a", "--foot", "b")
 HOSTILE = {
     "a file of zeros without end": (
         lambda folder: _sparse(folder, "x.csv", b"knee_deg\n1\n", 2**42),
