@@ -131,13 +131,10 @@ def test_a_path_whose_ends_are_far_apart_is_a_motion_from_rest_unless_it_shall_r
     assert json.loads(again.stdout)["joints"]["hip"]["rms_deg"] == pytest.approx(joint["rms_deg"])
 
 
-@pytest.mark.parametrize(("apart", "closed"), [(2.9, True), (3.1, False)])
-def test_a_path_closes_whose_ends_are_at_most_three_of_its_largest_steps_apart(apart, closed):
-    rows = np.concatenate([np.arange(11.0), np.arange(9.0, apart, -1.0), [apart]])
-    assert repeats(rows[:, np.newaxis], None)[0] is closed
-
-
-def test_a_path_whose_ends_a_single_jump_keeps_apart_does_not_close():
+def test_a_path_closes_whose_ends_are_at_most_three_of_its_largest_steps_apart_but_for_a_jump():
+    for apart, closed in ((2.9, True), (3.1, False)):
+        rows = np.concatenate([np.arange(11.0), np.arange(9.0, apart, -1.0), [apart]])
+        assert repeats(rows[:, np.newaxis], None)[0] is closed
     assert not repeats(np.repeat([0.0, 50.0], 30)[:, np.newaxis], None)[0]
 
 
@@ -229,13 +226,9 @@ def test_lines_are_no_faster_than_a_joint_whose_requests_are_held(run, desired):
 
 
 @pytest.fixture
-def meshcat():
-    return pytest.importorskip("meshcat", reason="needs the extra meshcat")
-
-
-@pytest.fixture
-def shown(meshcat, monkeypatch):  # noqa: ARG001
+def shown(monkeypatch):
     """What the pages of the test show, page by page."""
+    pytest.importorskip("meshcat", reason="needs the extra meshcat")
     pages = []
 
     def keep(_, angles, feet, **__):

@@ -52,14 +52,11 @@ def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, tmp_pat
     leg = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
     run("plan", "foot.csv", *leg, "-o", "plan.csv")
     folder = tmp_path / "walk"
-    written, other = (
-        read_joint_path(file).values for file in (folder / "requests.csv", tmp_path / "plan.csv")
-    )
-    assert np.max(np.abs(written - other)) <= ROUNDED
+    written, other = map(read_joint_path, (folder / "requests.csv", tmp_path / "plan.csv"))
+    assert np.max(np.abs(written.values - other.values)) <= ROUNDED
     document = results(folder)
-    files = ["angles.csv", "controller.csv", "desired.csv", "foot.csv", "report.html"]
-    files += ["requests.csv"]
-    assert document["files"] == files
+    files = "angles.csv controller.csv desired.csv foot.csv report.html requests.csv"
+    assert document["files"] == files.split()
     assert document["within_tolerance"] is True
     angles = read_joint_path(folder / "angles.csv").values
     for j, joint in enumerate(document["joints"].values()):
@@ -122,18 +119,17 @@ def test_exports_are_those_of_export(run, write, tmp_path):
     assert result.exit_code == 0, result.stderr
     folder = tmp_path / "it"
     assert results(folder)["files"] == ["deg.csv", "requests.csv", "servos/ticks.csv", "slow.csv"]
-    ticks = (
-        "--format csv --unit ticks --cycles 2 --rate-hz 250 --zero-tick 1000 --zero-tick knee=500"
-    )
-    degrees = "--format csv --unit deg --joint-names a,b"
+    ticks = "--unit ticks --cycles 2 --rate-hz 250 --zero-tick 1000 --zero-tick knee=500"
     documents = {each.pop("file"): each for each in results(folder)["exports"]}
     assert documents["slow.csv"]["requests_never_sent"] > 0
-    slow = ("slow.csv", "--format csv --rate-hz 50 --between linear")
-    for file, options in (("servos/ticks.csv", ticks), ("deg.csv", degrees), slow):
-        asked = ("export", folder / "requests.csv", *options.split(), "-o", "again", "--json")
-        assert json.loads(run(*asked).stdout) == documents[file]
-        exported = run("export", folder / "requests.csv", *options.split())
-        written = (folder / file).read_text()
+    for file, options in (
+        ("servos/ticks.csv", ticks),
+        ("deg.csv", "--unit deg --joint-names a,b"),
+        ("slow.csv", "--rate-hz 50 --between linear"),
+    ):
+        asked = ("export", folder / "requests.csv", "--format", "csv", *options.split())
+        assert json.loads(run(*asked, "-o", "again", "--json").stdout) == documents[file]
+        exported, written = run(*asked), (folder / file).read_text()
         assert exported.stdout.splitlines()[0] == written.splitlines()[0]
         numbers = [
             np.loadtxt(text.splitlines()[1:], delimiter=",") for text in (exported.stdout, written)
@@ -176,13 +172,10 @@ def test_the_page_has_every_key_as_it_is_declared():
     assert PAGE.endswith(markdown(Run)), "write the tables anew from markdown(Run)"
 
 
-@pytest.mark.parametrize("content", re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL))
-def test_the_files_of_the_page_are_run_files(content):
-    understand(Toml("page", content, tomllib.loads(content)), Run)
-
-
-def test_the_first_file_of_the_page_runs(run):
-    first = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0]
+def test_the_files_of_the_page_are_run_files_of_which_the_first_runs(run):
+    first, *others = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    for content in others:
+        understand(Toml("page", content, tomllib.loads(content)), Run)
     result = run("run", "-", "--out", "first", stdin=first)
     assert result.exit_code == 0, result.stderr
 

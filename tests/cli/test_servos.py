@@ -122,15 +122,12 @@ def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, mo
 def test_logs_of_an_earlier_calibration_are_told_and_not_taken_for_another_range(
     calibrated, command_line, monkeypatch
 ):
-    folder, _ = calibrated
-    monkeypatch.chdir(folder)
+    monkeypatch.chdir(calibrated[0])
     line = ("calibrate", *BRIEF, "--ids", "1", "--dry-run", "-o")
     told = "arm_logs has logs of joint_1 by an earlier calibration, which new ones replace"
     assert told in command_line(*line, "arm.toml").stderr
     assert told not in command_line(*line, "arm.toml", "--resume").stderr
     assert "earlier" not in command_line(*line, "new.toml").stderr
-    folder, _ = calibrated
-    monkeypatch.chdir(folder)
     monkeypatch.setattr(calibration, "growing_log", None)  # nothing is measured
     other = ("--reach-deg", "25", "--ids", "1", "--resume", "-o", "arm.toml")
     again = command_line("calibrate", *BRIEF, *other)
@@ -161,16 +158,25 @@ def test_a_fault_ends_it_in_one_line_and_keeps_every_row(run, faulty, tmp_path):
     assert not (tmp_path / "arm.toml").exists()
 
 
-def test_ctrl_c_ends_it_in_one_line_and_keeps_every_row(run, tmp_path, monkeypatch):
+@pytest.fixture
+def interrupted(monkeypatch):
+    """Press Ctrl-C after so many packets."""
     feed, fed = VirtualServos.feed, []
 
-    def interrupted(self, content):
-        fed.append(content)
-        if len(fed) == 2000:
-            raise KeyboardInterrupt
-        return feed(self, content)
+    def interrupted(after):
+        def counted(self, content):
+            fed.append(content)
+            if len(fed) == after:
+                raise KeyboardInterrupt
+            return feed(self, content)
 
-    monkeypatch.setattr(VirtualServos, "feed", interrupted)
+        monkeypatch.setattr(VirtualServos, "feed", counted)
+
+    return interrupted
+
+
+def test_ctrl_c_ends_it_in_one_line_and_keeps_every_row(run, tmp_path, interrupted):
+    interrupted(2000)
     result = run("-q", "calibrate", *BRIEF, "--ids", "1")
     assert result.exit_code == 130
     assert result.stderr == (
@@ -464,16 +470,10 @@ def test_the_torque_goes_off_for_a_hand_and_is_left_alone_for_others(
     assert written == [(1, "torque", 0)] * by_hand
 
 
-def test_ctrl_c_stops_a_motion_and_ends_a_record(run, arm, requests, monkeypatch, tmp_path):
-    feed, fed = VirtualServos.feed, []
-
-    def interrupted(self, content):
-        fed.append(content)
-        if len(fed) == 40:
-            raise KeyboardInterrupt
-        return feed(self, content)
-
-    monkeypatch.setattr(VirtualServos, "feed", interrupted)
+def test_ctrl_c_stops_a_motion_and_ends_a_record(
+    run, arm, requests, monkeypatch, tmp_path, interrupted
+):
+    interrupted(40)
     result = run("record", "--bus", "virtual", "--model", arm)
     assert result.exit_code == 0
     assert result.stderr == "19 rows of joint_1 in log.csv; 0.0 % of answers lost\n"
