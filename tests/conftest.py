@@ -50,7 +50,6 @@ SLOWEST = (
     "tests/corpus/test_corpus.py",
     "tests/report/test_in_a_browser.py",
     "tests/cli/test_servos.py",
-    "tests/robustness/test_killed.py",
     "tests/planning/foot/test_bound.py",
     "tests/identification/test_verdict.py",
     "tests/cli/test_replay.py",

@@ -1,12 +1,11 @@
 """The program in forks of a process that has imported it, so that its imports are paid for once.
 
 A script and its client. Each line that the script reads is a run as JSON: the arguments, the folder
-and the environment to run in, limits on memory and processor time, whether to watch what it does,
-and before which change of a file to die as if it were killed. It answers with the exit status.
+and the environment to run in, limits on memory and processor time, and whether an audit hook tells
+what it does to files, and what code it makes of data. It answers with the exit status.
 """
 
 import contextlib
-import io
 import json
 import os
 import resource
@@ -15,6 +14,18 @@ import sys
 import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
+
+CHANGES = {
+    *("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate"),
+    *("os.chmod", "os.chown", "os.utime", "shutil.rmtree", "shutil.move", "shutil.copyfile"),
+    *("tempfile.mkstemp", "tempfile.mkdtemp"),
+}
+"""Events that change files or folders."""
+
+FORBIDDEN = {"os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect"}
+"""Events that no input may lead to."""
+
+MARK = "hacked"  # what the code in hostile files holds, and no other code
 
 
 class Run(NamedTuple):
@@ -44,19 +55,15 @@ class Forks:
     def run(self, folder: Path, *arguments: str, **asked: Any) -> Run:
         """Run the program in a folder.
 
-        It may be asked for an ``environment``, to ``watch`` what is done, to ``die_at`` a change,
-        for so much ``memory`` [bytes], so many ``seconds`` of processor time, and for files of at
-        most so much ``room`` [bytes].
+        It may be asked for an ``environment``, to ``watch`` what is done, for so much ``memory``
+        [bytes], so many ``seconds`` of processor time, and for files of at most so much ``room``
+        [bytes].
         """
         with tempfile.TemporaryDirectory() as kept:
             status = self._order(folder=str(folder), arguments=arguments, kept=kept, **asked)
             said = [(Path(kept) / name).read_text() for name in ("stdout", "stderr")]
             report = Path(kept) / "report"
             return Run(status, *said, json.loads(report.read_text()) if report.exists() else None)
-
-    def warm(self, folder: Path, *arguments: str) -> int:
-        """Run the program in the process that forks, which later runs find as it was left."""
-        return self._order(folder=str(folder), warm=arguments)
 
     def _order(self, **order: Any) -> int:
         print(json.dumps(order), file=self._process.stdin, flush=True)
@@ -65,6 +72,33 @@ class Forks:
     def close(self) -> None:
         """Let the process end."""
         self._process.communicate()
+
+
+class Watch:
+    """What happened, from the moment on that it is told to watch."""
+
+    def __init__(self) -> None:
+        self.changes: list[list[str]] = []
+        self.others: list[str] = []
+        self.on = False
+
+    def __call__(self, event: str, arguments: tuple[object, ...]) -> None:
+        if not self.on:
+            return
+        if event == "open":
+            path, _, flags = arguments
+            writes = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+            if isinstance(flags, int) and flags & writes and not isinstance(path, int):
+                self.changes.append(["open", str(path)])
+        elif event in CHANGES:
+            self.changes.append([event, *map(str, arguments[:2])])
+        elif event == "compile" and MARK in str(arguments[0]):
+            self.others.append("compile")
+        elif event in FORBIDDEN or event.startswith("pickle.") or event == "marshal.loads":
+            self.others.append(event)
+
+    def report(self) -> str:
+        return json.dumps({"changes": self.changes, "others": self.others})
 
 
 def main() -> None:
@@ -76,9 +110,6 @@ def main() -> None:
             getattr(package, name)  # what the commands import when they need it
     for line in sys.stdin:
         order = json.loads(line)
-        if "warm" in order:
-            print(_warm(order), flush=True)
-            continue
         child = os.fork()
         if child == 0:
             _run(order)
@@ -86,24 +117,8 @@ def main() -> None:
         print(os.waitstatus_to_exitcode(status), flush=True)
 
 
-def _warm(order: dict[str, Any]) -> int:
-    """Exit status of a run in this process, which says nothing."""
-    from planner.cli import cli
-
-    os.chdir(order["folder"])
-    silent = io.StringIO()
-    with contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent):
-        try:
-            cli.main(order["warm"], prog_name="request-planner")
-        except SystemExit as end:
-            return end.code or 0
-    raise AssertionError("the command line returned")
-
-
 def _run(order: dict[str, Any]) -> NoReturn:
     """One run, in a fork that ends with it."""
-    from watched import Watch
-
     from planner.cli import main
 
     os.chdir(order["folder"])
@@ -122,7 +137,7 @@ def _run(order: dict[str, Any]) -> NoReturn:
         if name in order:
             resource.setrlimit(kind, (order[name], order[name]))
     sys.argv = ["request-planner", *order["arguments"]]
-    watch, watched = Watch(order.get("die_at")), "watch" in order or "die_at" in order
+    watch, watched = Watch(), "watch" in order
     if watched:
         sys.addaudithook(watch)
     status = 1
