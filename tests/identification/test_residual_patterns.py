@@ -28,7 +28,6 @@ from tests.identification.made import (
     holds_log,
     identified_rich,
     identified_steps,
-    on_the_table,
     step_logs,
 )
 from tests.instances import joint_of
@@ -127,15 +126,6 @@ def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places
     first, last = held.rows[[0, -1]]
     assert said.endswith(f": {50 * found} rows between {first} and {last}; {fate}")
     assert "in 1 place of rest the" in again.finding(free.log, fate).words
-
-
-def test_rows_in_which_the_joint_stands_on_something_are_left_out_with_a_note():
-    found = planner.identify(on_the_table(), hold_out=False)
-    (said,) = (text for text in found.warnings if "contact" in text)
-    (fit,) = found.fits
-    assert f": {np.sum(~fit.used)} rows between" in said
-    assert said.endswith("these rows are left out")
-    assert found.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.1)
 
 
 def test_the_dead_band_is_that_of_calm_motion():

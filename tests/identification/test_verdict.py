@@ -6,41 +6,19 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-import planner
 from planner.identification.grid import timing_of
 from planner.identification.intervals import intervals_of
 from planner.identification.joint_fit import fit_joint
 from planner.identification.judgement import verdict_on
 from planner.identification.result import HeldOut, plain
-from planner.report.identification_text import next_step
 from tests.identification.made import (
-    AIBO,
-    JOINT,
     NOISE,
-    QUANTUM,
-    changed,
     identified_rich,
     identified_steps,
-    measured,
     rich_log,
 )
 
 WHITE = 1.3  # a good fit leaves little more than the noise, by this factor
-PERIOD = 0.02
-
-
-def test_a_model_that_holds_says_which_of_friction_and_gravity_its_log_does_not_show():
-    sticky = replace(JOINT, dead_band=0.03)
-    for joint, load, missing in (
-        (JOINT, None, "the log shows neither dry friction nor gravity"),
-        (sticky, None, "the log shows no gravity"),
-        (JOINT, np.zeros(600), "the log shows no dry friction"),
-        (sticky, np.zeros(600), ""),
-    ):
-        log = replace(rich_log(joint, rows=600, noise=NOISE / 4), load=load)
-        found = planner.identify(log)
-        assert found.verdict == "holds"
-        assert found.reason.partition("; ")[2] == missing
 
 
 def test_what_was_held_out_is_predicted_to_the_noise():
@@ -53,65 +31,6 @@ def test_what_was_held_out_is_predicted_to_the_noise():
     errors = (fit.held_out_predicted - log.angles)[fit.held_out]
     assert np.isclose(np.sqrt(np.mean(errors**2)), found.held_out_rms)
     assert np.isnan(fit.held_out_predicted[~fit.held_out]).all()
-
-
-def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
-    log = rich_log()
-    noise = np.random.default_rng(0).normal(0.0, 0.01, len(log.times))
-    for angles in (noise, 30.0 * noise, np.round(noise / QUANTUM) * QUANTUM):
-        found = planner.identify(changed(log, angles=angles), hold_out=False)
-        assert (found.verdict, found.reason) == ("refused", "the log holds no motion of the joint")
-        (warning,) = found.warnings
-        assert warning.startswith("this log holds no motion of the joint")
-    moved = planner.identify(changed(log, angles=rich_log(seed=1).angles), hold_out=False)
-    assert not any("holds no motion" in warning for warning in moved.warnings)
-
-
-def waves(shape, frequency):
-    times = PERIOD * np.arange(400)
-    sine = np.sin(2.0 * np.pi * frequency * times)
-    requests = 0.4 * {"sine": sine, "square": np.sign(sine), "swept": np.sin(times**2)}[shape]
-    angles = planner.simulate(JOINT, requests, cyclic=False, start=requests[0])
-    return planner.Log(
-        times=times, requests=requests, angles=measured(angles, np.random.default_rng(0))
-    )
-
-
-@pytest.mark.parametrize(("shape", "frequency"), [("square", 2.0), ("swept", 0.0)])
-def test_an_inverted_sign_is_refused_by_name_even_if_the_motion_repeats_itself(shape, frequency):
-    log = waves(shape, frequency)
-    assert not names_the_sign(planner.identify(log, hold_out=False))
-    inverted = planner.identify(changed(log, angles=-log.angles), hold_out=False)
-    assert not inverted.accepted
-    (warning,) = inverted.warnings  # and nothing that only follows from it
-    assert "invert the sign of one column" in warning
-
-
-def names_the_sign(found):
-    return any("moves against" in text or "move against" in text for text in found.warnings)
-
-
-def test_a_joint_that_is_late_by_less_than_half_a_cycle_has_no_wrong_sign():
-    times = AIBO.period * np.arange(500)
-    requests = 0.1 * np.sin(2.0 * np.pi * 5.0 * times)  # half a cycle of 100 ms, 90 of delay
-    angles = planner.simulate(AIBO, requests, cyclic=False, start=0.0)
-    found = planner.identify((times, requests, angles), hold_out=False)
-    assert found.accepted
-    assert not names_the_sign(found)
-
-
-@pytest.mark.parametrize(("factor", "verdict"), [(0.2, "refused"), (1.5, "usable")])
-def test_columns_in_two_scales_are_said_with_both_factors(factor, verdict):
-    """A sag by the angle explains most of a factor of one to two."""
-    times = AIBO.period * np.arange(400)
-    requests = 0.5 * np.sin(2.0 * times) + 0.3 * np.sign(np.sin(3.1 * times))
-    angles = factor * planner.simulate(AIBO, requests, cyclic=False)
-    found = planner.identify((times, requests, angles), hold_out=False)
-    assert found.verdict == verdict
-    ratio = np.ptp(requests) / np.ptp(angles)
-    words = f"expected actual angles times {ratio:.3g}, or requested ones times {1.0 / ratio:.3g}"
-    assert any(words in each for each in found.warnings)
-    assert next_step({"pan": found}, "arm.toml").startswith("next: check the columns of pan")
 
 
 @pytest.fixture(scope="module")
