@@ -308,14 +308,11 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-MOST_CHARACTERS = 1000  # longest accepted text: beyond any name
-
-
 def _is_text(value: str) -> str:
     if not value.strip() or not value.isprintable():
         raise ValueError
-    if len(value) > MOST_CHARACTERS:
-        raise ValueError(f" of at most {MOST_CHARACTERS} characters")
+    if len(value) > 1000:  # beyond any name
+        raise ValueError(" of at most 1000 characters")
     return value
 
 

@@ -115,7 +115,8 @@ class Desired:
 
 def desired_of(run: settings.Run) -> Desired:
     """The desired motion of the settings, with limits, starts and load, for any method."""
-    path, leg, of_foot = _path_of(run)
+    path, leg = _path_of(run)
+    of_foot = path.names == paths.AXES
     names = leg.joint_names if of_foot and leg is not None else path.names
     models = models_of(run, names, leg, units=path.units)
     path, cyclic, remarks = _in_step(path, run, models[0].period)
@@ -153,8 +154,8 @@ def desired_of(run: settings.Run) -> Desired:
     return replace(desired, load=_load_of(desired))
 
 
-def _path_of(run: settings.Run) -> tuple[paths.SampledPath, Leg | None, bool]:
-    """The path of the settings, its leg, and whether it is a path of the leg's foot."""
+def _path_of(run: settings.Run) -> tuple[paths.SampledPath, Leg | None]:
+    """The path of the settings, of joints or a foot, and its leg."""
     leg, path, walk = leg_of(run), run.path, run.path.half_ellipse
     if walk is not None:
         from planner.gait.half_ellipse import half_ellipse  # with kinematics
@@ -174,22 +175,19 @@ def _path_of(run: settings.Run) -> tuple[paths.SampledPath, Leg | None, bool]:
             leg = leg if run.leg.near else replace(leg, near=leg_stride.pose)
         else:
             positions = half_ellipse(**walk.arguments())
-        return (
-            paths.SampledPath("path.half_ellipse", paths.AXES, ("m",) * 3, positions, None),
-            leg,
-            True,
-        )
+        name, units = "path.half_ellipse", ("m",) * 3
+        return paths.SampledPath(name, paths.AXES, units, positions, None), leg
     if path.file is None:
         raise BadSetting("no path: expected ‹path.file› or [path.half_ellipse]")
     file = run.place(path.file)
     table, even = paths.path_table(file), path.rate_hz is None and path.speed is None
     if not paths.is_foot_path(table):
-        return paths.joint_path(table, joints=path.joints, even=even), leg, False
+        return paths.joint_path(table, joints=path.joints, even=even), leg
     if leg is None:
         raise BadSetting(f"{file} is a foot path: name its leg with ‹leg.name›")
     if path.joints:
         raise BadSetting("‹path.joints› chooses columns of a joint path; a foot moves all joints")
-    return paths.foot_path(table, even=even), leg, True
+    return paths.foot_path(table, even=even), leg
 
 
 def load_joints(run: settings.Run) -> Desired:

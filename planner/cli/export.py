@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -136,7 +136,14 @@ class Rows:
             schedule, skipped = resampled(schedule, export.rate_hz, between=between)
         check_format(export.format, schedule, lead=export.lead_s, topic=export.topic)
         if export.unit in COUNTED and servos is None:
-            servos = _servos_of(export, schedule.names)
+            from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
+            from planner.robot.arm import Servo, servos_of
+
+            zero, turn = (PULSE_ZERO, PULSES_PER_TURN) if export.unit == "us" else (2048, 4096)
+            zero = zero if export.zero_tick is None else export.zero_tick
+            like = Servo(zero_tick=zero, ticks_per_turn=export.ticks_per_turn or turn)
+            ids = dict.fromkeys(schedule.names, 0)
+            servos = servos_of(ids, like, export.zero_ticks or {}, export.reverse or ())
         return cls(export, schedule, skipped, servos)
 
     def answer(self) -> tuple[dict[str, Any], str]:
@@ -179,15 +186,3 @@ class Rows:
             else:
                 storage: Any = "mcap" if export.format == "mcap" else "sqlite3"
                 exports.write_bag(file, message, storage=storage, topic=export.topic)
-
-
-def _servos_of(export: Export, names: Sequence[str]) -> dict[str, Servo]:
-    """Servos that count the angles by the settings."""
-    from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
-    from planner.robot import arm
-
-    zero, per_turn = (PULSE_ZERO, PULSES_PER_TURN) if export.unit == "us" else (2048, 4096)
-    zero = zero if export.zero_tick is None else export.zero_tick
-    like = arm.Servo(zero_tick=zero, ticks_per_turn=export.ticks_per_turn or per_turn)
-    ids = dict.fromkeys(names, 0)
-    return arm.servos_of(ids, like, export.zero_ticks or {}, export.reverse or ())

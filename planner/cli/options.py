@@ -124,17 +124,11 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
 
 
 OUTPUT = Place("file", "written", check_writable)
-FOLDER = Place("dir", "written", check_folder)
-OUTPUT_OR_FOLDER = Place("file", "written")  # checked once the format is known
-REWRITTEN = Place("file", None)
-
-UNITS = ("hz", "s", "ms", "deg", "cm")  # endings of names that are shown as the form of numbers
-
 
 PARAMETER = of_kind(float, "NAME=VALUE", "length=0.04")
 
 Output = Annotated[str, OUTPUT]
-Folder = Annotated[str, FOLDER]
+Folder = Annotated[str, Place("dir", "written", check_folder)]
 
 
 def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
@@ -150,7 +144,7 @@ def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
     joint, unit = "", name.rpartition("_")[2]
     if kind.origin is dict or declared.by_joint:
         joint, unit = "JOINT=" if kind.origin is dict else "[JOINT=]", "deg"
-    form = unit.upper() if unit in UNITS else "FLOAT"
+    form = unit.upper() if unit in ("hz", "s", "ms", "deg", "cm") else "FLOAT"
     if each.type is str:
         form = "NAME" if several or joint else "TEXT"
     elif each.origin is tuple or each.type is int:
@@ -232,7 +226,7 @@ output: Any = _single(
 )
 output_or_folder: Any = _single(
     "output",
-    Annotated[str, OUTPUT_OR_FOLDER],
+    Annotated[str, Place("file", "written")],  # checked once the format is known
     option(
         "The file, or folder, to write; '-' is standard output.",
         option="-o --output",

@@ -23,40 +23,28 @@ from planner.files.text import STANDARD_STREAM, write_text
 from planner.report.wording import fitted_to
 
 COMMANDS = {
-    "calibrate": "Move servos, identify their joints, recommend how to plan.",
-    "check": "Say whether the models of calibrated servos still hold.",
-    "compare": "Compare closed-form and optimised requests.",
-    "completion": "Print the completion script of a shell.",
-    "excite": "Write test requests that determine a joint's parameters.",
-    "export": "Write requests for robots: ROS, LeRobot, CSV.",
-    "fit": "Approximate joint angles by lines that a joint can follow.",
-    "gait": "Make the foot path of a walk.",
-    "identify": "Find the model of a joint from logs of it.",
-    "plan": "Plan requests for joint angles or a foot path.",
-    "play": "Play planned requests on servos, and log what they do.",
-    "record": "Log servos that something else moves, or a hand.",
-    "refine": "Learn from executed cycles: the next requests.",
-    "replay": "Plan requests that repeat a recording, at any speed.",
-    "reproduce": "Run the paper's experiment again, with a report.",
-    "run": "Carry out what one TOML file describes.",
-    "simulate": "Simulate joints under requests.",
-    "sweep": "Plan for ranges of gaits or speeds: fast at a small error.",
-    "view": "Write a page that shows the robot moving.",
-    "virtual-bus": "Put virtual servos behind a pseudo-terminal.",
+    "calibrate": ("calibrate", "Move servos, identify their joints, recommend how to plan."),
+    "check": ("calibrate", "Say whether the models of calibrated servos still hold."),
+    "compare": ("compare", "Compare closed-form and optimised requests."),
+    "completion": ("program", "Print the completion script of a shell."),
+    "excite": ("identify", "Write test requests that determine a joint's parameters."),
+    "export": ("export", "Write requests for robots: ROS, LeRobot, CSV."),
+    "fit": ("fit", "Approximate joint angles by lines that a joint can follow."),
+    "gait": ("gait", "Make the foot path of a walk."),
+    "identify": ("identify", "Find the model of a joint from logs of it."),
+    "plan": ("plan", "Plan requests for joint angles or a foot path."),
+    "play": ("servos", "Play planned requests on servos, and log what they do."),
+    "record": ("servos", "Log servos that something else moves, or a hand."),
+    "refine": ("refine", "Learn from executed cycles: the next requests."),
+    "replay": ("replay", "Plan requests that repeat a recording, at any speed."),
+    "reproduce": ("reproduce", "Run the paper's experiment again, with a report."),
+    "run": ("run", "Carry out what one TOML file describes."),
+    "simulate": ("simulate", "Simulate joints under requests."),
+    "sweep": ("run", "Plan for ranges of gaits or speeds: fast at a small error."),
+    "view": ("view", "Write a page that shows the robot moving."),
+    "virtual-bus": ("servos", "Put virtual servos behind a pseudo-terminal."),
 }
-"""The commands and their help: each is the function of this name, with _ for -, in the module of
-this name or of :data:`MODULES`."""
-
-MODULES = {
-    "check": "calibrate",
-    "completion": "program",
-    "excite": "identify",
-    "play": "servos",
-    "record": "servos",
-    "sweep": "run",
-    "virtual-bus": "servos",
-}
-"""Modules of commands that share one."""
+"""The commands, their modules and their help: each is the function of this name, with _ for -."""
 
 FAILED, BAD_INPUT = 1, 2
 """Exit statuses: of an answer that failed its own check, or missed a tolerance; and of input that
@@ -69,15 +57,16 @@ class Commands(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Write the list of commands, without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            formatter.write_dl([(name, about) for name, (_, about) in COMMANDS.items()])
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """The command of this name."""
         if cmd_name not in COMMANDS:
             return None
-        module = import_module(f"planner.cli.{MODULES.get(cmd_name, cmd_name)}")
-        command: click.Command = getattr(module, cmd_name.replace("-", "_"))
-        command.short_help = COMMANDS[cmd_name]
+        module, about = COMMANDS[cmd_name]
+        function = cmd_name.replace("-", "_")
+        command: click.Command = getattr(import_module(f"planner.cli.{module}"), function)
+        command.short_help = about
         console.add_verbosity(command)
         return command
 
@@ -112,7 +101,11 @@ class Commands(click.Group):
             warnings.showwarning = lambda message, *_where: warn_once(str(message))
             warnings.simplefilter("default", OutsideEquation13)
             status = self._status(*args, prog_name=name, **extra)
-            _flush(sys.stdout)
+            try:
+                if sys.stdout is not None:
+                    sys.stdout.flush()
+            except OSError:  # which is already reported
+                _discard(sys.stdout)
         sys.exit(status)
 
     def _status(self, *args: Any, **extra: Any) -> int:
@@ -236,16 +229,6 @@ def _in_options(error: PlannerError, command: click.Command) -> str:
         parts = re.split(r"(, | and )", head)
         message = "".join(options.get(part, part) for part in parts) + colon + rest
     return re.sub(r"(?<![-\w])max_(error|rms)(?!\w)", r"--max-\1", message)
-
-
-def _flush(stream: TextIO | None) -> None:
-    """Flush a stream; discard the rest if that fails, as the failure is already reported."""
-    if stream is None:
-        return
-    try:
-        stream.flush()
-    except OSError:
-        _discard(stream)
 
 
 def _discard(stream: TextIO) -> None:

@@ -29,7 +29,7 @@ FOOT = "foot"  # name of the plan of a foot
 @options.command("Write a page (HTML) about what was learnt.")
 def refine(
     *,
-    requests: Annotated[str, options.REWRITTEN] = argument(),
+    requests: Annotated[str, options.Place("file", None)] = argument(),
     measured: tuple[Source, ...] = argument(),
     run: Run = options.settings(
         f"leg: {options.LEG} unreachable",
