@@ -47,7 +47,6 @@ from planner.identification.judgement import (
 )
 from planner.identification.least_squares import (
     FULL,
-    SEARCH,
     Fit,
     better,
     sound_rms,
@@ -169,26 +168,22 @@ def identify(
     timing = timing.ticking(pair.joint.grid.tick)
     pair, stopped = _without_stops(pair, timing)
     pair = _weighed(pair)
-    pair = pair._replace(joint=with_integral(pair.joint))
-    coarse = fine = pair.joint
-    if choose_tick:
-        fine = _with_shorter_ticks(coarse, timing)
-    fine, others = _with_best_speed(fine)
+    coarse, others = _with_best_speed(with_integral(pair.joint))
+    fine = _with_shorter_ticks(coarse, timing) if choose_tick else coarse
+    coarse = with_observed_speed(coarse)
     every = [
         replace(used, torque_on=log.torque_on)
         for log, used in zip(logs, coarse.grid.logs, strict=True)
     ]
-    fit, bounds, refuted, seen = _bounded(every, fine, others)
-    held = _held_out(pair, fit, timing, faster=refuted) if hold_out else None
+    fit, bounds, refuted, seen = _bounded(every, fine, coarse, others)
+    held = _held_out(pair, coarse, fit, timing, faster=refuted) if hold_out else None
     notes = [*notes_on(every, timing, jumps, failed), *stuck_rows, *touched, *stopped, *seen]
     if even is not None:
         notes.append(told("log", "jitter", period=1e3 * timing.period))
     if hold_out and held is None:
         notes.append(told("log", "nothing_held_out"))
-    timing, ticks = timing.ticking(fine.grid.tick), None
-    if choose_tick and timing.hold > 1:
-        ticks = fine, refitted(fine.grid.logs, fine, tick=2.0 * timing.tick)
-    intervals = all_intervals(fit, bounds, ticks)
+    timing = timing.ticking(fine.grid.tick)
+    intervals = all_intervals(coarse, bounds, fit)
     model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     tested = held is not None or not hold_out
     return _answer(
@@ -311,12 +306,12 @@ def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:
     these unless the log tells otherwise; of any other the log has to tell.
     """
     tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
-    fine = refitted(fit.grid.logs, fit, tick=tick, effort=SEARCH)
+    fine = refitted(fit.grid.logs, fit, tick=tick)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
     if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
         return fit
-    return fit if fine is fit else fine.again()
+    return fine
 
 
 def _with_best_speed(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
@@ -335,15 +330,15 @@ def _with_best_speed(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
 
 
 def _bounded(
-    logs: Sequence[Log], fit: Fit, others: Sequence[Fit]
+    logs: Sequence[Log], fit: Fit, coarse: Fit, others: Sequence[Fit]
 ) -> tuple[Fit, dict[str, Interval], bool, list[Finding]]:
-    """The joint with its intervals, which hold the parameters of the ``others``.
+    """The joint, and its intervals at ``coarse`` ticks, with the parameters of the ``others``.
 
     Its top speed is at least that of all rows of the logs: those that are not fitted refute the fit
     where they are faster than the fitted ones allow. Also whether they do, and findings on them.
     """
     fit = with_observed_speed(with_calm_friction(fit))
-    bounds, notes = intervals_of(fit, others), []
+    bounds, notes = intervals_of(coarse, others), []
     if _friction_shown(fit) == math.inf:  # or it is a sag
         bounds["offset"] = Interval(-math.inf, math.inf)
     lower, upper = bounds["v_max"]
@@ -352,7 +347,10 @@ def _bounded(
     model = fit.parameters.model(tick=fit.grid.tick, hold=1)
     limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
     most = float(np.max(np.abs(limits))) + model.gain * model.most_pose_sag
-    seen, most = max(outside), most * (upper / fit.parameters.v_max)  # of a joint with that v_max
+    seen, most = (
+        max(outside),
+        most * (upper / coarse.parameters.v_max),
+    )  # of a joint with that v_max
     refuted, unit = seen - SPEED_NOISE * fit.noise > most, logs[0].unit
     if refuted:
         name = logs[outside.index(seen)].name
@@ -370,13 +368,15 @@ def _bounded(
     return fit, bounds, refuted, notes
 
 
-def _held_out(pair: _Pair, whole: Fit, timing: Timing, *, faster: bool) -> HeldOut | None:
+def _held_out(
+    pair: _Pair, coarse: Fit, whole: Fit, timing: Timing, *, faster: bool
+) -> HeldOut | None:
     """Fit the first half of each log, predict the second; None where these hold nothing to fit.
 
-    It begins at ``whole``, the fit to all rows, with those of its terms that the first halves call
-    for, so that what these do not determine at all stays. Where that leads far astray, as in logs
-    of a few seconds, a joint is sought among the first halves alone, on the ticks of the pair, and
-    taken unless it fits them much worse.
+    It begins at ``coarse``, the fit to all rows on the ticks of the pair, with those of its terms
+    that the first halves call for, so that what these do not determine at all stays. Where that
+    leads far astray, as in logs of a few seconds, a joint is sought among the first halves alone,
+    and taken unless it fits them much worse. It is refined on the ticks of ``whole``.
 
     A top speed that the first halves do not bound, and the others may exceed, cannot be predicted
     from them: there that of the fit to all rows is taken, or, where these do not bound it either,
@@ -394,16 +394,16 @@ def _held_out(pair: _Pair, whole: Fit, timing: Timing, *, faster: bool) -> HeldO
     if not rows.any():
         return None
     try:
-        moving(resampled_like(grid, known, grid.tick))
-        fit = with_needed(refitted(known, whole), (*MOTOR, *ORDER, *INTEGRALS), effort=FULL)
-        fit = fit.again()
-        missed = fit.along(grid).predicted - grid.angles
-        if rms(missed[rows]) > ASTRAY * rms(whole.residuals[rows]):
+        moving(resampled_like(coarse.grid, known, coarse.grid.tick))
+        fit = with_needed(refitted(known, coarse), (*MOTOR, *ORDER, *INTEGRALS), effort=FULL)
+        missed = fit.along(coarse.grid).predicted - grid.angles
+        if rms(missed[rows]) > ASTRAY * rms(coarse.residuals[rows]):
             alone = _with_terms(fit_joint(known, timing)[0])
             if pair.motor:
                 alone = with_motor(alone, pair.joint.parameters)
-            alone = refitted(known, alone, tick=grid.tick)
+            alone = refitted(known, alone)
             fit = alone if alone.cost <= (1.0 + LOST) * fit.cost else fit
+        fit = refitted(known, fit, tick=grid.tick) if grid.tick < coarse.grid.tick else fit.again()
     except InvalidInput:
         return None
     shown = fit.peak_command

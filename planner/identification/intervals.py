@@ -307,70 +307,66 @@ def _beside_starts(fit: Fit) -> Array:
     return np.asarray(raw - by_start[:, np.newaxis] * shares[grid.run])
 
 
-def all_intervals(
-    fit: Fit,
-    bounds: Mapping[str, Interval],
-    ticks: tuple[Fit, Fit] | None = None,
-) -> dict[str, Interval]:
+def all_intervals(coarse: Fit, bounds: Mapping[str, Interval], fit: Fit) -> dict[str, Interval]:
     """Intervals of :data:`PARAMETERS`, and the "gain", in SI units, from those of a fit.
 
-    The top speed is open above where its end by :func:`over_ticks` is beyond the highest speed that
-    the log calls for.
-    ``ticks`` are the fit to the rows alone, and one with ticks twice as long; None where the ticks
-    of the fit are those of the rows.
+    They are moved to another ``fit`` with the same ticks or shorter ones. The top speed is open
+    above where its end is then beyond the highest speed that the log calls for.
     """
     known = dict(bounds)
     for name in ("asymmetry", "slowing"):
         if name in bounds:
             determined = bounds[name].bounded and bounds["v_max"].bounded
             least = -math.inf if name == "asymmetry" else 0.0
-            of_model = model_interval(fit, name)
+            of_model = model_interval(coarse, name)
             known[TERMS[name]] = of_model if determined else Interval(least, math.inf)
     limit = known.pop("acceleration", None)
     if limit is not None:
-        if fit.parameters.dead_band > 0.0:
-            ends = model_interval(fit, "acceleration")
+        if coarse.parameters.dead_band > 0.0:
+            ends = model_interval(coarse, "acceleration")
             limit = ends if limit.bounded else Interval(ends.lower, math.inf)
         known["max_acceleration"] = limit
-    known["theta_0"] = _theta_0(fit, bounds)
+    known["theta_0"] = _theta_0(coarse, bounds)
     known = {name: known[name] for name in (*PARAMETERS, "gain") if name in known}
-    if ticks is None:
-        return known
-    known = over_ticks(known, fit, *ticks)
-    speed = bounds["v_max"]
+    known, speed = over_ticks(known, coarse, fit), bounds["v_max"]
     if speed.bounded and known["v_max"].upper >= fit.peak_command:
-        opened = {**bounds, "v_max": Interval(speed.lower, math.inf)}
-        return all_intervals(fit, opened, ticks)
+        return all_intervals(coarse, {**bounds, "v_max": Interval(speed.lower, math.inf)}, fit)
     return known
 
 
-def over_ticks(
-    intervals: Mapping[str, Interval], fit: Fit, fine: Fit, longer: Fit
-) -> dict[str, Interval]:
-    """Intervals that hold for the joint with shorter ticks, too, down to none.
+def over_ticks(intervals: Mapping[str, Interval], coarse: Fit, fine: Fit) -> dict[str, Interval]:
+    """Intervals of a fit, moved to one with shorter ticks, that hold for any shorter ones, too.
 
-    What a fit with ticks twice as long differs by is what ticks make of the parameters, and by how
-    much a search in a rough loss ends beside its optimum, so that it counts to both sides.
+    What the fits differ by is what ticks make of the parameters, in proportion to their length,
+    and by how much a search in a rough loss ends beside its optimum, so that its part that the
+    shorter ticks still have counts to both sides.
     """
-    at, same, coarse = (
+    at, moved = (
         vars(each.parameters.model(tick=each.grid.tick, hold=1)) | {"gain": each.parameters.gain}
-        for each in (fit, fine, longer)
+        for each in (coarse, fine)
     )
-    inertia = fit.parameters.time_constant > 0.0 or math.isfinite(fit.parameters.acceleration)
-    found = dict(intervals)
+    inertia = fine.parameters.time_constant > 0.0 or math.isfinite(fine.parameters.acceleration)
+    ticks, found = (fine.grid.tick, coarse.grid.tick), dict(intervals)
+    share = ticks[0] / (ticks[1] - ticks[0]) if ticks[0] < ticks[1] else 0.0
     for name, ends in intervals.items():
-        if ends.bounded:
-            factor = (ROUGH_FRICTION if name == "dead_band" else ROUGH) if inertia else 1.0
-            sizes = [at[name], same[name], coarse[name], *ends]
-            if logarithmic := name in SCALES and ends.lower > 0.0:
-                sizes = [math.log(size) for size in sizes]
-            value, by = sizes[0], abs(sizes[1] - sizes[2])
-            low, high = (value + factor * (end - value) for end in sizes[3:])
-            if logarithmic:
-                found[name] = Interval(math.exp(low - by), math.exp(high + by))
-            else:
-                least = 0.0 if ends.lower >= 0.0 else -math.inf
-                found[name] = Interval(max(low - by, least), high + by)
+        sizes = np.array([at[name], moved[name], *ends])
+        if logarithmic := name in SCALES and ends.lower > 0.0:
+            sizes = np.log(sizes)
+        before, after, *ends_before = sizes.tolist()
+        rough, by = 1.0, 0.0
+        if share and ends.bounded:
+            by = share * abs(after - before)
+            if inertia:
+                rough = ROUGH_FRICTION if name == "dead_band" else ROUGH
+        low, high = (after + rough * (end - before) for end in ends_before)
+        low, high = low - by, high + by
+        if not ends.bounded:  # by how much such parameters differ says little
+            low, high = min(low, ends_before[0]), max(high, ends_before[1])
+        if logarithmic:
+            low, high = math.exp(low), math.exp(high)
+        elif ends.lower >= 0.0:
+            low = max(low, 0.0) if ends.lower > 0.0 else 0.0
+        found[name] = Interval(low, high)
     return found
 
 
