@@ -25,7 +25,7 @@ from planner.report.wording import fitted_to
 COMMANDS = {
     "calibrate": ("calibrate", "Move servos, identify their joints, recommend how to plan."),
     "check": ("calibrate", "Say whether the models of calibrated servos still hold."),
-    "compare": ("compare", "Compare closed-form and optimised requests."),
+    "compare": ("plan", "Compare closed-form and optimised requests."),
     "completion": ("program", "Print the completion script of a shell."),
     "excite": ("identify", "Write test requests that determine a joint's parameters."),
     "export": ("export", "Write requests for robots: ROS, LeRobot, CSV."),
@@ -41,7 +41,7 @@ COMMANDS = {
     "run": ("run", "Carry out what one TOML file describes."),
     "simulate": ("simulate", "Simulate joints under requests."),
     "sweep": ("run", "Plan for ranges of gaits or speeds: fast at a small error."),
-    "view": ("view", "Write a page that shows the robot moving."),
+    "view": ("simulate", "Write a page that shows the robot moving."),
     "virtual-bus": ("servos", "Put virtual servos behind a pseudo-terminal."),
 }
 """The commands, their modules and their help: each is the function of this name, with _ for -."""
