@@ -66,10 +66,9 @@ class Desired:
     @property
     def title(self) -> str:
         """What is planned: the leg, the legs or the joints."""
-        leg = self.settings.leg
-        if leg.urdf:
-            return f"{Path(leg.urdf).name} · {leg.foot}"
-        return leg.name or ", ".join(self.legs or self.names)
+        leg, file = self.settings.leg, own_robot(self.settings)
+        name = f"{Path(file).name} · {leg.foot}" if file else leg.name
+        return name or ", ".join(self.legs or self.names)
 
     @property
     def shown_units(self) -> dict[str, Literal["deg", "percent"]]:
@@ -353,7 +352,7 @@ def check_felt(key: str, models: Iterable[JointModel]) -> None:
 
 def find_leg(run: settings.Run) -> LegPlace | None:
     """The description of the leg; None if the settings name no leg."""
-    leg, file = run.leg, run.leg.urdf
+    leg, file = run.leg, own_robot(run)
     near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
     if leg.name in settings.LEG_NAMES:
@@ -378,6 +377,11 @@ def find_leg(run: settings.Run) -> LegPlace | None:
     locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
     locked |= leg.lock_m or {}
     return LegPlace(run.place(file), leg.base, leg.foot, locked, near)
+
+
+def own_robot(run: settings.Run) -> str | None:
+    """The URDF of the user's own robot; None of a shipped leg."""
+    return None if run.leg.name in settings.LEG_NAMES else run.leg.name
 
 
 def _shipped(name: str) -> LegPlace:

@@ -14,7 +14,7 @@ from planner.arrays import excess, index_of_largest
 from planner.cli import settings
 from planner.cli.console import BadSetting, SettingsError, marked
 from planner.cli.declared import flat
-from planner.cli.desired import Desired, desired_of, model_words
+from planner.cli.desired import Desired, desired_of, model_words, own_robot
 from planner.files.text import toml_value
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
@@ -206,7 +206,7 @@ def notes_of(desired: Desired) -> list[str]:
 def inputs_of(desired: Desired) -> list[tuple[str, str]]:
     """The files that the settings name, not standard input or a shipped model: role and path."""
     run = desired.settings
-    named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
+    named = [("path", run.path.file), ("model", run.model.file), ("robot", own_robot(run))]
     places = [(role, run.place(name)) for role, name in named if name]
     return [(role, place) for role, place in places if Path(place).is_file()]
 

@@ -22,7 +22,7 @@ from planner.arrays import error_norm, index_of_largest
 from planner.cli import options
 from planner.cli.console import BadSetting, speaking_of
 from planner.cli.declared import understand
-from planner.cli.desired import Desired, leg_of, models_of, refused_models
+from planner.cli.desired import Desired, leg_of, models_of, own_robot, refused_models
 from planner.cli.planning import plan_of, prepare
 from planner.cli.settings import SWEPT, Run, Samples, Sweep
 from planner.evaluation.pareto_front import Outcome, Point, Requirement, Swept, search
@@ -110,7 +110,7 @@ class Space:
         """The inputs of all outcomes, beside the point."""
         run = self.settings
         content = {key: each for key, each in run.source.content.items() if key != "sweep"}
-        named = [run.model.file, run.path.file, run.leg.urdf]
+        named = [run.model.file, run.path.file, own_robot(run)]
         places = [Path(run.place(name)) for name in named if name]
         files = {str(place): digest_of(place) for place in places if place.is_file()}
         return {"command": "sweep", "content": content, "files": files}

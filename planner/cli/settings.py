@@ -82,11 +82,6 @@ class Leg(Settings):
     near: Angles | None = option(example={"wrist": -90.0})
     unreachable: Literal["raise", "nearest", "clamp"] = option(default="raise", set_to="clamp")
 
-    @property
-    def urdf(self) -> str | None:
-        """The URDF of the user's own robot; None of a shipped leg."""
-        return None if self.name in LEG_NAMES else self.name
-
 
 class Model(Settings):
     """How the joints answer.
