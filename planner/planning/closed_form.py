@@ -33,9 +33,6 @@ from planner.planning.task import Task
 if TYPE_CHECKING:
     from planner.planning.problem import Problem
 
-SAME_TIME = 1e-9
-"""How much later than a request a line may begin and still count for it [samples]: rounding."""
-
 
 def invert_closed_form(
     model: JointModel,
@@ -283,7 +280,7 @@ def requests_of(
     slopes = np.clip(stack.slopes, *slope_limits(model, load))
     per_sample = slopes * stack.tick
     knots, values = stack.knots[:, : slopes.shape[1]], stack.values[:, : slopes.shape[1]]
-    first = np.ceil(knots - ahead - SAME_TIME)  # request from which on a line counts, any cycle
+    first = np.ceil(knots - ahead - 1e-9)  # request from which on a line counts, any cycle
     by_pose = model.most_pose_sag > 0.0
     raised = values
     varies = by_pose or bool(load.any())
@@ -313,7 +310,7 @@ def initial_guess(problem: Problem) -> tuple[Array, Array]:
     """Requests within the limits by the closed form of the ideal, and the ideal [rad], both (n, 1).
 
     Every sample is a knot: request k is on the line from sample i = floor(k + l + a/2) on, raised
-    by its C_m (section 3). From rest the ideal is clipped to the attainable range.
+    by its C_m. From rest the ideal is clipped to the attainable range.
     """
     (model,), desired, cyclic = problem.drives, problem.desired[:, 0], problem.cyclic
     count, torques = len(desired), problem.torques[0]
@@ -325,7 +322,7 @@ def initial_guess(problem: Problem) -> tuple[Array, Array]:
     to_next = steps(np.append(ideal, ideal[:1] if cyclic else ideal[-1:]), cyclic=False)
     to_next = np.clip(to_next, low, high)
     samples = np.arange(count)
-    knots = samples + int(model.switching_time / model.period + SAME_TIME)
+    knots = samples + int(model.switching_time / model.period + 1e-9)  # rounding
     knots = knots if cyclic else np.minimum(knots, count - 2)
     at = knots % count
     slopes = to_next[at] / model.period
@@ -339,9 +336,8 @@ def nearest_within_speeds(
 ) -> Array:
     """The trajectory within the joint's top speeds that is nearest in least squares [rad], (n,).
 
-    Either top speed is v_max away from their mean, -v^- / 2 + v^+ / 2. The trajectory less the sum
-    of the means has the same bound in both directions; a cycle is cut out of three in a row. A sag
-    by the pose counts as at the desired angles.
+    Less the sum of the mean of both top speeds it has the same bound in both directions; a cycle is
+    cut out of three in a row. A sag by the pose counts as at the desired angles.
     """
     low, high = model.speed_limits(torques, desired)
     mean = (low + high) / 2.0 * model.period

@@ -373,11 +373,6 @@ def planned(
     )
 
 
-MOVED = 1e-4
-"""Allowed change of a prediction when the load at the angles before is replaced by the load at its
-own [rad]: a fifteenth of a step of an encoder with 12 bits."""
-
-
 def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Array) -> Plan:
     """A plan whose load is the load at its predicted angles.
 
@@ -398,7 +393,7 @@ def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Arra
         moved = float(np.max(np.abs(plan.predicted - expected)))
         # Where joints cannot follow, another round brings little.
         far = 0.01 * float(np.max(np.abs(plan.predicted - desired)))
-        if moved <= max(MOVED, far):
+        if moved <= max(1e-4, far):  # a fifteenth of a step of an encoder with 12 bits
             return plan
     raise _unsettled(moved, "plans")
 

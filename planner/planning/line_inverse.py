@@ -133,12 +133,11 @@ def interpolated_offset(
     load: npt.ArrayLike = 0.0,
     angle: Array | None = None,
 ) -> Array:
-    """:func:`line_offset` from a table, for searches: fast, and good to some 1e-5 of theta_0.
+    """:func:`offsets_of` from a table, for searches: fast, and good to some 1e-5 of theta_0.
 
-    The table is for the joint without a load. A load that changes the top speed v^+ by the factor s
-    changes where f saturates: f(delta + s x) becomes s f(delta + x), so that C_m - delta of the
-    slope m becomes s times its value at m / s, as long as no error in the window is below delta.
-    Arguments are those of :func:`offsets_of`.
+    The table is for the joint without a load. Where a load changes the top speed by the factor s,
+    f(delta + s x) becomes s f(delta + x), so that C_m - delta of the slope m becomes s times its
+    value at m / s, as long as no error in the window is below delta.
     """
     model = model.steady
     table = offset_table(model, rule)

@@ -1,9 +1,7 @@
-"""A pattern search for the knots of a closed form, by the simulated tracking error.
+"""A pattern search (Hooke and Jeeves 1961) for the knots of a closed form, by the simulated error.
 
-A pattern search (R. Hooke, T. A. Jeeves, "Direct search" solution of numerical and statistical
-problems, Journal of the ACM 8, 1961) on the simulated error. The approximation nearest to the
-desired trajectory is not the one whose inverse tracks it best: a joint rounds corners, and it
-cannot follow a segment shorter than its acceleration time.
+The approximation nearest to the desired trajectory is not the one whose inverse tracks it best: a
+joint rounds corners, and cannot follow a segment shorter than its acceleration time.
 
 Import this module where it is used, inside functions, as ``model/kernel.py``.
 """
@@ -55,10 +53,10 @@ def refined_curve(
 ) -> PiecewiseLinear:
     """Move the knots of ``curve`` until its inverse makes the joint track no better.
 
-    Every knot moves up and down and along the lines that meet there, every segment up and down and
-    to and fro; moves that lower the simulated error are kept, and when no move does they become
-    smaller. No segment becomes shorter than a sample, or steeper than the joint's speeds. Requests
-    change line ``ahead`` samples before a knot.
+    Knots move up and down and along the lines that meet there, segments up and down and to and fro,
+    none shorter than a sample or steeper than the joint's speeds. Moves that lower the simulated
+    error are kept; when none does they become smaller. Requests change line ``ahead`` samples
+    before a knot.
     """
     knots, values = np.array(curve.knots), np.array(curve.values)
     # Half and twice of these sizes [samples], and of the work, change the errors of 22 closed forms
@@ -109,7 +107,6 @@ def search(
 
     Knots [samples] and the values there [rad] are moved in place. ``steps`` are the size of the
     first moves, the least size [samples], and the move of values for a size of one sample [rad].
-    The samples of a joint that does not settle count in each of its cycles as work.
     """
     (size, finest, lift), count, samples = steps, len(knots), len(spec.goal)
     requests, angles = np.empty((2, samples, 1))

@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 
 Method = Literal["shift", "closed_form", "optimal", "foot_optimal"]
 
-DEGREE = math.degrees(1.0)
-"""Degrees in a radian."""
-
 
 class RequestMotion(NamedTuple):
     """How a joint's requests move, beside the desired angles."""
@@ -54,11 +51,7 @@ class RequestMotion(NamedTuple):
 def request_motion(
     requests: Array, desired: Array, *, period: float, cyclic: bool
 ) -> RequestMotion:
-    """How one joint's requests move: steps, reversals, length and range.
-
-    A cycle counts the change from the last request to the first. Requests that stay where they are
-    do not change direction. Requests and desired angles have shape (n,) [rad].
-    """
+    """How one joint's requests move, beside desired angles: both (n,) [rad], cycles closed."""
     changes, desired_changes = (steps(each, cyclic=cyclic) for each in (requests, desired))
     beyond = max(desired.min() - requests.min(), requests.max() - desired.max(), 0.0)
     return RequestMotion(
@@ -118,7 +111,9 @@ class Plan(ReadOnly, Summarised):
     def _summarised(self) -> Summary:
         """Requests and errors; the lower bound where it has been computed already."""
         foot = self.task.goal == "foot"
-        names, factor, unit = (["foot"], 100.0, "cm") if foot else (self.names, DEGREE, "deg")
+        names, factor, unit = (
+            (["foot"], 100.0, "cm") if foot else (self.names, 180.0 / math.pi, "deg")
+        )
         bounds = self.__dict__.get("lower_bounds")
         count, joints = self.requests.shape
         head = (

@@ -1,8 +1,6 @@
-"""Requests while the robot moves: a receding horizon on the exact model.
+"""Requests while the robot moves: a receding horizon on the exact model, computed by ``tick``.
 
-A stream checks arguments and stores sent requests; the computation of a tick is ``tick``. The best
-request to a joint at top speed depends on the next half second of its path. Where the path repeats,
-the rows after the known stretch are taken from the cycle before (``repeating_path``).
+Where the path repeats, rows after the known ones are those of the cycle before.
 """
 
 from __future__ import annotations

@@ -90,9 +90,6 @@ sensor, and the error of an identified sag of 0."""
 SMOOTHNESS = 0.005
 """Default relative rise of the error that smoother requests may cost [-]."""
 
-MOST_SMOOTHNESS = 1e6
-"""Largest allowed rise [-]: requests are constant long before."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Task(ReadOnly):
@@ -166,9 +163,7 @@ class Task(ReadOnly):
     ) -> Task:
         """The task of arguments as :func:`planner.plan`, or with a leg :func:`planner.invert_foot`.
 
-        A number counts for all joints, of an array each entry for one; a dict has some of them by
-        name. Without a leg ``desired`` are angles (n, k) [rad], with one positions (n, 3) [m]. A
-        load of the pose is not part of it: see :func:`planner.planning.inversion.settled`.
+        Without a leg ``desired`` are angles (n, k) [rad], with one positions (n, 3) [m].
         """
         check_choice("norm", norm, NORMS)
         cyclic = as_flag("cyclic", cyclic)
@@ -206,10 +201,10 @@ class Task(ReadOnly):
                 raise InvalidInput(f"foot: got {len(angles)} points, expected at least 3")
         lower, upper = limits_of_each(limits, names)
         largest_rise = SMOOTHNESS if smoothness is None else as_number(smoothness)
-        if not 0.0 <= largest_rise <= MOST_SMOOTHNESS:
+        if not 0.0 <= largest_rise <= 1e6:  # requests are constant long before
             raise InvalidInput(
                 f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
-                f"added, from 0 to {MOST_SMOOTHNESS:g}; 0.005 is half a per cent"
+                "added, from 0 to 1e+06; 0.005 is half a per cent"
             )
         starts = angles[0].copy()  # by default joints rest where their paths begin
         expected = "a number [rad] or one for each joint"
@@ -419,8 +414,7 @@ class Task(ReadOnly):
     def _check_within(self) -> None:
         """Raise Infeasible where no request can hold the start or a desired angle of a joint.
 
-        A negligible sag is ignored: the joint then stays that little short of the limit. Dry
-        friction holds the joint wherever the request is within the dead band.
+        A negligible sag is ignored. Dry friction holds the joint within the dead band.
         """
         for j in np.flatnonzero(np.isfinite(self.lower) | np.isfinite(self.upper)):
             lower, upper, model = self.lower[j], self.upper[j], self.nominal[j]
@@ -471,15 +465,12 @@ def models_of_joints(
     names: Sequence[str],
     robust: Robust | None = None,  # whether candidates are drawn for single models
     *,
-    # whether the models of different joints are drawn independently of one another. Joints with the
-    # same model share the draws.
-    independent: bool = False,
+    independent: bool = False,  # whether those of different models are drawn independently
 ) -> list[tuple[JointModel, ...]]:
     """The candidate models of each joint, checked, the nominal one first.
 
-    A single model is the only candidate, unless ``robust`` asks for models drawn from its
-    intervals. A sequence lists all candidates, even if it has one alone. The candidates of an
-    identification are always drawn from its intervals.
+    A sequence lists all candidates; those of an identification, and with ``robust`` of a single
+    model, are drawn from its intervals.
     """
     if robust is not None:
         check_choice("robust", robust, get_args(Robust))
@@ -575,10 +566,10 @@ def of_each(
     expected: str,
     shape: tuple[int, ...] | None = None,
 ) -> list[Any]:
-    """The values of an argument for each joint, as far as they fit; None for joints without one.
+    """The values of a dict by joint, of one number, or of one for each joint; None where missing.
 
-    The argument is a dict by joint, one number, or one for each joint; where there may be one at
-    every sample, ``shape`` is (n, k). For a joint without a name the value is returned as it is.
+    Where there may be one at every sample, ``shape`` is (n, k). A single nameless joint gets its
+    value as it is.
     """
     if value is None:
         return [None] * len(names)

@@ -9,7 +9,7 @@ import planner
 from kinematics import Leg, urdf_path
 from planner.exceptions import SolverFailed
 from planner.gait.stride import stride
-from planner.planning.inversion import MOVED, settled
+from planner.planning.inversion import settled
 
 FOUR = {"v_max": 4.8, "theta_0": 0.33, "lag": 0.01, "acceleration_time": 0.06}
 SOFT = planner.JointModel(**FOUR, tick=0.02, dead_band=0.03, compliance=0.11, speed_per_torque=1.7)
@@ -49,7 +49,7 @@ def test_a_load_settles_with_one_more_plan_for_the_angles_that_the_joint_reaches
     made = planner.plan(SOFT, PATH, load=pendulum, progress=calls.append)
     under_desired = planner.plan(SOFT, PATH, load=pendulum(PATH))
     assert len(calls) <= 2
-    assert made.rms[0] <= under_desired.rms[0] + MOVED
+    assert made.rms[0] <= under_desired.rms[0] + 1e-4
     load = too_fast.task.loads[0]
     fixed, naive = (planner.plan(SOFT, TOO_FAST, load=each) for each in (load, pendulum(TOO_FAST)))
     assert too_fast.rms[0] <= 1.01 * fixed.rms[0]  # rounding decides between local minima

@@ -35,31 +35,12 @@ from planner.model.joint import JointModel
 from planner.planning.bounds.multipliers import conic_solutions, dual_value, nearest_point
 from planner.planning.bounds.reachable_set import BoundProblem, distance_from_rest
 
-WORK_PER_SECOND = 600_000
-"""Work that counts as a second, so that the bound does not depend on the clock; five problems of 19
-to 88 samples took 560,000 to 630,000 per second on an AMD EPYC."""
-
 GAP = 5e-4
 """Relative gap to the incumbent at which the search stops [-]; smoothing costs a plan 2e-4."""
-
-ABSOLUTE_GAP = 1.5e-5
-"""Gap to the incumbent at which it stops as well [rad]: a hundredth of a 12-bit encoder's step."""
 
 GAIN = 1e-2
 """Relative gain of a round of tightening from which on another round follows [-]; at 1e-3 the
 bounds of 13 problems are 0.1 % lower in the mean, at 5e-2 the median gap doubles."""
-
-ROUNDS = 6
-"""Most rounds of cuts after a round of tightening at the root [-], each after a gain of ``GAP``.
-With one, one bound of eight is 6e-5 lower; with six at every node, three are 3e-4 to 9e-4 lower."""
-
-MARGIN = 0.1
-"""Least share of a request's interval on either side of the value at which it is branched [-];
-without it the gaps of five problems of eight are 2 to 6 % larger."""
-
-NEIGHBOURHOOD = 11
-"""Ticks on either side whose conditions are included [-]; with twice as many the bound is, in the
-same time, 0.4 % lower in the mean of 13 problems."""
 
 Intervals = dict[int, tuple[float, float]]
 """Least and greatest value of requests with a known range."""
@@ -67,28 +48,17 @@ Intervals = dict[int, tuple[float, float]]
 UNBOUNDED = (-np.inf, np.inf)
 """The interval of an unrestricted request."""
 
-RELAXATION_WORK, NONZERO_WORK = 1500, 3
-"""Work of a relaxation with the search for cuts after it, and of each of its nonzeros."""
-
-TRIALS = 25
-"""Most support points for one cut [-]; with half as many the bounds of 13 problems are 0.2 % lower
-in the mean, 3.7 % at worst; twice as many gain nothing."""
-
 VIOLATION = 1e-3
 """Least violation for which a cut is added [-]."""
-
-CUT_ROUNDING = 1e-9
-"""Added to a cut's limit: rounding of sums of a few terms of about one."""
 
 
 def acting_pairs(
     model: JointModel, ticks: int, *, cyclic: bool
 ) -> tuple[Indices, Indices, Array, Indices]:
-    """Tick t, request r and weight W(r, t) of every pair that acts, and the same one a tick later.
+    """Tick t, request r and weight W(r, t) of every acting pair, and its number a tick later or -1.
 
-    The last is the number of a pair, -1 where there is none. Pairs are ordered by tick. From rest,
-    requests before the first are the first one. In a short cycle a request may act twice at one
-    tick, as sent in two cycles: one pair.
+    From rest requests before the first are the first one. In a short cycle a request may act twice
+    at one tick, as sent in two cycles: one pair.
     """
     window, every = model.window, np.arange(ticks)[:, np.newaxis]
     requests = ticks // model.hold if cyclic else (ticks - 1) // model.hold + 1
@@ -124,10 +94,7 @@ def without_load(problem: BoundProblem) -> BoundProblem:
 
 
 class ScaledProblem:
-    """A bound's problem in units of theta_0, with the common data of its relaxations.
-
-    The joint has neither a dead band nor inertia.
-    """
+    """A bound's problem in units of theta_0; the joint has neither a dead band nor inertia."""
 
     def __init__(
         self, problem: BoundProblem, incumbent: float, *, most_work: float = math.inf
@@ -175,8 +142,8 @@ class ScaledProblem:
         return self.work >= self.most_work
 
     def closed(self, bound: float) -> bool:
-        """Whether the bound is as good as the incumbent."""
-        return self.incumbent - bound <= max(GAP * self.incumbent, ABSOLUTE_GAP / self.unit)
+        """Whether the bound is as good as the incumbent, up to a hundredth of an encoder step."""
+        return self.incumbent - bound <= max(GAP * self.incumbent, 1.5e-5 / self.unit)
 
     def initial_ranges(self) -> Array:
         """Least and greatest angle, and speed, at each tick of better responses: (4, ticks)."""
@@ -260,7 +227,7 @@ def conditions(
 def solve_relaxation(problem: ScaledProblem, ranges: Array, cuts: list[Cut]) -> RelaxedSolution:
     """The relaxation's nearest point, and the bound on its distance by (9)."""
     matrix, limits = conditions(problem, ranges, cuts)
-    problem.work += RELAXATION_WORK + NONZERO_WORK * matrix.nnz
+    problem.work += 1500 + 3 * matrix.nnz  # with the search for cuts after it
     answer = nearest_point(
         matrix,
         limits,
@@ -299,11 +266,10 @@ class RequestSet(NamedTuple):
 
 
 def support(nu: Array, xi: Array, requests: RequestSet) -> tuple[float, Array, Array]:
-    """The maximum of ``nu @ u - xi @ x`` over a set, and contributions u and angles x that have it.
+    """The maximum of ``nu @ u - xi @ x`` over a set, as in (9a), and u and x that have it.
 
-    It is the right-hand side of (9a). For a given request every angle is on its own, and best at an
-    end of its range or where the slope of its contribution changes. Between breakpoints all these
-    are linear in the request, so that the best is convex, and the maximum is at a breakpoint.
+    For a given request every angle is best at an end of its range or where the slope of its
+    contribution changes. Between breakpoints the best is convex: the maximum is at a breakpoint.
     """
     lower, upper = requests.lower, requests.upper
     candidates = requests.breakpoints(np.concatenate([lower, upper]))[:, np.newaxis]
@@ -323,8 +289,7 @@ def separate(
 ) -> tuple[Array, Array, float] | None:
     """A cut (nu, xi, limit) that the contributions violate, or None if none is violated enough.
 
-    The nearest mixture of points of the set is sought, one support point after the other in the
-    direction of the residual; that direction is the cut's normal, and its limit the support there.
+    Its normal is the residual of the nearest mixture of support points, its limit the support.
     """
     from scipy.optimize import nnls  # slow to import
 
@@ -335,7 +300,7 @@ def separate(
     curve = np.clip(np.unique(requests.breakpoints(angles))[:, np.newaxis] - angles, -1.0, 1.0)
     points = np.hstack([curve, np.broadcast_to(target[count:], curve.shape)])
     best, deepest = None, VIOLATION
-    for _ in range(TRIALS):
+    for _ in range(25):  # half as many lower bounds by 0.2 % in the mean, 3.7 % at worst
         shares, _ = nnls(np.vstack([points.T, np.full(len(points), ones)]), np.append(target, ones))
         residual = target - shares @ points / shares.sum()
         size = float(np.linalg.norm(residual))
@@ -345,9 +310,9 @@ def separate(
         most, its_contributions, its_angles = support(nu, xi, requests)
         depth = float(nu @ contributions - xi @ angles) - most
         if depth > deepest:
-            best, deepest = (nu, xi, most + CUT_ROUNDING), depth
+            best, deepest = (nu, xi, most + 1e-9), depth  # rounding of sums
         point = np.concatenate([its_contributions, its_angles - middle])
-        points = np.vstack([points[shares > CUT_ROUNDING], point])
+        points = np.vstack([points[shares > 1e-9], point])
     return best
 
 
@@ -356,8 +321,7 @@ def nearest_request(
 ) -> tuple[float, float]:
     """The request whose contributions at these angles are nearest, and their distance.
 
-    Between neighbouring breakpoints the squared distance is a parabola in the request, whose lowest
-    point is the mean of the requests of those contributions that do not saturate.
+    Between breakpoints the nearest is the mean request of the contributions that do not saturate.
     """
     ends = np.unique(requests.breakpoints(angles))
     middles = (ends[:-1, np.newaxis] + ends[1:, np.newaxis]) / 2.0
@@ -395,12 +359,12 @@ class Node(NamedTuple):
 
 
 def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -> float:
-    """A lower bound on the error of any requests, at most the incumbent's error [rad].
+    """A lower bound on the error of any requests, at most the incumbent, that of a plan [rad].
 
-    The incumbent is any error, best that of a good plan: all conclusions are about responses that
-    are better. The time limit [s] is counted as work.
+    The time limit [s] is counted as work.
     """
-    scaled = ScaledProblem(problem, incumbent, most_work=time_limit * WORK_PER_SECOND)
+    # Five problems of 19 to 88 samples took 560,000 to 630,000 a second on an AMD EPYC.
+    scaled = ScaledProblem(problem, incumbent, most_work=time_limit * 600_000)
     root = _root(scaled)
     order = count()
     nodes = [(root.bound, next(order), root)]
@@ -435,7 +399,8 @@ def _root(problem: ScaledProblem) -> Node:
     node = Node(bound, dict(problem.fixed), ranges, [], solution)
     while not problem.closed(node.bound):
         before = node.bound
-        node = _tightened(problem, node, range(problem.ticks), rounds=ROUNDS)
+        # With one round of cuts one bound of eight is 6e-5 lower; six at every node cost 9e-4.
+        node = _tightened(problem, node, range(problem.ticks), rounds=6)
         if node.bound <= before * (1.0 + GAIN) or problem.exhausted:
             break
     return node
@@ -474,12 +439,10 @@ def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
 
 
 def branch(problem: ScaledProblem, node: Node) -> list[Node]:
-    """The node split in two: a request below a value, and the same request above it.
+    """The node split in two: a request below a value near its mixture, and above it.
 
-    The request is the one whose mixture of contributions weighs most, and the value near to the
-    mixture; of mixtures without a weight, which all have while the bound is 0, the widest. Empty
-    where every mixture is nearer to a request than cuts can tell: the child with these requests
-    would have the same nearest point, and the same bound, however often it is split.
+    The request is the one whose mixture weighs most, while the bound is 0 the widest. Empty where
+    every mixture is nearer to a request than cuts can tell: children would have the same bound.
     """
     weights = dict.fromkeys(problem.windows, 0.0 if node.bound > 0.0 else 1.0)
     for cut, weight in node.weighted_cuts():
@@ -493,7 +456,7 @@ def branch(problem: ScaledProblem, node: Node) -> list[Node]:
         return []
     *_, request, value, grid = max(wide, key=itemgetter(0, 1, 2))
     value = float(grid[np.argmin(np.abs(grid - value))])  # so that rounding decides nothing
-    kept = MARGIN * (grid[-1] - grid[0])
+    kept = 0.1 * (grid[-1] - grid[0])  # without it five gaps of eight are 2 to 6 % larger
     value = min(max(value, grid[0] + kept), grid[-1] - kept)
     lower, upper = node.intervals.get(request, UNBOUNDED)
     children = []
@@ -509,10 +472,8 @@ def branch(problem: ScaledProblem, node: Node) -> list[Node]:
 def response_error(problem: ScaledProblem, node: Node) -> float:
     """The error of a response near to the node's mixtures [theta_0]: an incumbent.
 
-    It may begin at any angle, in motion, unlike a plan from rest: without it the search for a bound
-    that holds for every start would continue although the bound is attained, and bounds of 14
-    problems be 4 % lower in the mean. One that is better than the incumbent is improved by least
-    squares, without which they would be 0.8 % lower.
+    Unlike a plan from rest it begins at any angle, in motion: without it bounds that hold for every
+    start are 4 % lower in the mean of 14, and 0.8 % without the least squares on a better one.
     """
     unknowns = np.zeros(max(problem.windows) + 2)  # the first angle, and the requests
     unknowns[0] = node.solution.angles[0]
@@ -586,13 +547,11 @@ def tighten(
 def local_conditions(
     problem: ScaledProblem, solution: RelaxedSolution, columns: sparse.csc_array, tick: int
 ) -> tuple[Indices, sparse.csr_array, Array, int, tuple[int, ...]]:
-    """The conditions around one tick that every response better than the incumbent meets.
+    """The rows of the relaxation about the ticks around one alone, and (9b) restricted to them.
 
-    They are the rows of the relaxation, whose matrix is given by its ``columns``, that concern the
-    ticks around it alone, and (9b) restricted to them: the unknowns that occur, (m,), matrix and
-    limits, the number of equations among the rows and the sizes of second-order cones.
+    The unknowns that occur, (m,), matrix, limits, number of equations, sizes of second-order cones.
     """
-    around = np.arange(tick - NEIGHBOURHOOD, tick + NEIGHBOURHOOD + 1)
+    around = np.arange(tick - 11, tick + 12)  # twice as many lower bounds in the same time
     around = around % problem.ticks if problem.cyclic else np.clip(around, 0, problem.ticks - 1)
     near = np.zeros(problem.ticks, dtype=np.bool_)
     near[around] = True

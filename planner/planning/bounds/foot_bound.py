@@ -35,23 +35,6 @@ EFFORT = 1200
 """Most samples searched, summed over rounds, before splitting stops [-]: some seconds. The
 multipliers of a round count as 20 more."""
 
-GAP = 0.05
-"""Unproved share of the squared error at which splitting stops [-]: 2.5 % of the error."""
-
-GAIN = 2e-3
-"""Least predicted gain of a round [of the plan's squared error]; half of it may be no more than the
-tolerance of the search for minima."""
-
-SPREAD = 0.05
-"""Spread of the columns' angles below which the widest side is split instead [of that side];
-without the rule three of seven bounds are 9 to 89 % lower."""
-
-TOLERANCE = 1e-3  # share of a plan's squared error that the search for minima may leave unproved
-
-RELUCTANCE = 3.0
-"""Proximal weight of the bundle method: cost of a change of all linear terms by their own size,
-relative to a plan's squared error [-]."""
-
 MOST_CELLS = 400_000
 """Most open cells of a block, in some 100 MB; beyond it the search stops with their bounds. So many
 occur only where angles far apart are equally good."""
@@ -63,10 +46,9 @@ Multipliers = tuple[Array, Array]
 def foot_bound(task: Task, angles: Array) -> float:
     """Lower bound on the error of a foot under any requests within the limits [m], at least 0.
 
-    It is in the norm and the weights of the task; from rest it holds for plans that start from the
-    same pose. The better the plan with these angles (n, k) [rad], the sharper is the bound; where a
-    joint has the integral of a speed loop it is 0. A solver that fails makes it weaker, never
-    wrong.
+    From rest it holds for plans that start from the same pose. The better the plan with these
+    angles (n, k) [rad], the sharper it is; with the integral of a speed loop it is 0. A solver that
+    fails makes it weaker, never wrong.
     """
     models, leg = task.nominal, task.leg
     assert leg is not None, "a foot belongs to a leg"
@@ -97,7 +79,7 @@ def foot_bound(task: Task, angles: Array) -> float:
     node = Node(0.0, lower[samples // 2], upper[samples // 2], multipliers, (angles,))
     node = _improved(relaxation, node, rounds)
     nodes, effort = [(node.bound, next(order), node)], node.effort
-    while nodes[0][0] < 1.0 - GAP and effort < EFFORT:
+    while nodes[0][0] < 0.95 and effort < EFFORT:  # 2.5 % of the error
         _, _, node = heapq.heappop(nodes)
         for half in _split(node):
             low = np.maximum(lower, half.lower - away)
@@ -205,7 +187,7 @@ def dual_function(
         weights,
         gradient[relaxation.sampled],
         guesses,
-        tolerance=TOLERANCE / relaxation.samples,
+        tolerance=1e-3 / relaxation.samples,  # of a plan's squared error
     )
     return float(np.sum(proved) + constant - relaxation.limits @ conditions), angles
 
@@ -271,10 +253,10 @@ def _normalised(proposed: Array) -> Array:
 def bundle_step(
     relaxation: LagrangianRelaxation, columns: Sequence[Array], centre: Multipliers, *, step: float
 ) -> tuple[Multipliers, float]:
-    """Multipliers of the greatest bound if all angles were among the columns, near the centre.
+    """Multipliers of the greatest bound if all angles were among the columns, and that bound.
 
-    A step of a proximal bundle method, in which every sample has its own cuts: a quadratic program.
-    Returns the multipliers and their predicted bound; the centre and 0 where the solver fails.
+    A step of a proximal bundle method, every sample with its own cuts; the centre and 0 where the
+    solver fails.
     """
     samples, sampled, between = relaxation.samples, relaxation.sampled, relaxation.between
     gradients = sparse.csr_array(relaxation.matrix.T)
@@ -305,8 +287,9 @@ def bundle_step(
     zeros = len(around) + of_weights.shape[0]
     limits = np.zeros(matrix.shape[0])
     limits[len(around) : zeros] = weights if fixed else 1.0
-    # The proximal term keeps the linear terms and the weights near those of the centre.
-    by_terms, by_weights = (2.0 * RELUCTANCE / step / each for each in (size, np.sum(weights**2)))
+    # The proximal term keeps the linear terms and the weights near those of the centre: a change
+    # of all by their own size costs three times a plan's squared error.
+    by_terms, by_weights = (6.0 / step / each for each in (size, np.sum(weights**2)))
     slope = np.repeat([0.0, 0.0, -1.0, -1.0, 0.0], counts)
     slope[:conditions] = relaxation.limits
     proximal = np.repeat([0.0, by_terms, 0.0, 0.0, by_weights], counts)
@@ -343,7 +326,8 @@ def _split(node: Node) -> list[Node]:
     middle = len(node.columns[0]) // 2
     angles = np.clip([column[middle] for column in node.columns], node.lower, node.upper)
     joint = int(np.argmax(np.ptp(angles, axis=0)))
-    if np.ptp(angles[:, joint]) <= SPREAD * (node.upper[joint] - node.lower[joint]):
+    # Without this rule three of seven bounds are 9 to 89 % lower.
+    if np.ptp(angles[:, joint]) <= 0.05 * (node.upper[joint] - node.lower[joint]):
         joint = int(np.argmax(node.upper - node.lower))
         angles = np.array([node.lower, node.upper])
     first, second = node.upper.copy(), node.lower.copy()
@@ -370,7 +354,7 @@ def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node
         if bound >= 1.0 or turn + 1 == rounds:
             break
         multipliers, predicted = bundle_step(relaxation, columns, centre, step=step)
-        if predicted - max(bound, 0.0) < GAIN:
+        if predicted - max(bound, 0.0) < 2e-3:  # half of it is the tolerance of the minima
             break
     if bound < 0.0:  # less than without the joints' conditions
         bound, _ = dual_function(relaxation, relaxation.unconditional, columns[0])
@@ -394,10 +378,9 @@ def attainable_angles(
     """Least and greatest angles of every joint under requests within limits [rad], (n, k) both.
 
     A joint overshoots a request by v - theta_0 a tick at most, with a sag by its angle of at most s
-    by v - theta_0 / (1 + s), by more in the direction of a higher top speed; friction holds it
-    within its dead band, over 1 - s. With inertia, or where gravity may overcome it, it may
-    overshoot by any amount. As a turn changes nothing for the foot, the least angle of a cycle may
-    be taken within a turn of the lower limit, or of -pi; the speed then bounds the greatest angle.
+    by v - theta_0 / (1 + s); friction holds it within its dead band, over 1 - s. With inertia, or
+    where gravity may overcome it, by any amount. As a turn changes nothing for the foot, a cycle's
+    least angle is within a turn of the lower limit, or of -pi; the speed bounds the greatest.
     """
     loads = [None] * len(models) if loads is None else loads
     farthest = np.array(list(map(farthest_per_period, models, loads)))
@@ -429,9 +412,9 @@ def minima(
 ) -> tuple[Array, Array]:
     """The least of ``weight * squared distance + slope @ angles`` over the box, for every sample.
 
-    For weights of 0 or more, (n,), slopes [1/rad] and guesses of good angles in the box [rad], both
-    (n, k): lower bounds over all angles, (n,), valid however early the search has to stop, the
-    tolerance below the least values where it need not, and angles that come close to them, (n, k).
+    For weights of 0 or more, (n,), slopes [1/rad] and guesses in the box [rad], (n, k): lower
+    bounds, (n,), the tolerance below the least values unless there are too many cells, and angles
+    that come close to them, (n, k).
     """
     if len(weights) > 64:  # each sample has up to a few thousand first cells
         chain, *rows, scale = distance

@@ -25,21 +25,12 @@ from planner.planning.bounds.reachable_set import (
 )
 from planner.planning.task import Norm
 
-BOUND_TOLERANCE = 1e-10
-"""Clarabel's gap and residuals, in units of the desired range or of a tick at top speed [-]. The
-bound is valid at any; at 1e-8 a bound of 1e-4 of the range loses 2e-3 of itself, and below 1e-10
-nothing is gained."""
-
 
 def linear_bound(problem: BoundProblem, level: Level) -> float:
     """The distance of the desired angles from the joint's reachable set [rad], proved by (9).
 
-    It is 0 where a smooth motion through the desired angles is within the set, and with the
-    integral of a speed loop, for which none of the conditions holds. The level "slope" is condition
-    1 alone, any other the envelope of conditions 1 to 3.
-
-    Raises:
-        SolverFailed: The solver proposed no multipliers.
+    0 where a smooth motion through them is within the set, and with the integral of a speed loop,
+    for which no condition holds. "slope" is condition 1 alone, others the envelope of 1 to 3.
     """
     if problem.model.exceeds_v_max:
         return 0.0
@@ -79,9 +70,8 @@ def nearest_motion(reachable: ReachableSet, problem: BoundProblem) -> ConicSolut
     """The motion of a set whose samples are nearest to the desired angles.
 
     The unknowns are the angles that are sampled or that a condition is about, and the speeds, in
-    units of the largest one per tick. In the angles alone conditions are second differences:
-    motions of 100 to 2,000 samples with inertia took 70 to 200 iterations, now 16 to 39. The answer
-    has a multiplier for each row of the set.
+    units of the largest one per tick. In the angles alone, whose second differences conditions are
+    then about, motions with inertia take some five times as many iterations.
     """
     of_angles, steps = reachable.of_angles, reachable.steps
     sampled, desired = reachable.sampled, problem.desired
@@ -141,7 +131,8 @@ def nearest_point(
         [objective],
         equations=equations,
         curvature=curvature,
-        tolerance=BOUND_TOLERANCE,
+        # Valid at any; at 1e-8 a bound of 1e-4 of the range loses 2e-3 of itself.
+        tolerance=1e-10,
     )
     return answer._replace(
         unknowns=origin + answer.unknowns[:unknowns], multipliers=answer.multipliers[:rows]
@@ -153,9 +144,8 @@ def dual_value(
 ) -> tuple[float, Array]:
     """The numerator of (9): ``lambda (G y - b) - |G' lambda| room``, and ``G' lambda``.
 
-    The product of the second with y - z is at least the first for all z of the set ``G z <= b``,
-    with multipliers of at least 0 where a row is an inequality. y is the reference; ``room`` is the
-    largest distance from it of each unknown without a desired value, 0 for the others.
+    y is the reference; ``room`` is the largest distance from it of each unknown without a desired
+    value, 0 for the others.
     """
     gradient = matrix.T @ multipliers
     value = float(multipliers @ (matrix @ reference - limits) - np.abs(gradient) @ room)
@@ -219,7 +209,6 @@ def conic_solutions(
 ) -> list[ConicSolution]:
     """Minimise ``c @ z + z @ (q * z) / 2`` with ``b - G z`` in the cones, for every objective c.
 
-    Set-up takes several times as long as the solution of a small problem: the problems share it.
     Multipliers outside the dual cones are projected on them; those not finite become zero.
     """
     import clarabel

@@ -81,10 +81,9 @@ def reachable_set(
 
     The level "slope" has condition 1, others conditions 1 and 2, and from a given start 3.
     ``angles`` are the least and greatest one that the joint attains [rad], for the sag by the pose,
-    None for any. Desired angles count only where condition 1 is ``linearised`` at them, too: (7c)
-    and (9c), for a joint that sags by its pose and has no inertia. Where gravity overcomes it,
-    friction holds or slows it, so that it is faster than its limit. Without these conditions the
-    bounds of 24 random cycles are 0.3 of what they are, in the median.
+    None for any. Condition 1 may also be ``linearised`` at the desired angles, (7c) and (9c), for a
+    joint that sags by its pose and has no inertia: without this the bounds of 24 random cycles are
+    0.3 of what they are, in the median.
     """
     model, start, cyclic = problem.model, problem.start, problem.cyclic
     ticks, load, pose = problem.ticks, problem.torques, pose_sags(model, angles)
@@ -176,9 +175,8 @@ def speed_conditions(
 ) -> Iterator[tuple[float, Array, float, Array]]:
     """Bounds on the speed after a tick: condition 2 or, with inertia, 2a and where derived 2b.
 
-    Under the load in the ticks whose speeds are known [N m], (m,), for each pair of ticks t, t + 1.
-    Yields a direction, 1 or -1, and the numbers of ``w(t+1) <= now * w(t) + before * w(t-1) +
-    most``, where speeds are positive in it: ``now`` [-] and ``most`` [rad/tick] for each pair.
+    Under the load in the ticks whose speeds are known [N m], (m,): a direction, 1 or -1, and the
+    numbers of ``w(t+1) <= now * w(t) + before * w(t-1) + most`` for speeds positive in it.
     """
     law, first, next_load = model.law, slice(None if cyclic else -1), np.roll(load, -1)
     low, high = (limit[first] for limit in speed_ranges(model, load, pose))
@@ -209,9 +207,8 @@ def drive_change(
 ) -> tuple[Array, Array]:
     """Slope s and constant p of ``p - s * w(t)``, an upper bound on the drive's gain in a tick.
 
-    The right-hand side of (7a), with the chords of ``max(0, c - w)``, c the change of the sag under
-    the load, and of ``|w|``, which the sag by the pose may follow. ``change`` is that of the torque
-    in the direction of the speeds [N m].
+    The right-hand side of (7a), with chords of ``max(0, c - w)``, c the change of the sag under the
+    load, and of ``|w|``. ``change`` is that of the torque in the direction of the speeds [N m].
     """
     weights, gain, by_pose = model.window.weights, model.law.gain, model.most_pose_sag
     replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
@@ -254,9 +251,9 @@ def _motor_conditions(
 def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
     """Largest distances of the first angles from the start [rad]: condition 3.
 
-    The joint rests until the second request acts; then only the weights of the requests that may
-    differ from the first one can carry it away, and at any time a change of the sag. The level
-    "slope" ignores the time after the second request. The load is the torque in each tick [N m].
+    The joint rests until the second request acts; then the weights of the requests that may differ
+    from the first carry it away, and at any time a change of the sag. The level "slope" ignores the
+    time after the second request. The load is the torque in each tick [N m].
     """
     resting = np.zeros(model.hold + model.window.first)  # ticks before the second request acts
     changed = np.minimum(np.cumsum(model.window.weights), 1.0)
