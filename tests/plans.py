@@ -1,6 +1,7 @@
 """Plans that say what a test wants them to say, and what joints make of others: no search."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +16,13 @@ def inversion(model, desired, requests, *, method="optimal", approximation=None,
     task = Task.of([model], desired, names=("",), smoothness=0.0, **asked)
     curves = () if approximation is None else (approximation,)
     return Inversion(Plan(task=task, requests=requests, method=method, approximations=curves))
+
+
+def joint_task(model, desired, *, cyclic=True, norm="rms", start=None, load=None):
+    """The task of a joint, from rest at any angle unless one is given."""
+    options = {"cyclic": cyclic, "norm": norm, "start": start, "load": load}
+    task = Task.of([model], desired, names=("",), **options)
+    return task if start is not None else replace(task, start=None)
 
 
 def claiming(plan, predicted):

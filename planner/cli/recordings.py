@@ -34,7 +34,7 @@ from planner.parallel import carry_out
 from planner.recording import episode, recorded_path
 from planner.recording.recorded_path import JointModels, RecordedPath
 from planner.recording.replaying import Replay, replay_at
-from planner.recording.retiming import Fastest, Measure, fastest_at
+from planner.recording.retiming import Fastest, Search
 from planner.report.plan_results import off_by
 from planner.report.replay_page import episode_results, resent_words
 from planner.report.wording import UNITS
@@ -80,15 +80,15 @@ class ReplayTask:
         options |= {"solver": run.plan.solver, "progress": progress}
         if not replay.fastest:
             return replay_at(path, path.moments(speed), speed=speed, **options), None
-        fastest = fastest_at(path, self.measure(path), retime=replay.retime, **options)
+        fastest = self.search(path, **options).fastest(replay.retime)
         return fastest.replay, fastest
 
-    def measure(self, path: RecordedPath) -> Measure:
-        """The measure of errors by the tolerance of the settings, which have one."""
+    def search(self, path: RecordedPath, **options: Any) -> Search:
+        """The search for the fastest replay within the tolerance that the settings have."""
         degrees, centimetres = self.settings.tolerance.deg, self.settings.tolerance.cm
         joints = None if degrees is None else math.radians(degrees)
         foot = None if centimetres is None else 0.01 * centimetres
-        return Measure.of(path, joints, foot, self.arm)
+        return Search(path, joints, foot, self.arm, **options)
 
     @cached_property
     def arm(self) -> Leg | None:
@@ -223,7 +223,7 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
             error = unit.factor * error_norm(joint.errors["planned"], norm)
             errors.append((joint.name, error, unit.name, tolerance.deg))
     if tolerance.cm is not None:
-        ratio = error_norm(task.measure(replay.path).errors(replay, "planned"), norm)
+        ratio = error_norm(task.search(replay.path).errors(replay, "planned"), norm)
         errors.append(("the foot", ratio * tolerance.cm, "cm", tolerance.cm))
     return [
         off_by(subject, error, unit, norm, allowed)

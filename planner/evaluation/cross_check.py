@@ -57,7 +57,7 @@ from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.planning.bounds.certify import Certificate, certified
 from planner.planning.bounds.cvxpy_statement import stated_bound
-from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
+from planner.planning.bounds.reachable_set import LEVELS, Level
 from planner.planning.inversion import invert_foot, planned
 from planner.planning.line_inverse import RULES
 from planner.planning.plan import FootInversion, Inversion, Plan
@@ -370,11 +370,8 @@ def compare_joint(
     """Compare plans of any method for one joint, by bounds of these levels, and check them."""
     optimal = plans["optimal"]
     task, j = optimal.plan.task, optimal.column
-    start, load, limits = task.starts[j], task.loads[j], task.limits[j]
-    problem = BoundProblem(
-        optimal.model, optimal.desired, optimal.cyclic, optimal.norm, start, load
-    )
-    proved = (certified(problem, level) for level in levels)
+    joint, limits = task.joint(j), task.limits[j]
+    proved = (certified(joint, level) for level in levels)
     certificates = {proof.level: proof for proof in proved}
     bounds = {level: proof.bound for level, proof in certificates.items()}
     answers = {method: second_answer(plan.plan, plan.column) for method, plan in plans.items()}
@@ -390,10 +387,10 @@ def compare_joint(
     checks += no_worse_checks(name, optimal.plan, optimal.error, rivals, NO_WORSE)
     checks += bound_checks(name, bounds, errors)
     for level in bounds:
-        if level != "exact" and not problem.model.exceeds_v_max:
-            apart = bounds[level] - stated_bound(problem, level)
+        if level != "exact" and not optimal.model.exceeds_v_max:
+            apart = bounds[level] - stated_bound(joint, level)
             # With a sag by the pose the statement has fewer conditions.
-            apart = max(-apart, 0.0) if problem.model.most_pose_sag else abs(apart)
+            apart = max(-apart, 0.0) if optimal.model.most_pose_sag else abs(apart)
             checks.append(Check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
     checks += [Check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
     if SECOND in plans:

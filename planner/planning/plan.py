@@ -38,6 +38,10 @@ if TYPE_CHECKING:
 Method = Literal["shift", "closed_form", "optimal", "foot_optimal"]
 
 
+DEGREE = math.degrees(1.0)
+"""Degrees in a radian."""
+
+
 class RequestMotion(NamedTuple):
     """How a joint's requests move, beside the desired angles."""
 
@@ -111,9 +115,7 @@ class Plan(ReadOnly, Summarised):
     def _summarised(self) -> Summary:
         """Requests and errors; the lower bound where it has been computed already."""
         foot = self.task.goal == "foot"
-        names, factor, unit = (
-            (["foot"], 100.0, "cm") if foot else (self.names, 180.0 / math.pi, "deg")
-        )
+        names, factor, unit = (["foot"], 100.0, "cm") if foot else (self.names, DEGREE, "deg")
         bounds = self.__dict__.get("lower_bounds")
         count, joints = self.requests.shape
         head = (
@@ -310,15 +312,12 @@ class Plan(ReadOnly, Summarised):
 
             return np.array([foot_bound(task, self.predicted)])
         from planner.planning.bounds.multipliers import linear_bound  # slow to import: SciPy
-        from planner.planning.bounds.reachable_set import BoundProblem
 
-        goals = task.desired if task.disturbance is None else task.desired - task.disturbance
-        each = zip(task.nominal, columns_of(goals), task.starts, task.loads, strict=True)
+        if task.disturbance is not None:
+            task = replace(task, desired=task.desired - task.disturbance, disturbance=None)
         bounds = np.zeros(len(felt))
-        for j, (model, goal, start, load) in enumerate(each):
-            if not felt[j]:
-                problem = BoundProblem(model, goal, task.cyclic, task.norm, start, load)
-                bounds[j] = linear_bound(problem, "envelope")
+        for j in np.flatnonzero(np.logical_not(felt)).tolist():
+            bounds[j] = linear_bound(task.joint(j), "envelope")
         return bounds
 
     @property

@@ -164,43 +164,70 @@ def fastest(
     """
     check_choice("retime", retime, get_args(Retime))
     path = recorded_path(recording, models, track, joints, begin, end, rate, limits)
-    measure = Measure.of(path, tolerance, foot_tolerance, leg)
-    return fastest_at(path, measure, retime=retime, progress=progress, **options)
+    search = Search(path, tolerance, foot_tolerance, leg, progress=progress, **options)
+    return search.fastest(retime)
 
 
-@dataclass(frozen=True, eq=False)
-class Measure:
-    """Errors in multiples of the tolerance."""
+class Search:
+    """Plans at several speeds, each computed once; errors in multiples of the tolerance.
 
-    tolerance: float  # largest error allowed [rad, or m for the foot]
-    leg: Leg | None = None  # the leg whose foot counts; None where the joints do
-    places: tuple[int, ...] = ()  # indices of the leg's joints among the planned ones
+    A tolerance [rad], or one for the foot of a leg [m]; see :func:`fastest`.
+    """
 
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         path: RecordedPath,
-        tolerance: float | None,
-        foot_tolerance: float | None,
-        leg: Leg | None,
-    ) -> Measure:
-        """The measure of a tolerance for joints, or for a foot, or InvalidInput."""
+        tolerance: float | None = None,
+        foot_tolerance: float | None = None,
+        leg: Leg | None = None,
+        *,
+        progress: Progress = lambda _: None,
+        **options: Any,
+    ) -> None:
         if (tolerance is None) == (foot_tolerance is None):
             raise InvalidInput("tolerance: got none, or two; expected that of joints, or of a foot")
         value = tolerance if foot_tolerance is None else foot_tolerance
-        allowed = as_number(value)
-        if not allowed >= 1e-9:  # below, nothing but rounding is left
+        self.tolerance = as_number(value)
+        if not self.tolerance >= 1e-9:  # below, nothing but rounding is left
             words = "expected more than 0: 1e-09 or more"
             raise InvalidInput(f"tolerance: got {shown(value)}, {words}")
-        if foot_tolerance is None:
-            return cls(allowed)
-        if leg is None:
+        if foot_tolerance is not None and leg is None:
             raise InvalidInput("foot_tolerance: needs the leg whose foot is meant; give leg=")
-        names = [each.name for each in path.planned]
-        if missing := [name for name in leg.joint_names if name not in names]:
+        self.leg, names = None if foot_tolerance is None else leg, [p.name for p in path.planned]
+        joints = () if self.leg is None else self.leg.joint_names
+        if missing := [name for name in joints if name not in names]:
             words = f"is not planned; planned joints: {', '.join(names)}"
             raise InvalidInput(f"leg: its joint '{missing[0]}' {words}")
-        return cls(allowed, leg, tuple(names.index(name) for name in leg.joint_names))
+        self.places = tuple(map(names.index, joints))  # of the leg's joints among the planned ones
+        self.path, self.progress = path, progress
+        self.options = {key: value for key, value in options.items() if key != "norm"}
+        self.replays: dict[float, Replay] = {}
+        self.refuted = cache(self._refuted)
+        self.of_pose = path.load_at is not None or options.get("load") is not None
+        self.bounded = self.leg is None and not self.of_pose
+
+    def fastest(self, retime: Retime = "constant") -> Fastest:
+        """The fastest replay, and the proof; see :func:`fastest`."""
+        contradicted = self.contradicted()
+        (low, high), impossible = self.bracket(), None
+        if self.bounded and not contradicted:
+            below, refuted = self.doubled(low, self.refuted)
+            if below < refuted:
+                impossible = self.refuted(narrowed(below, refuted, self.refuted)[1])
+        high = min(high, impossible.speed) if impossible else high
+        constant = self.replays[narrowed(low, high, self.misses)[0]]
+        replay = constant if retime == "constant" else self.varying(constant)
+        return Fastest(
+            replay=replay,
+            constant=constant.speed,
+            tolerance=self.tolerance,
+            foot=self.leg is not None,
+            retime=retime,
+            largest=self.largest(replay),
+            impossible=impossible,
+            curve=self.curve(constant.speed, impossible),
+            contradicted=contradicted,
+        )
 
     def of_path(self, path: Path) -> float:
         """Tolerance of a joint [rad, or shares of its range]."""
@@ -234,52 +261,6 @@ class Measure:
             or (each.inversion and each.inversion.max_error > self.of_path(each.path))
         ]
 
-
-def fastest_at(
-    path: RecordedPath,
-    measure: Measure,
-    *,
-    retime: Retime = "constant",
-    progress: Progress = lambda _: None,
-    **options: Any,
-) -> Fastest:
-    """The fastest replay of a path; see :func:`fastest`."""
-    search = _Search(path, measure, progress, options)
-    contradicted = search.contradicted()
-    (low, high), impossible = search.bracket(), None
-    if search.bounded and not contradicted:
-        below, refuted = search.doubled(low, search.refuted)
-        if below < refuted:
-            impossible = search.refuted(narrowed(below, refuted, search.refuted)[1])
-    high = min(high, impossible.speed) if impossible else high
-    constant = search.replays[narrowed(low, high, search.misses)[0]]
-    replay = constant if retime == "constant" else search.varying(constant)
-    return Fastest(
-        replay=replay,
-        constant=constant.speed,
-        tolerance=measure.tolerance,
-        foot=measure.leg is not None,
-        retime=retime,
-        largest=measure.largest(replay),
-        impossible=impossible,
-        curve=search.curve(constant.speed, impossible),
-        contradicted=contradicted,
-    )
-
-
-class _Search:
-    """Plans at several speeds, each computed once."""
-
-    def __init__(
-        self, path: RecordedPath, measure: Measure, progress: Progress, options: dict[str, Any]
-    ) -> None:
-        self.path, self.measure, self.progress = path, measure, progress
-        self.options = {key: value for key, value in options.items() if key != "norm"}
-        self.replays: dict[float, Replay] = {}
-        self.refuted = cache(self._refuted)
-        self.of_pose = path.load_at is not None or options.get("load") is not None
-        self.bounded = measure.leg is None and not self.of_pose
-
     def bracket(self) -> tuple[float, float]:
         """A constant factor that keeps the tolerance, and the largest that may: up to twice it."""
         low = 1.0
@@ -288,7 +269,7 @@ class _Search:
         self.check_slowest()
         while self.misses(low := low / 2.0):
             if low / 2.0 < SLOWEST:
-                least = self.measure.largest(self.replays[min(self.replays)])
+                least = self.largest(self.replays[min(self.replays)])
                 words = f"the plan still is {least:.3g} times as far off as allowed"
                 advice = "allow more, or choose a part that begins at rest"
                 raise Infeasible(f"tolerance: at {low:g} times the speed {words}; {advice}")
@@ -297,7 +278,7 @@ class _Search:
     def check_slowest(self) -> None:
         """Raise Infeasible where the hardest second is far beyond the tolerance even if slow."""
         path, (replay,) = self.path, self.replays.values()
-        worst = replay.moments[np.argmax(self.measure.errors(replay, "planned"))]
+        worst = replay.moments[np.argmax(self.errors(replay, "planned"))]
         first, last = max(path.first, worst - 0.75), min(path.last, worst + 0.25)
         part, settled = replace(path, first=first, last=last), 0.5 * (worst - first)
         self.progress(f"{SLOWEST:.3g} times the speed near {worst:.4g} s")
@@ -306,7 +287,7 @@ class _Search:
         except PlannerError:
             return  # the search meets it where it matters
         late = slow.moments >= first + settled  # the part begins at rest, in motion
-        least = float(np.max(self.measure.errors(slow, "planned")[late]))
+        least = float(np.max(self.errors(slow, "planned")[late]))
         if least > 5.0:  # the plan for the largest error gains less
             raise Infeasible(
                 f"tolerance: at {SLOWEST:g} times the speed the plan near {worst:.4g} s still is "
@@ -352,7 +333,7 @@ class _Search:
                 near = distance_from_rest(path.model, unloaded, "envelope")[::hold]
                 moments = np.asarray(moment + self.path.period * np.arange(len(near)))
                 angles = path.at(moments, path.followed)
-                if np.any(np.abs(angles - angles[0]) - near > self.measure.of_path(path)):
+                if np.any(np.abs(angles - angles[0]) - near > self.of_path(path)):
                     return True
         return False
 
@@ -367,9 +348,7 @@ class _Search:
             if replay is None:
                 break
             kinds: tuple[Kind, ...] = ("direct", "shifted", "planned")
-            direct, shifted, planned = (
-                float(np.max(self.measure.errors(replay, kind))) for kind in kinds
-            )
+            direct, shifted, planned = (float(np.max(self.errors(replay, kind))) for kind in kinds)
             bound = math.nan
             if self.bounded:
                 bound = max(ratio for _, ratio in self.bounds(factor, self.path.first))
@@ -389,7 +368,7 @@ class _Search:
         best = replay = constant
         for number in range(ROUNDS):
             self.progress(f"varying speed, round {number + 1} of {ROUNDS}")
-            errors, near = self.measure.errors(replay, "planned"), 0.15 * replay.speed
+            errors, near = self.errors(replay, "planned"), 0.15 * replay.speed
             first, last = (np.searchsorted(replay.moments, at + far) for far in (-near, near))
             # a joint answers over its lag and acceleration time; ratios stay finite
             local = [np.max(errors[a:b], initial=1e-3) for a, b in zip(first, last, strict=True)]
@@ -403,7 +382,7 @@ class _Search:
             if changed is None:
                 break
             replay = changed
-            if len(replay.moments) < len(best.moments) and self.measure.largest(replay) <= 1.0:
+            if len(replay.moments) < len(best.moments) and self.largest(replay) <= 1.0:
                 best = replay
         return best
 
@@ -419,7 +398,7 @@ class _Search:
         """A replay near the tolerance, late joints by largest error; None if no load settles."""
         try:
             replay = replay_at(self.path, moments, speed=speed, **self.options)
-            if self.measure.largest(replay) <= 1.0 or not (late := self.measure.late(replay)):
+            if self.largest(replay) <= 1.0 or not (late := self.late(replay)):
                 return replay
             plans = {each.name: each.inversion for each in replay.planned if each not in late}
             again = replay_at(
@@ -429,13 +408,13 @@ class _Search:
             if self.of_pose and self.replays:
                 return None
             raise
-        errors = [np.max(self.measure.errors(each, "planned")) for each in (replay, again)]
+        errors = [np.max(self.errors(each, "planned")) for each in (replay, again)]
         return again if errors[1] < errors[0] else replay
 
     def misses(self, speed: float) -> bool:
         """Whether no replay at a constant factor keeps the tolerance."""
         replay = self.at(speed)
-        return replay is None or not self.measure.largest(replay) <= 1.0
+        return replay is None or not self.largest(replay) <= 1.0
 
     def has_rows(self, speed: float) -> bool:
         """Whether enough requests remain to speak of a motion."""
@@ -466,7 +445,7 @@ class _Search:
                 start=float(desired[0]),
                 load=None if path.load is None else path.at(moments, path.load),
             )
-            yield path.name, bound / self.measure.of_path(path)
+            yield path.name, bound / self.of_path(path)
 
 
 def narrowed(low: float, high: float, too_fast: Callable[[float], Any]) -> tuple[float, float]:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.arrays import as_positive, as_trajectory, check_choice, error_norm, relative_gap
-from planner.exceptions import InvalidTrajectory, SolverFailed
+from planner.arrays import as_positive, check_choice, error_norm, relative_gap
+from planner.exceptions import SolverFailed
 from planner.model.joint import JointModel, checked_model
-from planner.model.response import checked_load, checked_start
 from planner.planning.bounds.exact import exact_bound, without_load
 from planner.planning.bounds.multipliers import linear_bound
-from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
+from planner.planning.bounds.reachable_set import LEVELS, Level
 from planner.planning.inversion import planned
-from planner.planning.task import NORMS, Norm, Task
+from planner.planning.task import Norm, Task
 
 TIME_LIMIT = 60.0
 """Approximate time after which the search stops with the bound so far [s]."""
@@ -112,7 +112,7 @@ def certify(
         The bound, at least 0.
 
     Raises:
-        InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 2.
+        InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
         InvalidInput: The norm or level is unknown, a cycle has a start, the load does not fit
             the samples or the joint, or it changes and the level is "exact".
         SolverFailed: The solver proposed no multipliers.
@@ -124,43 +124,43 @@ def certify(
         >>> certificate.level, f"{np.degrees(certificate.bound):.1f} deg rms"
         ('slope', '10.1 deg rms')
     """
-    model = checked_model(model)
     time_limit = as_positive("time_limit", time_limit, "a number of seconds above 0")
-    desired = as_trajectory(desired, name="desired")
-    check_choice("norm", norm, NORMS)
     check_choice("level", level, LEVELS)
-    start = checked_start(start, float(desired[0]), cyclic=cyclic)
-    torques = checked_load(load, model, len(desired))
-    problem = BoundProblem(model, desired, cyclic, norm, start, torques)
-    return certified(problem, level, time_limit=time_limit)
+    task = Task.of(
+        [checked_model(model)],
+        desired,
+        names=("",),
+        cyclic=cyclic,
+        norm=norm,
+        start=start,
+        load=load,
+    )
+    anywhere = start is None and not task.cyclic
+    return certified(replace(task, start=None) if anywhere else task, level, time_limit=time_limit)
 
 
-def certified(
-    problem: BoundProblem, level: Level, *, time_limit: float = TIME_LIMIT
-) -> Certificate:
-    """:func:`certify` of arguments that have been checked."""
-    began = perf_counter()
-    model = problem.model
+def certified(joint: Task, level: Level, *, time_limit: float = TIME_LIMIT) -> Certificate:
+    """:func:`certify` of the task of one joint, whose limits do not count."""
+    began, (model,) = perf_counter(), joint.nominal
     if level == "exact" and (model.dead_band or model.most_pose_sag or model.has_inertia):
         level = "envelope"  # its speed is not the sum of the requests' contributions
     if level == "exact":
-        without_load(problem)  # refused before anything is computed
-    bound, gap = linear_bound(problem, level), 0.0
+        without_load(joint)  # refused before anything is computed
+    bound, gap = linear_bound(joint, level), 0.0
     if level == "exact":
-        plan_error = planned_error(problem)
-        bound = max(bound, exact_bound(problem, plan_error, time_limit=time_limit))
+        plan_error = planned_error(joint)
+        bound = max(bound, exact_bound(joint, plan_error, time_limit=time_limit))
         gap = max(relative_gap(plan_error, bound), 0.0)
-    return Certificate(bound, problem.norm, level, gap, perf_counter() - began)
+    return Certificate(bound, joint.norm, level, gap, perf_counter() - began)
 
 
-def planned_error(problem: BoundProblem) -> float:
+def planned_error(joint: Task) -> float:
     """The error of a plan [rad]; of a joint at rest, where no plan is found."""
-    model, desired, cyclic, norm, start, load = problem
+    start = joint.desired[0] if joint.start is None and not joint.cyclic else joint.start
+    free, any_request = replace(joint.with_models(joint.nominal), start=start), np.array([np.inf])
+    free = replace(free, lower=-any_request, upper=any_request, max_step=any_request)
     try:
-        task = Task.of(
-            [model], desired, names=("",), cyclic=cyclic, norm=norm, start=start, load=load
-        )
-        return float(planned(task.unsmoothed).error[0])
-    except (InvalidTrajectory, SolverFailed):  # too short, or no steady cycle
-        angles = np.full(len(desired), float(np.mean(desired)) if start is None else start)
-        return error_norm(angles - desired, norm)
+        return float(planned(free.unsmoothed).error[0])
+    except SolverFailed:  # no steady cycle
+        resting = np.mean(joint.desired) if joint.start is None else joint.start
+        return error_norm(joint.desired[:, 0] - resting, joint.norm)

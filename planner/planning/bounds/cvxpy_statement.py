@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from planner.arrays import Array
-from planner.planning.bounds.reachable_set import BoundProblem, Level
+from planner.model.joint import JointModel
+from planner.planning.bounds.reachable_set import Level
+from planner.planning.task import Task
 
 
-def stated_bound(problem: BoundProblem, level: Level) -> float:
+def stated_bound(joint: Task, level: Level) -> float:
     """Distance of the desired angles from the set of conditions 1 to 3 of docs/math.md [rad].
 
     The level "slope" has condition 1 alone.
@@ -23,7 +25,8 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     import cvxpy
 
     cp: Any = cvxpy  # untyped: its atoms have no types
-    model, desired, cyclic, norm, start, load = problem
+    (model,), (start,), (load,) = joint.nominal, joint.starts, joint.loads
+    desired, cyclic = joint.desired[:, 0], joint.cyclic
     v, ratio, hold = model.v_max_per_tick, model.v_max_per_tick / model.theta_0, model.hold
     ticks = len(desired) * hold if cyclic else (len(desired) - 1) * hold + 1
     by_sample = np.zeros(len(desired)) if load is None else load
@@ -48,7 +51,7 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
         ups = (w, lowest[at], highest[at], db, ds, b[next_at] + by_pose)
         downs = (-w, -highest[at], -lowest[at], -db, -ds, by_pose - b[next_at])
         for speeds, *numbers in (ups, downs):
-            conditions += _conditions_of_speed(problem, speeds, *numbers)
+            conditions += _conditions_of_speed(model, cyclic, speeds, *numbers)
     if start is not None:
         # Condition 3: at rest until the second request acts, then within reach of new requests,
         # and at any time within reach of a change of the sag.
@@ -66,12 +69,13 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
         conditions.append(cp.abs(x[: len(new)] - start) <= farthest)
     errors = x[::hold] - desired
     rms = cp.norm(errors, 2) / np.sqrt(len(desired))
-    objective = rms if norm == "rms" else cp.norm(errors, "inf")
+    objective = rms if joint.norm == "rms" else cp.norm(errors, "inf")
     return float(cp.Problem(cp.Minimize(objective), conditions).solve(solver="CLARABEL"))
 
 
 def _conditions_of_speed(
-    problem: BoundProblem,
+    model: JointModel,
+    cyclic: bool,
     w: Any,  # speeds [rad/tick]
     lowest: Array,  # least speed before each change [rad/tick]
     highest: Array,  # greatest speed before it
@@ -83,7 +87,6 @@ def _conditions_of_speed(
     import cvxpy
 
     cp: Any = cvxpy
-    model, cyclic = problem.model, problem.cyclic
     v, ratio = model.v_max_per_tick, model.v_max_per_tick / model.theta_0
     weights, friction = model.window.weights, ratio * model.dead_band
     pose = math.hypot(model.sag_sin, model.sag_cos)
@@ -126,7 +129,7 @@ def _conditions_of_speed(
     ]
     # Condition 2b: the window's, through the motor; friction may turn from one side to the other.
     # An integral moves the drive without its requests.
-    moved = problem.model.position_integral_rate > 0.0
+    moved = model.position_integral_rate > 0.0
     if not moved and (math.isinf(a) or a + s <= np.min(drive_change(cp.Constant(highest)).value)):
         before = cp.hstack([w[-1:], w[:-1]]) if cyclic else w[:-2]
         released = 2.0 * s * (1.0 + cp.multiply(-1.0 / lowest, now))

@@ -33,7 +33,8 @@ from planner.arrays import Array, Indices, error_norm
 from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel
 from planner.planning.bounds.multipliers import conic_solutions, dual_value, nearest_point
-from planner.planning.bounds.reachable_set import BoundProblem, distance_from_rest
+from planner.planning.bounds.reachable_set import distance_from_rest, ticks_of
+from planner.planning.task import Task
 
 GAP = 5e-4
 """Relative gap to the incumbent at which the search stops [-]; smoothing costs a plan 2e-4."""
@@ -75,33 +76,34 @@ def acting_pairs(
     return tick, request, weights[acts], pair[tick + 1, request]
 
 
-def without_load(problem: BoundProblem) -> BoundProblem:
-    """The same problem with a load, which has to be constant, as part of the joint's offsets."""
-    if problem.load is None:
-        return problem
-    torque = float(problem.load[0])
-    if np.any(problem.load != torque):
+def without_load(joint: Task) -> Task:
+    """The same task with a load, which has to be constant, as part of the joint's offsets."""
+    (model,), (load,) = joint.nominal, joint.loads
+    if load is None:
+        return joint
+    torque = float(load[0])
+    if np.any(load != torque):
         raise InvalidInput(
             "level 'exact': not derived for a load that changes; use 'envelope', which holds under "
             "every load"
         )
     model = replace(
-        problem.model,
-        offset=float(problem.model.sag(torque)),
-        v_offset=problem.model.v_offset + problem.model.speed_per_torque * torque,
+        model,
+        offset=float(model.sag(torque)),
+        v_offset=model.v_offset + model.speed_per_torque * torque,
     )
-    return problem._replace(model=model, load=None)
+    return replace(joint, models=((model,),), load=None)
 
 
 class ScaledProblem:
     """A bound's problem in units of theta_0; the joint has neither a dead band nor inertia."""
 
-    def __init__(
-        self, problem: BoundProblem, incumbent: float, *, most_work: float = math.inf
-    ) -> None:
+    def __init__(self, joint: Task, incumbent: float, *, most_work: float = math.inf) -> None:
         """Scale the problem, and state what holds at all its nodes."""
-        model, desired, cyclic, norm, start, _ = without_load(problem)
-        unit, middle, ticks = model.theta_0, float(np.mean(desired)), problem.ticks
+        joint = without_load(joint)
+        (model,), (start,), desired = joint.nominal, joint.starts, joint.desired[:, 0]
+        cyclic, norm = joint.cyclic, joint.norm
+        unit, middle, ticks = model.theta_0, float(np.mean(desired)), ticks_of(joint)
         self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
         self.top = model.v_max_per_tick / unit  # top speed without its offset
         self.excess = model.v_offset / model.v_max  # of the top speed upwards, missing downwards
@@ -358,13 +360,13 @@ class Node(NamedTuple):
             yield request, *nearest, np.linspace(ends.min(), ends.max(), 300)
 
 
-def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -> float:
+def exact_bound(joint: Task, incumbent: float, *, time_limit: float) -> float:
     """A lower bound on the error of any requests, at most the incumbent, that of a plan [rad].
 
     The time limit [s] is counted as work.
     """
     # Five problems of 19 to 88 samples took 560,000 to 630,000 a second on an AMD EPYC.
-    scaled = ScaledProblem(problem, incumbent, most_work=time_limit * 600_000)
+    scaled = ScaledProblem(joint, incumbent, most_work=time_limit * 600_000)
     root = _root(scaled)
     order = count()
     nodes = [(root.bound, next(order), root)]

@@ -25,7 +25,7 @@ from planner.arrays import Array, Indices
 from planner.model.joint import JointModel
 from planner.model.response import Loads, rest_angles
 from planner.planning.bounds.multipliers import conic_solutions
-from planner.planning.bounds.reachable_set import BoundProblem, farthest_per_period, reachable_set
+from planner.planning.bounds.reachable_set import farthest_per_period, reachable_set
 from planner.planning.task import Norm, Task
 
 MOST_SAMPLES_BOUNDED = 1000
@@ -139,14 +139,7 @@ class LagrangianRelaxation(NamedTuple):
         )
         low, high = np.min(lower, axis=0), np.max(upper, axis=0)
         ranges = zip(low.tolist(), high.tolist(), strict=True)
-        joints = zip(models, task.starts, task.loads, ranges, strict=True)
-        anything = np.zeros(len(desired))  # desired angles do not count
-        sets = [
-            reachable_set(
-                BoundProblem(model, anything, task.cyclic, task.norm, start, load), "envelope", ends
-            )
-            for model, start, load, ends in joints
-        ]
+        sets = [reachable_set(task.joint(j), "envelope", ends) for j, ends in enumerate(ranges)]
         ticks = [each.matrix.shape[1] for each in sets]
         firsts = np.cumsum([0, *ticks[:-1]])
         sampled = np.transpose([first + s.sampled for first, s in zip(firsts, sets, strict=True)])

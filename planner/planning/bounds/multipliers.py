@@ -17,43 +17,43 @@ from scipy import sparse
 from planner.arrays import Array
 from planner.exceptions import SolverFailed
 from planner.planning.bounds.reachable_set import (
-    BoundProblem,
     Level,
     ReachableSet,
     farthest_per_period,
     reachable_set,
 )
-from planner.planning.task import Norm
+from planner.planning.task import Norm, Task
 
 
-def linear_bound(problem: BoundProblem, level: Level) -> float:
+def linear_bound(joint: Task, level: Level) -> float:
     """The distance of the desired angles from the joint's reachable set [rad], proved by (9).
 
     0 where a smooth motion through them is within the set, and with the integral of a speed loop,
     for which no condition holds. "slope" is condition 1 alone, others the envelope of 1 to 3.
     """
-    if problem.model.exceeds_v_max:
+    (model,) = joint.nominal
+    if model.exceeds_v_max:
         return 0.0
-    sets = [reachable_set(problem, level)]
-    if problem.model.most_pose_sag > 0.0 and not problem.model.has_inertia:
+    sets = [reachable_set(joint, level)]
+    if model.most_pose_sag > 0.0 and not model.has_inertia:
         levels: tuple[Level, ...] = ("slope",) if level == "slope" else ("slope", "envelope")
-        sets += [reachable_set(problem, each, linearised=True) for each in levels]
-    return max(bound_of(each, problem) for each in sets)
+        sets += [reachable_set(joint, each, linearised=True) for each in levels]
+    return max(bound_of(each, joint) for each in sets)
 
 
-def bound_of(reachable: ReachableSet, problem: BoundProblem) -> float:
+def bound_of(reachable: ReachableSet, joint: Task) -> float:
     """The distance of the desired angles from a reachable set [rad], proved by (9) or (9c)."""
-    if not np.any(reachable.matrix @ interpolated(problem) > reachable.limits):
+    if not np.any(reachable.matrix @ interpolated(joint) > reachable.limits):
         return 0.0
-    answer = nearest_motion(reachable, problem)
+    answer = nearest_motion(reachable, joint)
     if not answer.has_multipliers:
         raise SolverFailed("lower bound", answer.status)
-    return certified_error(reachable, problem, answer.multipliers)
+    return certified_error(reachable, joint, answer.multipliers)
 
 
-def interpolated(problem: BoundProblem) -> Array:
+def interpolated(joint: Task) -> Array:
     """A smooth motion through the desired angles at every tick, cubic in between, (ticks,)."""
-    hold, cyclic, desired = problem.model.hold, problem.cyclic, problem.desired
+    hold, cyclic, desired = joint.nominal[0].hold, joint.cyclic, joint.desired[:, 0]
     ends = np.append(desired, desired[0]) if cyclic else desired
     slopes = np.gradient(ends)
     if cyclic:
@@ -66,7 +66,7 @@ def interpolated(problem: BoundProblem) -> Array:
     return ticks if cyclic else np.append(ticks, desired[-1])
 
 
-def nearest_motion(reachable: ReachableSet, problem: BoundProblem) -> ConicSolution:
+def nearest_motion(reachable: ReachableSet, joint: Task) -> ConicSolution:
     """The motion of a set whose samples are nearest to the desired angles.
 
     The unknowns are the angles that are sampled or that a condition is about, and the speeds, in
@@ -74,8 +74,8 @@ def nearest_motion(reachable: ReachableSet, problem: BoundProblem) -> ConicSolut
     then about, motions with inertia take some five times as many iterations.
     """
     of_angles, steps = reachable.of_angles, reachable.steps
-    sampled, desired = reachable.sampled, problem.desired
-    speed = farthest_per_period(problem.model, problem.load) / problem.model.hold
+    sampled, desired, (model,) = reachable.sampled, joint.desired[:, 0], joint.nominal
+    speed = farthest_per_period(model, joint.loads[0]) / model.hold
     speeds, ticks = steps.shape
     knots = np.union1d(sampled, of_angles.indices)
     # The speeds between two knots sum to the difference of their angles.
@@ -93,7 +93,7 @@ def nearest_motion(reachable: ReachableSet, problem: BoundProblem) -> ConicSolut
         np.concatenate([np.zeros(equations), limits]),
         np.searchsorted(knots, sampled),
         (desired - middle) / unit,
-        norm=problem.norm,
+        norm=joint.norm,
         equations=equations,
     )
     angles, own = np.split(answer.unknowns, [len(knots)])
@@ -152,27 +152,27 @@ def dual_value(
     return value, gradient
 
 
-def certified_error(reachable: ReachableSet, problem: BoundProblem, multipliers: Array) -> float:
+def certified_error(reachable: ReachableSet, joint: Task, multipliers: Array) -> float:
     """The error of every trajectory of the set that any multipliers >= 0 prove, by (9) or (9c)."""
-    matrix, samples = reachable.matrix, len(problem.desired)
-    farthest = farthest_per_period(problem.model, problem.load)
+    matrix, samples, (model,) = reachable.matrix, len(joint.desired), joint.nominal
+    farthest = farthest_per_period(model, joint.loads[0])
     speeds, ticks = reachable.steps.shape
-    sample, after = np.divmod(np.arange(ticks), problem.model.hold)
+    sample, after = np.divmod(np.arange(ticks), model.hold)
     between = after > 0
     # An angle between samples is within the error and the farthest move of the desired one before.
     room = np.where(between, farthest, 0.0)
-    desired = problem.desired[sample]
+    desired = joint.desired[sample, 0]
     value, gradient = dual_value(matrix, reachable.limits, multipliers, desired, room)
     at_samples, rest = gradient[~between], float(np.sum(np.abs(gradient[between])))
     of_error, of_square = np.zeros(samples), np.zeros(samples)
     if reachable.curvature > 0.0:
         at = np.arange(ticks - speeds, ticks) - 1  # before the ticks, in a cycle the last one too
         weights = multipliers[-2 * speeds :].reshape(2, speeds).sum(axis=0) * reachable.curvature
-        away = after[at] * (farthest / problem.model.hold)
+        away = after[at] * (farthest / model.hold)
         value -= float(weights @ away**2)
         of_error += np.bincount(sample[at], 2.0 * weights * away, samples)
         of_square += np.bincount(sample[at], weights, samples)
-    if problem.norm == "rms":
+    if joint.norm == "rms":
         size = np.linalg.norm(at_samples) + rest + np.linalg.norm(of_error)
         size, quadratic = np.sqrt(samples) * size, float(samples * np.max(of_square))
     else:

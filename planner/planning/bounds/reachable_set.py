@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -16,38 +16,26 @@ from planner.arrays import Array
 from planner.model.joint import JointModel
 from planner.model.law import Law
 from planner.model.response import load_by_period
-from planner.planning.task import Norm
+from planner.planning.task import Task
 
 Level = Literal["slope", "envelope", "exact"]
 
 LEVELS: tuple[Level, ...] = ("slope", "envelope", "exact")
 
 
-class BoundProblem(NamedTuple):
-    """The joint, the desired angles and the norm of a lower bound."""
+def ticks_of(joint: Task) -> int:
+    """Number of ticks at which the angle of a task's one joint is an unknown."""
+    samples, hold = len(joint.desired), joint.nominal[0].hold
+    return samples * hold if joint.cyclic else (samples - 1) * hold + 1
 
-    model: JointModel
-    desired: Array  # desired angles D [rad], shape (n,)
-    cyclic: bool  # whether the trajectory repeats for ever
-    norm: Norm
-    # from rest: where the joint rests before the first request [rad]; None for any start
-    start: float | None
-    load: Array | None = None  # torque on the joint at each sample [N m], shape (n,), if any
 
-    @property
-    def ticks(self) -> int:
-        """Number of ticks at which the joint's angle is an unknown."""
-        samples, hold = len(self.desired), self.model.hold
-        return samples * hold if self.cyclic else (samples - 1) * hold + 1
-
-    @property
-    def torques(self) -> Array:
-        """The torque in the tick that ends in each tick's angle [N m], shape (ticks,)."""
-        by_period = load_by_period(self.load, cyclic=self.cyclic)
-        if by_period is None:
-            return np.zeros(self.ticks)
-        following = -(-np.arange(self.ticks) // self.model.hold)  # the sample that is next
-        return np.asarray(by_period[following % len(by_period)])
+def torques_of(joint: Task) -> Array:
+    """The torque in the tick that ends in each tick's angle [N m], shape (ticks,)."""
+    by_period = load_by_period(joint.loads[0], cyclic=joint.cyclic)
+    if by_period is None:
+        return np.zeros(ticks_of(joint))
+    following = -(-np.arange(ticks_of(joint)) // joint.nominal[0].hold)  # the sample that is next
+    return np.asarray(by_period[following % len(by_period)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +59,7 @@ class ReachableSet:
 
 
 def reachable_set(
-    problem: BoundProblem,
+    joint: Task,
     level: Level,
     angles: tuple[float, float] | None = None,
     *,
@@ -85,8 +73,8 @@ def reachable_set(
     joint that sags by its pose and has no inertia: without this the bounds of 24 random cycles are
     0.3 of what they are, in the median.
     """
-    model, start, cyclic = problem.model, problem.start, problem.cyclic
-    ticks, load, pose = problem.ticks, problem.torques, pose_sags(model, angles)
+    (model,), (start,), cyclic = joint.nominal, joint.starts, joint.cyclic
+    ticks, load, pose = ticks_of(joint), torques_of(joint), pose_sags(model, angles)
     moved = np.arange(0 if cyclic else 1, ticks)
     every = sparse.eye_array(ticks, format="csr")
     unknowns = sparse.eye_array(ticks + len(moved), format="csr")
@@ -109,7 +97,7 @@ def reachable_set(
         limits += [farthest + start, farthest - start]
     if linearised:
         gain, friction, earlier = model.law.gain, model.law.friction, (moved - 1) % ticks
-        there = problem.desired[earlier // model.hold]  # instead of the angles gravity depends on
+        there = joint.desired[earlier // model.hold, 0]  # instead of the angles gravity depends on
         slope = gain * (model.sag_sin * np.cos(there) - model.sag_cos * np.sin(there))
         shift = gain * model.gravity(there) - slope * there
         posed = speeds - sparse.diags_array(slope) @ unknowns[earlier]

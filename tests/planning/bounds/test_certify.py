@@ -17,12 +17,10 @@ from planner.model.response import load_by_period, motion_under, simulate
 from planner.planning.bounds.certify import certify, lower_bound
 from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.multipliers import bound_of, certified_error, nearest_motion
-from planner.planning.bounds.reachable_set import (
-    BoundProblem,
-    reachable_set,
-)
+from planner.planning.bounds.reachable_set import reachable_set
 from planner.planning.task import NORMS
 from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
+from tests.plans import joint_task
 from tests.strategies import INTEGRALS, models, trajectories
 
 ROUNDING = 1e-9
@@ -45,7 +43,9 @@ OPTIMAL = 1e-6  # how close the solver's multipliers come to the best ones [rela
 
 def set_of(model, samples, *, cyclic, level, start=None, load=None):
     """The conditions of a level, whatever is desired."""
-    return reachable_set(BoundProblem(model, np.zeros(samples), cyclic, "rms", start, load), level)
+    return reachable_set(
+        joint_task(model, np.zeros(samples), cyclic=cyclic, start=start, load=load), level
+    )
 
 
 def loads_of(model, samples, seed):
@@ -152,7 +152,7 @@ def test_any_multipliers_of_linearised_conditions_prove_a_bound(
     except NoSteadyCycle:  # gravity may turn a joint that it overcomes for ever
         reject()
     desired = angles * rng.uniform(1.0, 1.5) + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 0)
-    problem = BoundProblem(model, desired, cyclic, norm, None, load)
+    problem = joint_task(model, desired, cyclic=cyclic, norm=norm, load=load)
     reachable = reachable_set(problem, level, linearised=True)
     rows = len(reachable.limits)
     for sparsity in (1.0, 0.2, 1.0 / rows):
@@ -204,7 +204,7 @@ def test_the_bound_is_the_optimum_of_the_statement_in_cvxpy(loaded, level, inert
         v_max = model.v_max
         model = replace(model, v_offset=0.3 * v_max, speed_per_torque=0.5 * v_max, compliance=0.02)
         model = replace(model, sag_sin=0.1, sag_cos=-0.2)
-    problem = BoundProblem(model, desired, kind == "cyclic", norm, start, load)
+    problem = joint_task(model, desired, cyclic=kind == "cyclic", norm=norm, start=start, load=load)
     stated = stated_bound(problem, level)
     of_set = bound_of(reachable_set(problem, level), problem)
     assert of_set == pytest.approx(stated, abs=OPTIMAL * np.ptp(desired))
@@ -231,8 +231,9 @@ def test_a_long_path_that_is_out_of_reach_in_places_has_the_bound_of_all_of_it(
     desired = 0.3 * np.sin(2.0 * np.pi * np.arange(200) / 200)
     for at, count, height in bursts:
         desired[at : at + count] += height
-    problem = BoundProblem(model, desired, cyclic, norm, None if cyclic else float(desired[0]))
-    bound = lower_bound(model, desired, cyclic=cyclic, norm=norm, start=problem.start)
+    start = None if cyclic else float(desired[0])
+    problem = joint_task(model, desired, cyclic=cyclic, norm=norm, start=start)
+    bound = lower_bound(model, desired, cyclic=cyclic, norm=norm, start=start)
     assert bound == pytest.approx(stated_bound(problem, "envelope"), rel=1e-5, abs=1e-9)
     assert bound == 0.0 if cyclic and not bursts else bound > 1e-5
 
@@ -245,7 +246,7 @@ def test_the_bound_of_a_long_motion_with_inertia_is_attained_by_a_motion_of_the_
     model = JointModel(**four, **terms, tick=0.001, hold=20)
     phase = 2.0 * np.pi * 0.8 * model.period * np.arange(150)
     desired = 0.6 * np.sin(phase) + 0.3 * np.sin(2.4 * phase)
-    problem = BoundProblem(model, desired, False, norm, None)
+    problem = joint_task(model, desired, cyclic=False, norm=norm)
     reachable = reachable_set(problem, "envelope")
     motion = nearest_motion(reachable, problem).unknowns
     angles, speeds = motion[:150], model.v_max_per_tick * motion[150:]
@@ -278,9 +279,10 @@ def test_a_bound_that_a_joint_in_motion_attains_ends_the_search_and_leaves_an_in
 ):
     """Already in motion the joint follows exactly; from rest no plan moves it before the lag."""
     caplog.set_level("DEBUG", logger="planner.planning.bounds")
-    certificate = certify(
-        JointModel.ers210a(), [0.0, 0.01], cyclic=False, norm=norm, level="exact", time_limit=1.0
-    )
+    share = ERS210A.gain * ERS210A.tick  # of the way to one request, at each tick
+    desired = 0.1 * (1.0 - (1.0 - share) ** np.arange(3))
+    options = {"cyclic": False, "norm": norm, "level": "exact", "time_limit": 1.0}
+    certificate = certify(ERS210A, desired, **options)
     assert certificate.bound == 0.0
     assert certificate.solver_gap == math.inf
     assert "exact bound: closed" in caplog.text

@@ -24,9 +24,9 @@ from planner.planning.bounds.exact import (
     tighten,
     without_load,
 )
-from planner.planning.bounds.reachable_set import BoundProblem
 from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
 from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
+from tests.plans import joint_task
 from tests.strategies import models, trajectories
 
 ROUNDING = 1e-7
@@ -84,7 +84,9 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
     angles = simulate(model, requests, cyclic=cyclic, start=start)
     desired = angles + rng.normal(size=len(angles)) * model.theta_0 * 10.0 ** rng.uniform(-2, 0)
     known = 1.0001 * error_norm(angles - desired, norm)
-    problem = ScaledProblem(BoundProblem(model, desired, cyclic, norm, start), known)
+    problem = ScaledProblem(
+        joint_task(model, desired, cyclic=cyclic, norm=norm, start=start), known
+    )
     point, scaled = unknowns(
         problem, model, requests, float(np.mean(desired)), cyclic=cyclic, start=start
     )
@@ -113,7 +115,7 @@ def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
     desired = saturating(rng, model, samples=24)
     best = invert_optimal(model, desired, norm=norm).error
     known = share * best
-    bound = exact_bound(BoundProblem(model, desired, True, norm, None), known, time_limit=0.3)
+    bound = exact_bound(joint_task(model, desired, norm=norm), known, time_limit=0.3)
     assert bound <= min(known, best)
 
 
@@ -122,7 +124,7 @@ def test_what_no_response_goes_below_is_proved_to_the_full():
     model = random_model(rng, whole=False)
     desired = saturating(rng, model, samples=24)
     known = 0.5 * lower_bound(model, desired)
-    bound = exact_bound(BoundProblem(model, desired, True, "rms", None), known, time_limit=1.0)
+    bound = exact_bound(joint_task(model, desired), known, time_limit=1.0)
     assert bound == pytest.approx(known, rel=1e-3)
 
 
@@ -155,11 +157,11 @@ def test_the_levels_are_ordered_and_no_plan_goes_below_them(samples, hold, cycli
 
 @given(models(friction=True), trajectories(most=12), st.floats(-1.0, 1.0), st.booleans())
 def test_a_constant_load_is_part_of_the_offsets(model, requests, torque, cyclic):
-    loaded = BoundProblem(model, requests, cyclic, "rms", None, np.full(len(requests), torque))
+    loaded = joint_task(model, requests, cyclic=cyclic, load=torque)
     same = without_load(loaded)
     assert same.load is None
     np.testing.assert_allclose(
-        simulate(same.model, requests, cyclic=cyclic),
+        simulate(same.nominal[0], requests, cyclic=cyclic),
         simulate(model, requests, cyclic=cyclic, load=torque),
         rtol=0.0,
         atol=SUMMED,
