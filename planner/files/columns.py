@@ -188,34 +188,35 @@ def time_columns(columns: Sequence[str]) -> list[str]:
     return list(filter(is_time, columns))
 
 
-def time_column(table: Table, *, advice: str = "") -> str | None:
-    """The column of times: ``t_s``, or the only one that may hold them; None where none may."""
-    columns = time_columns(table.names)
-    if TIME in columns:
-        return TIME
-    advice = f"columns: {', '.join(table.names)}; {advice}rename it {TIME}"
-    return table.only(columns, "be the time", advice)
+def clock_of(
+    table: Table, named: str | None = None, *, advice: str = "name it with --time, or "
+) -> tuple[str, str | None] | None:
+    """The column of times, ``named`` as an option of logs or found, and its unit; None without one.
 
-
-def clock_of(table: Table, named: str | None) -> tuple[str, str | None]:
-    """The column of times, ``named`` as an option of logs or found, and its unit if it is known."""
-    advice = "name it with --time, or "
-    name = time_column(table, advice=advice) if named is None else named
+    The unit is "" of dates, and None where neither name nor cells say it.
+    """
+    name = named
     if name is None:
-        columns = f"columns: {', '.join(table.names)}"
-        raise table.fault(f"no column is the time; {columns}; {advice}rename it {TIME}")
-    if name not in table.names:
-        stem, _, word = name.rpartition(":")
-        if stem in table.names and word not in TIME_NAMES:
+        columns = time_columns(table.names)
+        advice = f"columns: {', '.join(table.names)}; {advice}rename it {TIME}"
+        name = TIME if TIME in columns else table.only(columns, "be the time", advice)
+    if name is None:
+        return None
+    stem, _, word = name.rpartition(":")
+    if name not in table.names and stem in table.names:
+        if word not in TIME_NAMES:
             units = ", ".join(SECONDS)
             raise table.fault(f"time in '{word}' is unknown; expected one of {units}")
-        if stem in table.names:
-            return stem, TIME_NAMES[word]
-    return name, clock_unit(table, name)
+        return stem, TIME_NAMES[word]
+    unit = split_name(name, TIME_NAMES)[1]
+    if unit is None:
+        is_date = any(map(_date, table.cells(name)))
+        unit = "" if is_date else TIME_NAMES.get(name.lower())
+    return name, unit
 
 
 def read_clock(
-    table: Table, column: str, unit: str | None = None, *, missing: bool = False
+    table: Table, column: str, unit: str | None, *, missing: bool = False
 ) -> tuple[Array, str]:
     """Times [s], (n,), NaN where cells may be ``missing``; and where they come from, in words."""
     cells, absent = table.cells(column), ("", "nan", "nat")
@@ -231,7 +232,6 @@ def read_clock(
                 got = f"column '{column}': got '{cell[:40]}'"
                 raise table.fault(f"{got}, expected {expected}", k)
         return times, f"time from the dates in column '{column}', shifted to start at 0"
-    unit = unit or clock_unit(table, column)
     if not unit:
         raise table.fault(f"column '{column}' has no unit; rename it {column}_s")
     seconds = SECONDS[unit]
@@ -258,14 +258,6 @@ def check_increasing(times: Array, fault: Callable[[str, int], InvalidFile]) -> 
             "sort the rows and remove doubles, or cut the file there if its clock was set"
         )
         raise fault(problem, k)
-
-
-def clock_unit(table: Table, column: str) -> str | None:
-    """The unit of a column of times; "" of dates, None where neither name nor cells say it."""
-    unit = split_name(column, TIME_NAMES)[1]
-    if unit is None and any(map(_date, table.cells(column))):
-        return ""
-    return unit or TIME_NAMES.get(column.lower())
 
 
 def _date(cell: str) -> datetime | None:

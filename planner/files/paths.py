@@ -28,11 +28,11 @@ from planner.files.columns import (
     TIME,
     check_increasing,
     check_radians,
+    clock_of,
     pairs,
     pick,
     read_clock,
     split_unit,
-    time_column,
     time_columns,
     with_unit,
 )
@@ -222,17 +222,17 @@ def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:
 
 def read_times(table: Table, *, even: bool = True) -> Array | None:
     """Times of the samples [s], shape (n,); None where no column may hold them."""
-    column = time_column(table, advice="keep one of them, or ")
-    if column is None:
+    clock = clock_of(table, advice="keep one of them, or ")
+    if clock is None:
         return None
-    times, _ = read_clock(table, column)
+    times, _ = read_clock(table, *clock)
     check_increasing(times, table.fault)
     steps = np.diff(times)
     period = float(np.median(steps))
     uneven = np.abs(steps - period) > UNEVEN * period
     if even and uneven.any():
         k = int(np.argmax(uneven)) + 1
-        words = f"{column} advances by {steps[k - 1]:g} s where most steps are {period:g} s"
+        words = f"{clock[0]} advances by {steps[k - 1]:g} s where most steps are {period:g} s"
         advice = "expected even steps; plan with --rate-hz to resample the path"
         raise table.fault(f"{words}, {advice}", k)
     return times

@@ -103,8 +103,7 @@ def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
             times=1e-9 * (stamps - origin).astype(np.float64),
             requests=requests,
             angles=angles,
-            request_scale=own,
-            angle_scale=own,
+            scales=(own, own),
             notes=(
                 *notes,
                 *[f"{repeated} repeated states left out"] * (repeated > 0),

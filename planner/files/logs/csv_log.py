@@ -22,6 +22,7 @@ from planner.files.columns import (
     ANGLE_NAMES,
     LARGEST,
     SECONDS,
+    TIME,
     Pair,
     Scale,
     check_radians,
@@ -109,7 +110,7 @@ def _recorded(
 
     @cache
     def shared() -> tuple[Array, str, str, Mask | None]:  # names of joints need no times
-        times, clock = read_clock(table, *clock_of(table, options.time), missing=True)
+        times, clock = read_clock(table, *_clock(table, options), missing=True)
         return times, clock, *_read_torque(table, options)
 
     def rows_of(joint: str) -> Rows:
@@ -141,8 +142,7 @@ def _recorded(
             times=times,
             requests=numbers[:, 0],
             angles=numbers[:, 1],
-            request_scale=scales[0],
-            angle_scale=scales[1],
+            scales=scales,
             torque_on=switch,
             load=table.numbers([load], missing=True)[:, 0] if load in table.names else None,
             requested=columns[0],
@@ -191,7 +191,7 @@ def _pairs(table: Table, options: LogOptions) -> list[Pair]:
 
 def _scales(
     table: Table, columns: list[str], user_units: list[str | None], options: LogOptions
-) -> list[Scale]:
+) -> tuple[Scale, Scale]:
     """The scales of requested and actual angles; what has no unit, times too, is said at once."""
     own = [split_name(column, ANGLE_NAMES)[1] for column in columns]
     for column, column_unit, user_unit in zip(columns, own, user_units, strict=True):
@@ -201,7 +201,7 @@ def _scales(
                 "column or leave the option out"
             )
     units = [named or by_user for named, by_user in zip(own, user_units, strict=True)]
-    time, time_unit = clock_of(table, options.time)
+    time, time_unit = _clock(table, options)
     angles = [column for column, unit in zip(columns, units, strict=True) if unit is None]
     times = [time] if time_unit is None else []
     if bare := times + angles:
@@ -213,7 +213,16 @@ def _scales(
             f"column{plural} {', '.join(map(repr, bare))} {has} no unit; give "
             f"{' and '.join(advice)}, or rename {it} {', '.join(endings)}"
         )
-    return [scale(unit, options.ticks_per_turn, table.fault) for unit in units if unit]
+    requested, actual = (scale(unit, options.ticks_per_turn, table.fault) for unit in units if unit)
+    return requested, actual
+
+
+def _clock(table: Table, options: LogOptions) -> tuple[str, str | None]:
+    """The column of times, and its unit if it is known."""
+    if clock := clock_of(table, options.time):
+        return clock
+    columns = f"columns: {', '.join(table.names)}; name it with --time, or rename it {TIME}"
+    raise table.fault(f"no column is the time; {columns}")
 
 
 def _read_torque(table: Table, options: LogOptions) -> tuple[str, Mask | None]:

@@ -71,8 +71,7 @@ def _rows(
         times=rows.times,
         requests=rows.action[:, action],
         angles=rows.state[:, state],
-        request_scale=own,
-        angle_scale=own,
+        scales=(own, own),
         episode=rows.number,
         notes=(
             f"time from '{TIME}', requested from '{ACTION}' (sent at the time of its row), "

@@ -139,10 +139,9 @@ class Rows:
     source: Source
     joint: str  # "" where it has no name
     times: Array  # [s], shape (n,)
-    requests: Array  # requested angles, shape (n,), in the unit of `request_scale`
-    angles: Array  # actual angles, shape (n,), in the unit of `angle_scale`
-    request_scale: Scale
-    angle_scale: Scale
+    requests: Array  # requested angles, shape (n,), in the unit of the first scale
+    angles: Array  # actual angles, shape (n,), in the unit of the second
+    scales: tuple[Scale, Scale]
     torque_on: Mask | None = None  # whether it was on, (n,); None where the log does not say
     # torque on the joint in the direction of positive angles [N m], shape (n,); None where the
     # log does not say
@@ -180,11 +179,11 @@ def make_log(rows: Rows) -> Log:
     """
     rows, measured = _cleaned(rows)
     rows = _with_fitted_scale(rows, measured)
-    source, problem = rows.source, ""
-    if rows.request_scale.unit != rows.angle_scale.unit:
+    source, problem, (requested, actual) = rows.source, "", rows.scales
+    if requested.unit != actual.unit:
         problem = (
-            f"requests in {rows.request_scale.name} but angles in {rows.angle_scale.name}; "
-            "expected angles for both, or shares of the range for both"
+            f"requests in {requested.name} but angles in {actual.name}; expected angles for both, "
+            "or shares of the range for both"
         )
     elif len(rows.times) < FEWEST_ROWS:
         least = f"expected at least {FEWEST_ROWS}; record longer"
@@ -192,9 +191,9 @@ def make_log(rows: Rows) -> Log:
     if problem:
         raise rows.wrong(problem)
     check_increasing(_checked(rows, "time", rows.times, Scale("s", 1.0, 0.0, "s")), rows.fault)
-    requests = _checked(rows, "requested angle", rows.requests, rows.request_scale)
-    angles = _checked(rows, "actual angle", rows.angles, rows.angle_scale)
-    if rows.angle_scale.name == "deg" and _in_radian_steps(rows.angles):
+    requests = _checked(rows, "requested angle", rows.requests, requested)
+    angles = _checked(rows, "actual angle", rows.angles, actual)
+    if actual.name == "deg" and _in_radian_steps(rows.angles):
         raise rows.wrong(
             f"the actual angles are named degrees, but they are in steps of {ENCODER_STEP:.5f}, a "
             "turn of 2 pi over 4096: they are radians; rename the columns"
@@ -213,13 +212,11 @@ def make_log(rows: Rows) -> Log:
             torque_on=np.ones_like(measured) if rows.torque_on is None else rows.torque_on,
             name=source.name,
             joint=rows.joint,
-            unit=rows.angle_scale.unit,
+            unit=actual.unit,
             load=rows.load,
             measured=measured,
             notes=(*rows.notes, *_doubts(rows)),
-            written=Written(
-                str(source.path), rows.episode, rows.requested, *rows.request_scale[:3]
-            ),
+            written=Written(str(source.path), rows.episode, rows.requested, *requested[:3]),
         )
     except InvalidInput as error:
         raise InvalidFile(source.path, str(error)) from error
@@ -270,12 +267,13 @@ def _cleaned(rows: Rows) -> tuple[Rows, Mask]:
 
 def _with_fitted_scale(rows: Rows, measured: Mask) -> Rows:
     """The rows with the scale of counts, by a line through slow rows, and a note on it."""
-    if rows.request_scale.name == COUNTS:
+    requested, actual = rows.scales
+    if requested.name == COUNTS:
         advice = "expected us, deg, rad or ticks, with counts for the actual angles only"
         raise rows.wrong(f"requests in counts, whose scale is unknown; {advice}")
-    if rows.angle_scale.name != COUNTS:
+    if actual.name != COUNTS:
         return rows
-    requests = rows.request_scale.factor * rows.requests + rows.request_scale.shift
+    requests = requested.factor * rows.requests + requested.shift
     slow = measured & _slow(rows.times, requests)
     if rows.torque_on is not None:
         slow &= rows.torque_on
@@ -308,7 +306,7 @@ def _with_fitted_scale(rows: Rows, measured: Mask) -> Rows:
         f"counts are a request of 0, by {len(inputs)} rows of slow requests; a constant offset "
         "of the joint cannot be seen"
     )
-    return replace(rows, angle_scale=fit, notes=(*rows.notes, note))
+    return replace(rows, scales=(requested, fit), notes=(*rows.notes, note))
 
 
 def _share(part: Array, whole: Array) -> float:
@@ -367,7 +365,7 @@ def _check_one_unit(rows: Rows, requests: Array, angles: Array) -> None:
     if not any(follows(late) for late in range(0, latest + 1, 1 + latest // 25)):
         return
     large, small = ROLES if spans[0] > spans[1] else ROLES[::-1]
-    units = dict(zip(ROLES, (rows.request_scale.name, rows.angle_scale.name), strict=True))
+    units = {role: of.name for role, of in zip(ROLES, rows.scales, strict=True)}
     if units[large] == "rad":
         wrong, named, held, units[large] = large, "radians", "degrees", "deg"
     elif units[small] == "deg":
@@ -402,8 +400,8 @@ def _doubts(rows: Rows) -> tuple[str, ...]:
     if not FASTEST <= step < SPARSE:
         doubt = "is the unit of time right" if step < FASTEST else "are the times in seconds"
         doubts.append(f"one row every {step:.3g} s: {doubt}?")
-    scales = rows.request_scale, rows.angle_scale
-    for what, numbers, (unit, *_) in zip(ROLES, (rows.requests, rows.angles), scales, strict=True):
+    both = rows.requests, rows.angles
+    for what, numbers, (unit, *_) in zip(ROLES, both, rows.scales, strict=True):
         span, largest = float(np.ptp(numbers)), float(np.abs(numbers).max())
         if unit == "rad" and not_radians(numbers):
             doubts.append(f"{what} angles reach {largest:.3g} rad: are they degrees?")
