@@ -15,8 +15,8 @@ from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile, InvalidInput
 
 if TYPE_CHECKING:
+    from planner.files.exports import Schedule
     from planner.robot.arm import Servo
-    from planner.robot.schedule import Schedule
 
 
 @options.command()
@@ -48,8 +48,8 @@ def export(
     """  # noqa: D301, E501
     from planner.arrays import as_positive
     from planner.cli.desired import check_angles
+    from planner.files.exports import Schedule
     from planner.files.paths import read_joint_path
-    from planner.robot.schedule import Schedule
 
     (export,) = run.export
     path = read_joint_path(requests, joints=run.path.joints)
@@ -113,8 +113,7 @@ class Rows:
         cls, export: Export, schedule: Schedule, servos: Mapping[str, Servo] | None = None
     ) -> Rows:
         """The rows of requests; refuses what has no effect, and what the format cannot hold."""
-        from planner.files.exports import check_format
-        from planner.robot.schedule import repeated, resampled
+        from planner.files.exports import check_format, repeated, resampled
 
         export.check_effect("export", "format")
         for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):

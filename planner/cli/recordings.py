@@ -21,7 +21,7 @@ from planner.cli.console import BadSetting, marked
 from planner.cli.export import FOLDERS, Rows, check_place
 from planner.cli.planning import search_options
 from planner.exceptions import PlannerError
-from planner.files.exports import check_installed, lerobot_dataset
+from planner.files.exports import Schedule, check_installed, lerobot_dataset
 from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, find_dataset
@@ -38,7 +38,6 @@ from planner.recording.retiming import Fastest, Search
 from planner.report.plan_results import off_by
 from planner.report.replay_page import episode_results, resent_words
 from planner.report.wording import UNITS
-from planner.robot.schedule import Schedule
 
 if TYPE_CHECKING:
     from kinematics import Leg

@@ -90,7 +90,7 @@ def read_run(path: str) -> Desired:
     """Read a run file, or standard input for ``-``, and prepare the plan that it describes."""
     from planner.cli.desired import check_angles
     from planner.cli.planning import prepare
-    from planner.robot.schedule import Schedule
+    from planner.files.exports import Schedule
 
     run = understand(read_toml(path, example='method = "optimal"'), Run)
     with speaking_of(run.source):
@@ -128,9 +128,9 @@ def _check_names(run: Run) -> None:
 def carried_out(desired: Desired, out: str) -> Answer:
     """Plan, and write the folder of the results, ``results.json`` among them."""
     from planner.cli.planning import answer_of, inputs_of, origins_of, page_of, plan_of
+    from planner.files.exports import Schedule
     from planner.files.paths import write_foot_path
     from planner.report.page import versions
-    from planner.robot.schedule import Schedule
 
     run, failure = desired.settings, ""
     steps = 1 if run.plan.method == "foot-optimal" else len(desired.names)

@@ -1,4 +1,4 @@
-"""Requests in the formats of robots, and what each format can hold."""
+"""Requests of some joints at even times, at the rate and in the formats of robots."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import MOST_SAMPLES, Array
 from planner.exceptions import InvalidInput, MissingExtra, importing
 from planner.files.columns import ANGLES, TIME
 from planner.files.logs.lerobot import COUNTED
 from planner.files.staging import cannot_write, output_folder
 from planner.files.table import DECIMALS, csv_text, write_table
 from planner.files.text import write_text
-from planner.robot.schedule import NANOSECONDS, Schedule
 
 if TYPE_CHECKING:
     from planner.robot.arm import Servo
@@ -34,6 +33,9 @@ NEEDS = {
     "lerobot": ("pyarrow", "a LeRobot dataset", "parquet"),
 }
 
+NANOSECONDS = 10**9  # nanoseconds in a second, the resolution of ROS times
+ON_TIME = 1e-6  # part of a period by which a row may be early for a request: clocks are rounded
+
 TYPE = "trajectory_msgs/msg/JointTrajectory"  # the message's type in ROS 2
 TOPIC = "/joint_trajectory_controller/joint_trajectory"  # where ros2_control's controller listens
 LEROBOT_VERSION = "v3.0"  # version of the layout
@@ -41,6 +43,81 @@ LEROBOT_TASK = "follow the planned requests"  # default task of an episode
 
 # Quantiles by which some policies normalise, under LeRobot's names.
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+
+
+class Schedule(NamedTuple):
+    """Requests, one row every period, each held until the next."""
+
+    names: tuple[str, ...]  # the joints
+    requests: Array  # requests for them [rad], shape (n, k)
+    period: float  # time between rows [s]
+
+    @property
+    def times(self) -> Array:
+        """When each row is due [s], shape (n,); the first at 0."""
+        return np.asarray(np.arange(len(self.requests)) * self.period, dtype=np.float64)
+
+    @property
+    def duration(self) -> float:
+        """Until the last row has been held for its period [s]."""
+        return len(self.requests) * self.period
+
+
+Between = Literal["hold", "linear"]
+"""Between two requests: hold the last one, or follow a straight line."""
+
+
+def repeated(schedule: Schedule, cycles: int) -> Schedule:
+    """The schedule, ``cycles`` times in a row; InvalidInput beyond :data:`.MOST_SAMPLES` rows."""
+    many = f"{cycles}" if cycles < 10**18 else "so many"
+    _check_length(len(schedule.requests) * cycles, f"{many} cycles", "fewer cycles")
+    return schedule._replace(requests=np.tile(schedule.requests, (cycles, 1)))
+
+
+def resampled(
+    schedule: Schedule, rate: float, *, between: Between = "hold"
+) -> tuple[Schedule, int]:
+    """The schedule as a controller with another rate sends it, and how many requests it leaves out.
+
+    Rows are at 0, 1/rate, 2/rate ... as long as the schedule lasts, the rate in Hz. By default each
+    repeats the last request; at a rate at which some requests would never be sent the joint would
+    not move as planned, so that is refused. "linear" follows the straight line from each request to
+    the next instead, at any rate, which is as if every request came half a period early.
+    """
+    if not 0.0 < rate < math.inf:
+        raise InvalidInput(f"rate: got {rate:g} Hz, expected a positive number")
+    if between not in get_args(Between):
+        raise InvalidInput(f"between: got {between!r}, expected 'hold' or 'linear'")
+    _check_length(
+        schedule.duration * rate, f"{schedule.duration:g} s at {rate:g} Hz", "a lower rate"
+    )
+    count = len(schedule.requests)
+    # where the rows fall among the requests, in periods from the first one
+    places = np.arange(max(math.ceil(schedule.duration * rate - ON_TIME), 1)) / (
+        rate * schedule.period
+    )
+    held = np.minimum(np.floor(places + ON_TIME).astype(np.intp), count - 1)
+    skipped = count - len(np.unique(held))
+    rows = schedule.requests[held]
+    if between == "linear":
+        index = np.arange(count)
+        rows = np.column_stack([np.interp(places, index, column) for column in schedule.requests.T])
+    elif skipped:
+        raise InvalidInput(
+            f"rate: at {rate:g} Hz {skipped} of {count} requests would never "
+            f"be sent, as they are {schedule.period:g} s apart, and the joints would not move "
+            f"as planned; plan at this rate (plan --rate-hz {rate:g}), or send what is on the "
+            "straight lines between requests (--between linear)"
+        )
+    return Schedule(schedule.names, rows, 1.0 / rate), skipped
+
+
+def _check_length(rows: float, length: str, advice: str) -> None:
+    if rows > MOST_SAMPLES:
+        many = f"{rows:.0f}" if rows < 1e18 else "too many"
+        raise InvalidInput(
+            f"{length} make {many} rows, expected at most {MOST_SAMPLES}; ask for {advice}"
+        )
 
 
 def check_format(form: str, schedule: Schedule, *, lead: float = 0.0, topic: str = TOPIC) -> None:
@@ -105,7 +182,7 @@ def joint_trajectory(
     By its stamp of zero controllers begin at once, and lead the joints to the first point until
     the lead is over. With velocities they follow cubic splines.
     """
-    times = schedule.nanoseconds + round(lead * NANOSECONDS)
+    times = np.rint(schedule.times * NANOSECONDS).astype(np.int64) + round(lead * NANOSECONDS)
     positions = np.round(schedule.requests, DECIMALS) + 0.0  # no negative zero
     points = [
         {

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from planner.arrays import Array, as_count, as_positive, as_rows, shown
+from planner.arrays import MOST_SAMPLES, Array, as_count, as_positive, as_rows, shown
 from planner.exceptions import InvalidInput
-from planner.robot.schedule import MOST_ROWS
 
 if TYPE_CHECKING:
     from planner.planning.stream import Stream
@@ -235,7 +234,7 @@ def ramp(current: npt.ArrayLike, first: Array, *, speed: float, period: float) -
             "requests"
         )
     steps = float(np.max(np.abs(first - start))) / (speed * period)
-    if steps > MOST_ROWS:
+    if steps > MOST_SAMPLES:
         raise InvalidInput(
             f"speed: got {speed:g} rad/s, for a ramp of {steps * period:.3g} s; expected a faster "
             "one"

@@ -10,12 +10,15 @@ from hypothesis import strategies as st
 
 from planner import InvalidInput, LogOptions, MissingExtra, read_logs
 from planner.files.exports import (
+    ON_TIME,
     TOPIC,
     TYPE,
     Layout,
+    Schedule,
     check_format,
     joint_trajectory,
     lerobot_dataset,
+    resampled,
     write_bag,
     write_controller_csv,
     write_trajectory_yaml,
@@ -23,7 +26,6 @@ from planner.files.exports import (
 from planner.files.paths import read_joint_path
 from planner.files.staging import list_files
 from planner.robot.arm import Servo
-from planner.robot.schedule import ON_TIME, Schedule, resampled
 
 ROUNDING = 1e-10  # twelve decimals of a degree are written [rad]
 SHORT = Schedule(("knee",), np.zeros((3, 1)), 0.02)
