@@ -59,46 +59,32 @@ def open_ended(desired: Array, weights: Array, step: float) -> Array:
 
 
 @compiled
-def segment_costs(desired: Array, step: float, nodes: Indices, values: Array, fixed: Mask) -> Array:
-    """Squared errors of chords between nodes, each over the samples after its start.
+def cheapest_chain(
+    nodes: Indices, values: Array, sums: Array, fixed: Mask, step: float, segments: int
+) -> Indices:
+    """Nodes on the cheapest way of so many chords from the first to the last; empty if none.
 
-    Nodes are increasing samples, (m,), with ``values``, and the ``fixed`` ones must be knots. The
-    costs, (m, m) by end and start, are infinite where a chord is too steep, does not end after its
-    start or passes a fixed node.
+    The nodes are increasing samples of a curve, (m,), with ``values`` and the ``sums`` of d, k d
+    and d² up to them, (3, m); the ``fixed`` ones must be on the way. The cost of a chord is its
+    squared error over the samples after its start, infinite where it is too steep.
     """
     size = len(nodes)
-    costs, sums = np.zeros((size, size)), np.zeros((size, 3))
-    costs[:] = np.inf
-    for j in range(1, size):  # Σ d, Σ k d and Σ d² from the node before, where k = 0
-        for k in range(1, nodes[j] - nodes[j - 1] + 1):
-            d = desired[nodes[j - 1] + k]
-            sums[j, 0] += d
-            sums[j, 1] += k * d
-            sums[j, 2] += d * d
+    costs = np.full((size, size), np.inf)  # by end and start
     for i in range(size):
-        d0 = d1 = d2 = 0.0  # likewise from the start
         for j in range(i + 1, size):
-            d1 += sums[j, 1] + (nodes[j - 1] - nodes[i]) * sums[j, 0]
-            d0, d2 = d0 + sums[j, 0], d2 + sums[j, 2]
             length = float(nodes[j] - nodes[i])
+            d0, a, slope = sums[0, j] - sums[0, i], values[i], (values[j] - values[i]) / length
+            d1, d2 = sums[1, j] - sums[1, i] - nodes[i] * d0, sums[2, j] - sums[2, i]
             w1 = 0.5 * length * (length + 1.0)
             w2 = w1 * (2.0 * length + 1.0) / 3.0
-            a, slope = values[i], (values[j] - values[i]) / length
             if abs(slope) <= step * (1.0 + 1e-9):
                 cost = a * (length * a + 2.0 * (slope * w1 - d0))
                 cost += slope * (slope * w2 - 2.0 * d1) + d2
                 costs[j, i] = max(cost, 0.0)
             if fixed[j]:
                 break
-    return costs
-
-
-@compiled
-def cheapest_chain(costs: Array, segments: int) -> Indices:
-    """Nodes on the cheapest way from the first to the last; empty if there is none."""
-    size = len(costs)
-    total, after = np.zeros(size), np.zeros(size)
-    total[1:] = np.inf
+    total, after = np.full(size, np.inf), np.zeros(size)
+    total[0] = 0.0
     came_from = np.zeros((segments, size), np.int64)
     for level in range(segments):
         for end in range(size):

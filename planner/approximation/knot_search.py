@@ -18,7 +18,6 @@ from planner.approximation.fit_problem import (
     SHORTEST,
     Candidate,
     Problem,
-    candidate,
     even_knots,
     nearest_samples,
     required_knots,
@@ -26,6 +25,7 @@ from planner.approximation.fit_problem import (
     segment_capacity,
     with_required,
 )
+from planner.approximation.largest_error import minimum_link
 from planner.approximation.values import WINDOW, best_values, descend, ideal_of
 from planner.arrays import Array
 
@@ -57,8 +57,6 @@ error in the mean, 3 % at worst."""
 RESOLUTION = 2.0**-36
 """Samples are searched as multiples of this, and the largest slope as one of this share of it."""
 
-BEND = 1e-10  # second difference, relative to the size of the samples, that counts as zero
-
 EQUAL = 1e-9
 """Relative difference up to which two numbers count as equal where the larger one decides, so that
 rounding, which differs between processors, does not."""
@@ -83,12 +81,12 @@ class KnotSearch:
         self._first, self._way = canonical_order(coarse, ideal)
         self._order = (self._first + self._way * np.arange(problem.samples)) % problem.samples
         self.problem, self.unrounded = self._canonical(coarse), self._canonical(problem)
-        self.exact = exact_curve(self.unrounded)
-        self.ideal = ideal[self._order]
+        self.smooth = self.problem._replace(desired=ideal[self._order])
         most = segment_capacity(self.problem)[1]  # between required knots
         self.fewest = max(2 if problem.cyclic else 1, most.size)
         self.most = int(np.sum(most))
-        self.ideal_error = float(np.sum((self.ideal - self.problem.desired) ** 2))
+        self.ideal_error = float(np.sum((self.smooth.desired - self.problem.desired) ** 2))
+        self.exact = exact_curve(self.unrounded, self.ideal_error)
         self.curve = cache(self._curve)
         self.starts = cache(self._begin)
 
@@ -105,7 +103,7 @@ class KnotSearch:
     @cached_property
     def ranked(self) -> Array:
         """Knots on samples, the best first."""
-        return ranked_knots(self.problem._replace(desired=self.ideal))
+        return ranked_knots(self.smooth)
 
     def _curve(self, segments: int) -> Candidate:
         """The best curve found with this number of segments."""
@@ -126,7 +124,7 @@ class KnotSearch:
         problem = self.problem
         count = segments if problem.cyclic else segments + 1
         merged = with_required(problem, np.sort(self.ranked[:count]))
-        chains = [] if segments > PROPOSED else proposed_knots(problem, self.ideal, segments)
+        chains = [] if segments > PROPOSED else proposed_knots(self.smooth, segments)
         proposals = [*chains, *([] if merged is None else [merged]), even_knots(problem, segments)]
         starts = [best_values(problem, knots) for knots in proposals]
         if proposals[0].size <= WINDOW:
@@ -216,44 +214,24 @@ def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
     return [Candidate(*pair, curve.error) for pair in pairs]
 
 
-def exact_curve(problem: Problem) -> Candidate | None:
-    """The curve that samples of size one lie on, if it keeps the slopes and has few segments.
-
-    A corner on a sample shows in one second difference; a corner between two samples in two, and
-    lies where the lines on its two sides meet.
-    """
-    d, n = problem.desired, problem.samples
-    rise = np.roll(d, -1) - d  # from every sample to the next
-    before, after = np.roll(rise, 1), np.roll(rise, -1)
-    bent = np.abs(rise - before) > BEND
-    if not problem.cyclic:
-        bent[[0, -1]] = True
-    if problem.required.size or 3 * np.count_nonzero(bent) > 2 * n:
+def exact_curve(problem: Problem, ideal_error: float) -> Candidate | None:
+    """The curve that samples of size one lie on, if it keeps the slopes and has few segments."""
+    n = problem.samples
+    bent = np.count_nonzero(np.abs(np.diff(problem.desired, n=2)) > 1e-10)
+    if problem.required.size or ideal_error > 1e-20 * n or 3 * bent > 2 * n:
         return None
-    # Of two corners side by side, and no third beside them, the lines may meet in between.
-    pair = bent & np.roll(bent, -1) & ~np.roll(bent, 1) & ~np.roll(bent, -2) & (before != after)
-    if not problem.cyclic:
-        pair[[0, -2, -1]] = False
-    share = np.divide(rise - after, before - after, out=np.zeros(n), where=pair)
-    pair &= (share > 0.0) & (share < 1.0)
-    at = np.flatnonzero(bent & ~np.roll(pair, 1))
-    if at.size < 2 or 3 * at.size > n + 3:
+    curve = minimum_link(problem, 1e-10)[0]
+    if not 2 <= curve.knots.size <= n / 3 + 1:
         return None
-    knots = np.asarray(at + np.where(pair, share, 0.0)[at], dtype=np.float64)
-    curve = candidate(problem, knots, d[at] + np.where(pair, share * before, 0.0)[at])
-    lengths = np.diff(problem.ends(knots))
-    values = np.append(curve.values, curve.values[0]) if problem.cyclic else curve.values
-    steep = np.abs(np.diff(values)) > problem.step * lengths * (1.0 + 1e-9)
-    off = curve.error > n * (100.0 * BEND) ** 2
-    return None if np.any(steep) or np.any(lengths < 1.0) or off else curve
+    return descend(problem, curve, rounds=MANY, progress=1e-13)
 
 
-def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]:
-    """Knots of the cheapest chains of chords of the ideal on a grid, without duplicates.
+def proposed_knots(problem: Problem, segments: int) -> list[Array]:
+    """Knots of the cheapest chains of chords of the samples on a grid, without duplicates.
 
     Chains of a cycle begin and end at several samples, one after the other.
     """
-    from planner.approximation import inner_loops
+    from planner.approximation.inner_loops import cheapest_chain
 
     n, cyclic, starts = problem.samples, problem.cyclic, np.zeros(1, dtype=np.intp)
     nearest, last = nearest_samples(problem.required), n if cyclic else n - 1
@@ -264,12 +242,11 @@ def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]
     proposals: dict[bytes, Array] = {}
     for first in starts.tolist():
         required = (nearest - first) % n if cyclic else nearest
-        grid, around = np.union1d(even, required), np.arange(first, first + last + 1) % n
+        grid = np.union1d(even, required)
+        curve, index = np.resize(np.roll(problem.desired, -first), last + 1), np.arange(last + 1)
+        sums = np.cumsum([curve, index * curve, curve**2], axis=1)[:, grid]
         stays = np.isin(grid, required)
-        costs = inner_loops.segment_costs(
-            problem.desired[around], problem.step, grid, ideal[around][grid], stays
-        )
-        way = inner_loops.cheapest_chain(costs, segments)
+        way = cheapest_chain(grid, curve[grid], sums, stays, problem.step, segments)
         if not way.size:
             continue
         places = grid[way].astype(np.float64) + first
