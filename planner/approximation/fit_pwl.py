@@ -10,6 +10,7 @@ With ``exact`` the answer is proved best of all with knots on samples, by ``exac
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -39,10 +40,8 @@ from planner.approximation.values import best_values, slope_bounded, within_slop
 from planner.arrays import Array, Summarised, Summary, as_flag, as_trajectory, read_only
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 
-# Rms errors that are not worth the corners of more segments
-CLOSE_TO_IDEAL = 1.02  # relative to the ideal's
-FLOOR = 0.01  # relative to the range of the samples
-ABOVE_NOISE = 1.1  # relative to their noise
+CLOSE_TO_IDEAL = 1.02
+"""Rms error over the ideal's that is not worth the corners of more segments."""
 
 ONE_BY_ONE = 16
 """Segments up to which every number is tried; beyond, a bracket grows and is halved. 8: more
@@ -261,76 +260,65 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
 def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candidate:
     """The curve for the question, by the search, in its unit [rad]."""
     segments, _, max_rms, _, exact = question
-    desired, n = search.problem.desired, search.problem.samples
-    if max_rms is None and segments is not None:
-        curve = search.curve(segments)
+    n = search.problem.samples
+
+    def curve_of(count: int) -> Candidate:
+        curve = search.curve(count)
         return proved_best(search.problem, curve) if exact else curve
+
+    if max_rms is None and segments is not None:
+        return curve_of(segments)
     last = search.most if segments is None else min(segments, search.most)
     if max_rms is None:
-        bend = np.abs(np.diff(desired, n=2))
+        bend = np.abs(np.diff(search.problem.desired, n=2))
         # of white noise on smooth samples; of a normal variable: median, Δ²
         noise = float(np.median(bend)) / (0.6745 * math.sqrt(6.0))
-        negligible = max(2.0 * FLOOR, ABOVE_NOISE * noise)  # the samples span 2 units
+        # worth no further corners: 1 % of the range, which is 2 units, or 1.1 times the noise
+        negligible = max(0.02, 1.1 * noise)
         enough = max(CLOSE_TO_IDEAL**2 * search.ideal_error, n * negligible**2)
-        return _fewest(search, enough, last, exact_curve=True) or search.curve(last)
-    bound, got = max_rms / unit, f"got {angle_text(max_rms)}, but"
-    if exact:
-        error = math.inf
-        for count in range(search.fewest, last + 1):
-            best = proved_best(search.problem, search.curve(count))
-            error = best.error
-            if math.sqrt(error / n) <= bound * (1.0 + BARELY):
-                return best
-        found = f"{last} segments with knots on samples reach {{}} at best"
     else:
-        ideal = math.sqrt(search.ideal_error / n)
+        ideal, bound = math.sqrt(search.ideal_error / n), max_rms / unit
         if bound < ideal * (1.0 - BARELY):
             raise Infeasible(
-                f"max_rms and v_max: {got} with slopes within ±v_max no curve comes closer than "
-                f"{angle_text(ideal * unit)} rms; allow that much or a larger v_max"
+                f"max_rms and v_max: got {angle_text(max_rms)}, but with slopes within ±v_max no "
+                f"curve comes closer than {angle_text(ideal * unit)} rms; allow that much or a "
+                "larger v_max"
             )
         enough = n * (bound * (1.0 + BARELY)) ** 2 + 1e-24 * n
-        fewest = _fewest(search, enough, last, exact_curve=segments is None)
-        if fewest is not None:
-            return fewest
-        error = search.curve(last).error
-        found = f"with at most {last} segments the smallest found is {{}}"
-    raise Infeasible(
-        f"max_rms and the number of segments: {got} "
-        f"{found.format(angle_text(math.sqrt(error / n) * unit))}; allow more error or more "
-        "segments"
-    )
+    if segments is None and not exact and search.exact and search.exact.error <= enough:
+        return search.exact
+    curve = _fewest(search, curve_of, enough, last, exact) or curve_of(last)
+    if max_rms is not None and curve.error > enough:
+        raise Infeasible(
+            f"max_rms and the number of segments: got {angle_text(max_rms)}, but with at most "
+            f"{last} segments{' and knots on samples' if exact else ''} the smallest found is "
+            f"{angle_text(math.sqrt(curve.error / n) * unit)}; allow more error or more segments"
+        )
+    return curve
 
 
-def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) -> Candidate | None:
+def _fewest(
+    search: KnotSearch, curve_of: Callable[[int], Candidate], enough: float, most: int, every: bool
+) -> Candidate | None:
     """The curve of fewest segments whose squared error is ``enough``, if there is one.
 
-    Beyond :data:`ONE_BY_ONE` numbers of segments grow until one suffices, and are bisected: fewer
-    are assumed to be no better.
+    Unless ``every`` number is tried, beyond :data:`ONE_BY_ONE` they grow until one suffices, and
+    are bisected: fewer are assumed to be no better.
     """
-    if exact_curve and search.exact is not None and search.exact.error <= enough:
-        return search.exact
-
-    def close_enough(segments: int) -> Candidate | None:
-        curve = search.curve(segments)
-        return curve if curve.error <= enough else None
-
-    count = max(search.fewest, min(most, ONE_BY_ONE))
-    for few in range(search.fewest, count + 1):
-        hopeful = few == most or search.starts(few)[0].error <= HOPELESS * enough
-        if hopeful and (fewest := close_enough(few)) is not None:
-            return fewest
-    failed, fewest = count, None
-    while fewest is None and count < most:
-        failed, count = count, min(most, math.ceil(1.3 * count))
-        fewest = close_enough(count)
-    while fewest is not None and count - failed > 1 + math.floor(0.004 * count):
-        middle = (failed + count) // 2
-        if (fewer := close_enough(middle)) is not None:
-            fewest, count = fewer, middle
+    failed = max(search.fewest, most if every else min(most, ONE_BY_ONE))
+    for few in range(search.fewest, failed + 1):
+        hopeful = every or few == most or search.starts(few)[0].error <= HOPELESS * enough
+        if hopeful and (curve := curve_of(few)).error <= enough:
+            return curve
+    best, count = None, failed
+    while failed < most if best is None else count - failed > 1 + math.floor(0.004 * count):
+        trial = (failed + count) // 2 if best else min(most, math.ceil(1.3 * failed))
+        curve = curve_of(trial)
+        if curve.error <= enough:
+            best, count = curve, trial
         else:
-            failed = middle
-    return fewest
+            failed = trial
+    return best
 
 
 def _certify(fit: PiecewiseLinearFit, question: Question) -> None:

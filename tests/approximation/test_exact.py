@@ -86,7 +86,7 @@ def test_the_fewest_segments_for_an_rms_error_are_proved_fewest():
     fit = fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, exact=True)
     fewer = fit_pwl(desired, v_max=1.0, tick=1.0, segments=fit.segments - 1, exact=True)
     assert fit.rms <= 0.2 < fewer.rms
-    with pytest.raises(Infeasible, match="with knots on samples reach"):
+    with pytest.raises(Infeasible, match="segments and knots on samples the smallest"):
         fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, segments=2, exact=True)
 
 
