@@ -180,14 +180,3 @@ def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
     answer = json.loads(run(*line).stdout)
     assert answer["learning"]["foot"]["trials"] == 1
     assert json.loads((tmp_path / "all.json").read_text())["plans"].keys() == {name, "foot"}
-
-
-@pytest.mark.parametrize("again", [True, False])
-def test_a_motion_from_rest_that_was_recorded_in_a_cycle_is_warned_of(run, desired, again):
-    run("plan", desired, "--no-cyclic", "-o", "requests.csv")
-    path = read_joint_path("requests.csv")
-    angles = [simulate(TRUE, column, cyclic=again) for column in path.values.T]
-    write_joint_path("measured.csv", path.names, np.transpose(angles), period=0.008)
-    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-cyclic")
-    warned = "the measured angles begin as in a cycle that repeats" in run(*line).stderr
-    assert warned is again

@@ -208,19 +208,10 @@ def test_a_log_tells_what_was_requested_from_what_was_measured(run, arm, tmp_pat
     assert np.max(np.abs(log.angles)) < 0.1
 
 
-def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
-    run, arm, monkeypatch
-):
+def test_another_gain_is_noticed_and_said_to_be_the_reason(run, arm, monkeypatch):
     arm.write_text(ARM.replace("[joint_1.servo]", "expected_error = 0.01\n\n[joint_1.servo]"))
-    asked = ("check", "--bus", "virtual", "--model", arm, "--duration-s", "8")
-    holds = run(*asked)
-    assert holds.exit_code == 0, holds.stderr
-    known = json.loads(run(*asked, "--json").stdout)["joints"]["joint_1"]
-    assert known["rms_before_deg"] == pytest.approx(np.degrees(0.01))
-    misses = f"misses {known['rms_deg']:.2f} deg rms, expected {known['rms_before_deg']:.2f}"
-    assert f"joint_1: the model holds: {misses} and at most 1.15 by its test" in holds.stderr
     monkeypatch.setitem(servo_bus.KINDS["sts3215"].registers, "p_gain", 6)
-    gone = run(*asked)
+    gone = run("check", "--bus", "virtual", "--model", arm, "--duration-s", "8")
     assert gone.exit_code == 1
     assert "joint_1: the model no longer holds" in gone.stderr
     assert "P is 6, and was 16" in gone.stderr
