@@ -15,7 +15,7 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.identification_page import cloud_figure
 from planner.report.identification_text import explained, joints_table, next_step, parameters
 from planner.report.page import Page
-from planner.report.wording import Row, Table, number, phrase, words_of
+from planner.report.wording import number, phrase, table, words_of
 from planner.robot.arm import SETTINGS, Servo
 from planner.robot.calibration import WORDS, Check, Compared, Recheck, Way
 
@@ -95,19 +95,6 @@ def recheck_answer(
     )
 
 
-def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
-    """Every joint and every method, with its errors measured on the test motion."""
-    rows = []
-    for joint, compared in comparisons.items():
-        for each in compared.candidates:
-            sizes = (each.error, each.max_error, each.expected, each.largest_step)
-            cells = [number(math.degrees(size)) for size in sizes]
-            cells[0] += "\nrecommended" * (each is compared.recommended)
-            rows.append(Row(WORDS[each.way], cells, subject=joint))
-    columns = ("error, rms", "largest", "expected", "largest step")
-    return Table("on the test motion [deg]", columns, rows, apart=True)
-
-
 def recommendation(joint: str, each: Compared) -> str:
     """The recommendation for a joint, in a line."""
     return phrase("calibration.txt", "recommendation", joint=joint, of=each, words=WORDS)
@@ -118,7 +105,8 @@ def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:
     lines = [f"recommended, and written to {output}:"]
     lines += [f"  {recommendation(joint, each)}" for joint, each in comparisons.items()]
     step = next_step({joint: each.identification for joint, each in comparisons.items()}, output)
-    return "\n".join([*lines, candidates_table(comparisons).text(), step])
+    measured = table("candidates", joints=comparisons, ways_in_words=WORDS)
+    return "\n".join([*lines, measured.text(), step])
 
 
 def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
@@ -146,7 +134,7 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
         largest=math.degrees(comparisons[worst].recommended.max_error),
         step=re.split("(request-planner [^;]+)", step[:1].upper() + step[1:]),
         ways=ways_figure(comparisons),
-        table=candidates_table(comparisons),
+        ways_in_words=WORDS,
         motions=[motion_figure(*each, k) for k, each in enumerate(joints, 1)],
         models=joints_table(found, page=True),
         rare=explained(found),

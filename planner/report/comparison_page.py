@@ -15,14 +15,13 @@ from planner.evaluation.cross_check import (
     METHODS,
     SECOND,
     CrossCheck,
-    FootComparison,
     JointComparison,
 )
 from planner.model.evidence import untested_words
 from planner.report import figure
 from planner.report.figure import Axis, Figure, Panel, Timeline, line
 from planner.report.page import Page, models_table
-from planner.report.wording import NOTHING, Column, Row, Table, number, percent, words_of
+from planner.report.wording import percent, rendered_text, words_of
 
 SHOWN = "closed_form_paper"
 """The closed form that is drawn."""
@@ -57,12 +56,11 @@ def comparison_page(
         ends = [percent(end(joint.gap(method) for joint in joints)) for end in (min, max)]
         gap = ends[0] if ends[0] == ends[1] else f"{ends[0].removesuffix(' %')} – {ends[1]}"
         gaps[method] = {"degrees": math.degrees(max(errors)) if errors else None, "gap": gap}
-    expected = [joint.plans["optimal"].expected.error for joint in joints]
     feet = foot and [foot.plans[method].distances for method in ("optimal", "foot_optimal")]
     moving, pictures = figures_of(check, leg)
     return Page(
         "comparison",
-        check=check,
+        **spoken_of(check),
         title=title or ", ".join(names),
         leg=leg,
         good=check.passed,
@@ -73,19 +71,13 @@ def comparison_page(
         unreachable=unreachable,
         # more than rounding of degrees
         beyond={name: excess for name, excess in excesses.items() if excess > 1e-7},
-        notes=plan_notes(joints),
         more=notes,
         moving=moving,
         agreement=max(each.value for each in check.checks if each.name == AGREES),
         foot=feet and [100.0 * error_norm(each, check.norm) for each in feet],
         foot_gap=foot and foot.gap("foot_optimal"),
         worst=max(joints, key=lambda joint: joint.plans["optimal"].error),
-        plans=plans_table(joints),
-        feet=None if foot is None else foot_table(foot),
-        has_expected=bool(np.isfinite(expected).any()),
         pictures=pictures,
-        table=checks_table(check.checks),
-        reasons=tolerance_reasons(check.checks),
         models=models_table({joint.name: joint.model for joint in joints}),
     )
 
@@ -95,12 +87,7 @@ def comparison_page(
 
 def comparison_text(check: CrossCheck) -> str:
     """The text for a terminal."""
-    feet = [] if check.foot is None else [foot_table(check.foot).text()]
-    reasons = tolerance_reasons(check.checks)
-    tolerances = [f"  {unit}, {names}: {reason}" for unit, names, reason in reasons]
-    checks = "\n".join([checks_table(check.checks).text(), "tolerances:", *tolerances])
-    notes = [f"note: {note}" for note in plan_notes(check.joints)]
-    return "\n\n".join([plans_table(check.joints).text(), *feet, checks, *notes])
+    return rendered_text("comparison.txt", **spoken_of(check))
 
 
 def verdict_line(check: CrossCheck) -> str:
@@ -120,68 +107,25 @@ def failure_words(check: Check) -> str:
     )
 
 
-def plans_table(joints: Sequence[JointComparison]) -> Table:
-    """How good each plan is, and the lower bounds on its error."""
-    rows = []
-    has_expected = any(math.isfinite(joint.plans["optimal"].expected.error) for joint in joints)
-    for joint in joints:
-        for method in joint.plans:
-            sizes, apart = joint.numbers(method), np.abs(joint.difference(method))
-            expected = [number(sizes["expected_rms_deg"], 3)] * has_expected
-            keys = ("request_difference_rms_deg", "largest_request_difference_deg")
-            difference = [*(number(sizes[key]) for key in keys), f"{index_of_largest(apart)}"]
-            errors = [number(sizes["rms_deg"], 3), number(sizes["max_deg"], 3), *expected]
-            differs = [NOTHING] * 3 if method == "optimal" else difference
-            cells = [*errors, percent(joint.gap(method)), *differs]
-            rows.append(Row(METHODS[method], cells, joint.name))
-        for level, bound in joint.bounds.items():
-            solver_gap = joint.certificates[level].solver_gap
-            which = f"{level}, solver gap {percent(solver_gap)}" if solver_gap else level
-            cells = [""] * (6 + has_expected)
-            cells[joint.plans["optimal"].norm == "max"] = f"{math.degrees(bound):.3f}"
-            rows.append(Row(f"lower bound ({which})", cells, joint.name, "bound"))
-    titles = (
-        *("rms [deg]", "max [deg]", *["on the robot [deg]"] * has_expected, "gap"),
-        *("requests differ: rms [deg]", "most [deg]", "at request"),
-    )
-    return Table("joint, plan", titles, rows, "Plans")
-
-
-def foot_table(foot: FootComparison) -> Table:
-    """Errors of the foot under the plans."""
-    rows = []
-    for method, plan in foot.plans.items():
-        difference = [NOTHING] * 2
-        if method != "foot_optimal":
-            difference = [number(math.degrees(value)) for value in foot.differences[method]]
-        errors = (f"{100.0 * each[0]:.3f}" for each in (plan.rms, plan.max_error))
-        cells = [*errors, percent(foot.gap(method)), *difference]
-        rows.append(Row(METHODS[method], cells, "foot"))
-    if foot.best.foot_bound is not None:
-        bound = [""] * 5
-        bound[foot.best.task.norm == "max"] = f"{100.0 * foot.best.foot_bound:.3f}"
-        rows.append(Row("lower bound within the limits", bound, "foot", "bound"))
-    titles = ("rms [cm]", "max [cm]", "gap", "requests differ: rms [deg]", "most [deg]")
-    return Table("foot, plan", titles, rows, "Foot")
-
-
-def checks_table(checks: Sequence[Check]) -> Table:
-    """One row per claim: the plan that is closest to breaking it, or every one that does."""
+def spoken_of(check: CrossCheck) -> dict[str, Any]:
+    """What the tables show: of each claim the plan closest to breaking it, or all that do."""
+    expected = [joint.plans["optimal"].expected.error for joint in check.joints]
     claims: dict[tuple[str, str], list[Check]] = {}
-    for each in checks:
+    for each in check.checks:
         claims.setdefault((each.name, each.tolerance.unit), []).append(each)
-    rows = []
+    closest = list[Check]()
     for same in claims.values():
         worst = max(same, key=lambda each: each.value - each.tolerance.value)
-        for each in [each for each in same if not each.passed] or [worst]:
-            where = ", ".join(part for part in (each.subject, each.plan) if part)
-            where = "nowhere, but for rounding" if each.is_rounding else where
-            tolerance = f"{each.tolerance.value:.1e} {each.tolerance.unit}"
-            holds = "yes" if each.passed else "NO"
-            cells = (f"{each.value:.1e}", tolerance, holds, where)
-            rows.append(Row(each.name, cells, kind="" if each.passed else "broken"))
-    columns = ("worst", "tolerance", "holds", Column("where", words=True))
-    return Table("check", columns, rows, "Checks")
+        closest += [each for each in same if not each.passed] or [worst]
+    return {
+        "check": check,
+        "methods": METHODS,
+        "has_expected": bool(np.isfinite(expected).any()),
+        "farthest": lambda joint, method: index_of_largest(np.abs(joint.difference(method))),
+        "closest": closest,
+        "reasons": tolerance_reasons(check.checks),
+        "notes": plan_notes(check.joints),
+    }
 
 
 def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:

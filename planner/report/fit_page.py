@@ -37,7 +37,7 @@ def fit_page(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choic
         name: [fit_figure(name, fit, k), choices_figure(choices[name], fit, k)]
         for k, (name, fit) in enumerate(fits.items(), 1)
     }
-    return Page("fit", joints=joints, table=fits_table(fits), worst=worst, rms=rms, most=most)
+    return Page("fit", joints=joints, errors=fits_table(fits), worst=worst, rms=rms, most=most)
 
 
 def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:

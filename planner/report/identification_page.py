@@ -20,18 +20,17 @@ from planner.identification.result import (
 from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Role, Span, Words, line
 from planner.report.identification_text import (
-    errors_table,
     explained,
     joints_table,
+    numbers_of,
     of_several,
     parameters,
-    parameters_table,
     profile,
     rounded_by,
     verdict,
 )
 from planner.report.page import Page, parameters_of
-from planner.report.wording import UNITS, Column, Row, Table, words_of
+from planner.report.wording import UNITS, words_of
 
 CLOSE_UP = 3.0
 """Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""
@@ -52,7 +51,7 @@ def identification_page(identifications: Mapping[str, Identification]) -> Page:
         joints=joints,
         good=all(each.accepted for each in identifications.values()),
         summary=of_several(identifications),
-        table=joints_table(identifications, page=True),
+        summaries=joints_table(identifications, page=True),
         rare=explained(identifications),
     )
 
@@ -60,50 +59,34 @@ def identification_page(identifications: Mapping[str, Identification]) -> Page:
 def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, Any]:
     """What the page shows of a joint: figures, tables, and numbers in the units of the page."""
     units, (error, where), (points, *_) = UNITS[found.unit], telling_error(found), cloud_of(found)
-    estimates = parameters(found)
+    numbers = numbers_of(found)
+    shown = {row.name: row.bounds if row.rough else row.short for row in numbers["estimates"]}
 
     def angle(radians: float) -> str:
         return " ".join(units.sized(radians))
 
     return {
         "name": name,
-        "of": found,
+        **numbers,
         "anchor": re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"),
         "verdict": verdict(found),
-        "estimates": estimates,
         "profile": profile(found),
         "error": units.sized(error),
         "where": where,
         "noise": angle(found.noise),
         "signal": angle(found.signal),
-        "short": {row.name: " ".join(row.bounds if row.rough else row.short) for row in estimates},
+        "short": {name: " ".join(words) for name, words in shown.items()},
         # whether the joint may be faster than anything in the logs
         "open": math.isinf(found.intervals["v_max"].upper),
         "saturated": float(np.sum(points.saturated)) / max(1, len(points.errors)),
         "speeds": cloud_figure(found, prefix),
-        "parameters": parameters_table(found, page=True),
         "intervals": intervals_figure(found, prefix),
-        "errors": errors_table(found),
         "logs": [
             (fit.log.name, angle(fit.rms), log_figure(found, fit, f"{prefix}log{k}_"))
             for k, fit in enumerate(found.fits, 1)
         ],
-        "rows": logs_table(found),
         "names": parameters_of([found.model.parameters()]),
     }
-
-
-def logs_table(identification: Identification) -> Table:
-    """Every log: its rows, its length, which rows were not fitted and why, and how it was read."""
-    columns = ["rows used", "seconds", "rate"]
-    words = [Column(title, words=True) for title in ("rows left out, and why", "how it was read")]
-    rows = []
-    for fit in identification.fits:
-        log, left_out = fit.log, [f"{n} {reason}" for reason, n in fit.left_out.items()]
-        cells = [f"{fit.used.sum()} of {len(fit.used)}", f"{log.times[-1] - log.times[0]:.1f}"]
-        cells += [f"{1.0 / log.period:.1f} Hz", ", ".join(left_out) or "none", "; ".join(log.notes)]
-        rows.append(Row(log.name, cells))
-    return Table("log", [*columns, *words], rows, "Logs")
 
 
 # The figures.

@@ -16,7 +16,6 @@ from planner.identification.excitation import Excitation
 from planner.identification.judgement import is_loose
 from planner.identification.parameters import TERMS
 from planner.identification.result import (
-    Alternative,
     Identification,
     Interval,
     Topic,
@@ -24,13 +23,12 @@ from planner.identification.result import (
 )
 from planner.report.page import PARAMETERS, shown_in
 from planner.report.wording import (
-    NOTHING,
     UNITS,
-    Column,
     Row,
     Table,
     phrase,
     rendered_text,
+    table,
     table_of,
     table_with_units,
     two_digits,
@@ -141,38 +139,15 @@ def parameters(identification: Identification) -> list[Parameter]:
     return rows
 
 
-def parameters_table(identification: Identification, *, page: bool = False) -> Table:
-    """The parameters; SI as notes on a page, in a column on a terminal, where names are short."""
-    column, rows = identification.unit == "rad" and not page, []
-    for row in parameters(identification):
-        about, cells = row.brief, [f"{row.value} {row.unit}", row.interval]
-        if page and row.si:
-            cells = [f"{cell}\n{si}" for cell, si in zip(cells, row.si, strict=True)]
-        if column:
-            cells.append(", ".join(row.si or [NOTHING]))
-        words = PARAMETERS[row.name][0]
-        if page and not about.startswith(words):
-            about = words if about in words else f"{words}\n{about}"
-        kind = "" if row.ends.bounded else "unknown"
-        rows.append(Row(about, (*cells, row.judgement), kind=kind))
-    titles = ("value", "95 % interval", *(("in SI",) if column else ()))
-    return Table("parameter", (*titles, Column("known", words=True)), rows, "Parameters")
-
-
-def errors_table(identification: Identification) -> Table:
-    """The errors of the simpler descriptions, and of the joint model at the end."""
-    units, rows = UNITS[identification.unit], list[Row]()
-    every: tuple[Alternative | Identification, ...] = identification.alternatives
-    for each in (*every, identification):
-        about, kind = "the joint model", "model"
-        if isinstance(each, Alternative):
-            times = (each.parameters.get(name) for name in ("delay", "time_constant"))
-            detail = " + ".join(f"{1e3 * time:.0f} ms" for time in times if time is not None)
-            about = ALTERNATIVES[each.name][0] + (f"\n{detail}" if detail else "")
-            kind = ""
-        cells = [units.sized(error)[0] for error in (each.rms, each.held_out_rms)]
-        rows.append(Row(about, cells, kind=kind))
-    return Table(f"rms error [{units.words}]", ("all rows", "held out"), rows, "Errors")
+def numbers_of(identification: Identification) -> dict[str, Any]:
+    """What the tables of an identification show."""
+    return {
+        "of": identification,
+        "units": UNITS[identification.unit],
+        "estimates": parameters(identification),
+        "descriptions": PARAMETERS,
+        "alternatives": ALTERNATIVES,
+    }
 
 
 def verdict(identification: Identification) -> str:
@@ -263,14 +238,14 @@ def identification_text(
 ) -> str:
     """The results, the verdict first and the next step last; "" is a joint without a name."""
     if len(identifications) > 1:
-        table, more = joints_table(identifications).text(), explained(identifications)
-        lines = [of_several(identifications), table, more, *_shared_warnings(identifications)]
+        joints, more = joints_table(identifications).text(), explained(identifications)
+        lines = [of_several(identifications), joints, more, *_shared_warnings(identifications)]
     else:
         ((joint, found),) = identifications.items()
-        tables = [parameters_table(found).text(), "", errors_table(found).text()]
+        tables = [table(name, **numbers_of(found)).text() for name in ("parameters", "errors")]
         warnings = (f"warning: {warning}" for warning in found.warnings)
         whose = f"{joint}: " if joint else ""
-        lines = [whose + verdict(found), "\n".join(tables), profile(found), *warnings]
+        lines = [whose + verdict(found), "\n\n".join(tables), profile(found), *warnings]
     return "\n".join([*filter(None, lines), next_step(identifications, model)])
 
 

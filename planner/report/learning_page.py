@@ -13,7 +13,7 @@ from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Page
 from planner.report.plan_results import Numbers, in_unit
-from planner.report.wording import CARRIED, NOTHING, UNITS, Row, Table, Unit, table_of, words_of
+from planner.report.wording import CARRIED, NOTHING, UNITS, Unit, table_of, words_of
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan
@@ -49,7 +49,6 @@ def learning_page(
         about_others=about_others,
         worst=worst,
         errors=errors_figure(worst, progress[worst]),
-        table=trials_table(progress),
         more=[errors_figure(*each, f"_{j}") for j, each in enumerate(rest.items(), 2)],
         short=_short,
         joints=[
@@ -102,22 +101,6 @@ def joint_figure(
         clock=False,
         title="measured and predicted",
     )
-
-
-def trials_table(progress: Mapping[str, Numbers]) -> Table:
-    """The errors of all trials."""
-    rows, joints = [], progress.values()
-    for trial in range(1, max(each["trials"] for each in joints) + 1):
-        errors = [dict(enumerate(each["errors"], 1)).get(trial, math.nan) for each in joints]
-        best = ["\nbest" * (trial == each["best_trial"]) for each in joints]
-        cells = [f"{_short(error, 4)}{note}" for error, note in zip(errors, best, strict=True)]
-        rows.append(Row(str(trial), cells))
-    names = {"predicted": "predicted next", "lower_bound": "lower bound"}
-    for name, about in (names | {"noise": "noise of a cycle"}).items():
-        kind = "bound" if name == "lower_bound" else ""
-        rows.append(Row(about, [_short(each[name], 4) for each in joints], kind=kind))
-    columns = (f"{name} [{each['unit']}]" for name, each in progress.items())
-    return Table("trial", columns, rows, "Errors of the trials, rms")
 
 
 def _short(value: float, digits: int = 3) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 from planner._version import __version__
@@ -29,16 +28,9 @@ from planner.model.joint import JointModel
 from planner.report.figure import Figure
 from planner.report.page import PARAMETERS, Page, file_link, parameters_of, shown_in, versions
 from planner.report.wording import (
-    NOTHING,
     UNITS,
-    Column,
-    Row,
-    Table,
-    number,
-    percent,
     phrase,
     rendered_text,
-    signed,
 )
 
 Results = Mapping[str, Any]
@@ -69,8 +61,6 @@ GAPS = {
     "optimised": "gap",
 }
 """Methods whose gaps over the lower bound the results hold, and the key of each."""
-
-_column = partial(Column, parts=("ours", "paper", "diff."), joined="{0} / {1} ({2})")
 
 NORMS = {"L2": "L₂", "Linf": "L∞"}
 
@@ -331,26 +321,25 @@ def experiment_page(results: Results, figures: Sequence[Figure], files: Sequence
 
 
 def _values(results: Results) -> dict[str, Any]:
-    """The tables, and what the sentences say."""
-    values = {"results": results, "table_2": table_2(results), "foot_table": foot_table(results)}
+    """What the tables and the sentences say."""
+    values = {
+        "results": results,
+        "comparisons": COMPARISONS,
+        "methods": METHODS,
+        "norms": NORMS,
+        "gaps": GAPS,
+        "rows_of_table_1": TABLE_1,
+        "errors": ERRORS,
+        "plans": PLANS,
+    }
     if "robot" in results:
-        dropped, constants = results["robot"]["dropped_cycles"].values(), []
-        for name, each in results["robot"]["constants"].items():
-            unit = each["unit"].replace("^2", "²") if each["unit"] != "1" else ""
-            value = signed(f"{each['value']:.4g} {unit}".strip())
-            constants.append(Row(name.replace("_", " "), (value, each["source"])))
-        columns = ("value", Column("source", words=True))
+        dropped = results["robot"]["dropped_cycles"].values()
         return values | {
-            "table_1": table_1(results),
-            "executed": executed_table(results),
             "dropped": " to ".join(dict.fromkeys(f"{end(dropped)}" for end in (min, max))),
-            "loss": relative(results["foot"]["foot_optimal"]["loss"], 1),
-            "constants": Table("constant", columns, constants, "Constants"),
         }
     parameters = results["parameters"]
     model = parameters["model"]
     return values | {
-        "bounds": bounds_table(results),
         "parameters": [
             *(
                 (PARAMETERS[name][1], _parameter(name, model[name]))
@@ -367,90 +356,3 @@ def _values(results: Results) -> dict[str, Any]:
 def _parameter(name: str, value: float) -> str:
     factor, unit = shown_in(name, UNITS["rad"])
     return f"{factor * value:.6g} {unit}".strip()
-
-
-def table_2(results: Results) -> Table:
-    """Table 2: one row per comparison and norm, a cell per joint [degrees]."""
-    rows = []
-    for comparison, label in COMPARISONS.items():
-        entries = [joint[comparison] for joint in results["table2"].values()]
-        kind = "beyond" if all(entry["paper"] is None for entry in entries) else ""
-        for norm, words in NORMS.items():
-            rows.append(Row(words, [_beside(entry, norm) for entry in entries], label, kind))
-    return Table("degrees", map(_column, results["table2"]), rows, "Table 2", apart=True)
-
-
-def foot_table(results: Results) -> Table:
-    """The foot: one row per method, a cell for each norm [cm]."""
-    entries = {label: results["foot"][method] for method, label in METHODS.items()}
-    rows = [
-        Row(label, [_beside(each, norm) for norm in NORMS], kind="" if each["paper"] else "beyond")
-        for label, each in entries.items()
-    ]
-    return Table("centimetres", map(_column, NORMS.values()), rows, "Foot distances")
-
-
-def bounds_table(results: Results) -> Table:
-    """The lower bound of every joint, the plans' gaps, and how far requests go beyond limits."""
-    bounds, limits = results["bounds"].values(), results["limits"].values()
-    ends = [signed(f"{limit['lower']:.0f} to {limit['upper']:.0f}") for limit in limits]
-    rows = [Row("lower bound [degrees]", [number(bound["rms"], 3) for bound in bounds])]
-    for label, key in GAPS.items():
-        rows.append(Row(f"gap, {label}", [percent(bound[key]) for bound in bounds]))
-    rows.append(Row("limits of the requests [degrees]", ends))
-    for method in ("closed_form_plain", "closed_form", "optimal", "foot_optimal"):
-        excesses = (limit["excess"][method] for limit in limits)
-        cells = [f"{excess:.1f}" if excess else "kept" for excess in excesses]
-        rows.append(Row(f"beyond them, {METHODS[method].split(':')[0]} [degrees]", cells))
-    return Table("", results["bounds"], rows, "Lower bounds")
-
-
-def table_1(results: Results) -> Table:
-    """Table 1: the identified parameters of every joint, and how well they predict."""
-    joints, rows = results["identified"].values(), []
-    for key, (label, *_) in TABLE_1.items():
-        entries = [joint["table1"][key] for joint in joints]
-        ends = [f"{number(each['lower'])} to {number(each['upper'])}" for each in entries]
-        pairs = zip(entries, ends, strict=True)
-        cells = [signed(f"{each['value']:.2f}\n{known}") for each, known in pairs]
-        rows.append(Row(label, [*cells, number(entries[0]["paper"], 1)]))
-    for key, label in ERRORS.items():
-        cells = [number(joint[key]) for joint in joints]
-        rows.append(Row(label, [*cells, NOTHING], kind="beyond"))
-    return Table("joint", [*results["identified"], "paper"], rows, "Table 1")
-
-
-def executed_table(results: Results) -> Table:
-    """Predicted and executed accuracy (L2) by method: the joints' [degrees], the foot's [cm]."""
-
-    def cell(entry: Results | None) -> tuple[str, ...]:
-        if entry is None:
-            return (NOTHING,) * 3
-        planned, executed = (f"{each['L2']:.2f}" for each in (entry["predicted"], entry))
-        return planned, executed, relative(entry["loss"], 1)
-
-    joints, rows = results["table2"], []
-    for method, label in METHODS.items():
-        entries = [joint.get(PLANS.get(method)) for joint in joints.values()]
-        rows.append(Row(label.split(":")[0], [*map(cell, entries), cell(results["foot"][method])]))
-    parts, joined = ("planned", "executed", "loss"), "{0} > {1} ({2})"
-    columns = (Column(name, parts, joined=joined) for name in (*joints, "foot"))
-    return Table("L₂", columns, rows, "Planned and executed")
-
-
-def relative(share: float, digits: int = 0) -> str:
-    """A share as a percentage with a sign."""
-    text = f"{100.0 * share:+.{digits}f} %"
-    return signed(text) if float(text[:-2]) else text[1:]
-
-
-def _beside(entry: Results, norm: str) -> tuple[str, ...]:
-    """One of our figures, the paper's, and the difference."""
-    ours = f"{entry[norm]:.2f}"
-    if "std" in entry:
-        deviation = entry["std"][norm]
-        ours += f"\n± {deviation:.{2 if deviation >= 0.005 else 3}f}"
-    if entry["paper"] is None:
-        return ours, NOTHING, NOTHING
-    paper = entry["paper"][norm]
-    return ours, f"{paper:.2f}", relative(entry[norm] / paper - 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +14,8 @@ from planner.planning.plan import Plan
 from planner.report import figure
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
-from planner.report.plan_results import NORMS, SHIFTED, WITHOUT, PlanAnswer, no_bound, sizes_of
-from planner.report.wording import Column, Row, Table, labelled, signed, spoken, table_of, words_of
+from planner.report.plan_results import PlanAnswer, no_bound, sizes_of
+from planner.report.wording import Row, Table, labelled, signed, spoken, words_of
 
 DIRECT = figure.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
@@ -62,7 +63,7 @@ def plan_page(
         busy=max(joints, key=lambda name: float(joints[name]["speed_ratio"])),
         leg=leg_figure(plan, role) if plan.task.leg else None,
         distances=figure.foot_figure(timeline, feet) if feet else None,
-        joints=joints_table(answer),
+        **limits_of(answer),
         no_bound=no_bound(plan),
         pictures=[joint_figure(answer, role, j) for j in range(len(plan.names))],
         requests=Table(timeline.unit, labels.values(), requests, f"Requests [{unit}]"),
@@ -79,34 +80,15 @@ def jumps_of(plan: Plan) -> list[int]:
     return [int(sample) for sample in leg.jumps(closed)]
 
 
-def joints_table(answer: PlanAnswer) -> Table:
-    """Errors, speeds and limits of joints, and lower bounds where there are any."""
-    task, norms, is_shift = answer.plan.task, ("rms", "max"), answer.plan.method == "shift"
-    rows, unit = [], answer.unit
+def limits_of(answer: PlanAnswer) -> dict[str, Any]:
+    """Limits of every joint in words, "" for none, and whether there are lower bounds."""
+    task, known = answer.plan.task, (each["lower_bound"] for each in answer.joints.values())
     ends = np.degrees([task.lower, task.upper]).T.tolist()
-    for (label, each), (lower, upper) in zip(answer.rows, ends, strict=True):
-        low, high = (signed(f"{limit:.1f}").removesuffix(".0") for limit in (lower, upper))
-        one_sided = f"at least {low}" if math.isfinite(lower) else f"at most {high}"
-        known = [math.isfinite(end) for end in (lower, upper)]
-        limits = f"{low} to {high}" if all(known) else one_sided if any(known) else "none"
-        early = f"{1e3 * each['best_shift']['lead_s']:.0f}"
-        rows.append((label, each | {"limits": limits, "early": early}))
-    bounded = any(each["lower_bound"] is not None for _, each in rows)
-    columns = {
-        Column(f"{'best time shift' if is_shift else 'planned'} [{unit}]", norms): NORMS,
-        "early [ms]": is_shift and "{early}",
-        f"on the robot [{unit}]": answer.tested and "{on_robot}",
-        Column(f"without a plan [{unit}]", norms): WITHOUT,
-        Column("best time shift", (f"rms [{unit}]", "early [ms]")): not is_shift
-        and (SHIFTED[0], "{early}"),
-        f"{answer.bound} [{unit}]": bounded and "{lower_bound:.3f}",
-        "gap": bounded and "{gap:.2%}",
-        Column(f"speed [{unit}/s]", ("desired", "top")): ("{desired_speed:.0f}", "{top_speed:.0f}"),
-        "too fast": "{share_too_fast:.0%}",
-        f"limits [{unit}]": "{limits}",
-        "at or beyond limits": "{requests_at_limits}",
-    }
-    return table_of("joint", rows, columns, "Joints")
+    words = [
+        [signed(f"{end:.1f}").removesuffix(".0") if math.isfinite(end) else "" for end in pair]
+        for pair in ends
+    ]
+    return {"limits": words, "bounded": any(bound is not None for bound in known)}
 
 
 # The figures.

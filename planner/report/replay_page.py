@@ -18,16 +18,11 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, jo
 from planner.report.page import Page, models_table
 from planner.report.plan_results import Numbers, in_unit, motion_of, motions_table, sizes_of
 from planner.report.wording import (
-    NOTHING,
     UNITS,
-    Column,
-    Row,
-    Table,
     labelled,
     phrase,
     rendered_text,
     spoken,
-    table_of,
     words_of,
 )
 
@@ -73,11 +68,6 @@ def joint_numbers(joint: JointReplay) -> Numbers:
     }
 
 
-def labels_of(replay: Replay) -> tuple[str, dict[str, str]]:
-    """The unit of tables, and the label of each joint."""
-    return labelled({joint.name: UNITS[joint.path.unit] for joint in replay.joints})
-
-
 def replay_page(
     replay: Replay,
     *,
@@ -101,7 +91,8 @@ def replay_page(
         **_spoken(replay, models, fastest),
         title=title,
         planned=joints,
-        unit=spoken(units.values()),
+        titled="joint",
+        units=spoken(units.values()),
         most={
             kind: max(each[kind]["max"] for each in joints.values())
             for kind in ("planned", "direct", "resent")
@@ -114,7 +105,6 @@ def replay_page(
         moving=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         speeds=[] if fastest is None else speeds_figures(fastest),
         open_speeds=sorted(replay.path.open_top_speeds),
-        joints=joints_table(replay),
         pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
         parameters=models_table({each.name: each.plan.models[0] for each in replay.planned}, units),
     )
@@ -122,21 +112,20 @@ def replay_page(
 
 def replay_text(replay: Replay, models: JointModels, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms, and how its requests move."""
-    unit, labels = labels_of(replay)
-    motions = ((labels[joint.name], joint_numbers(joint)) for joint in replay.planned)
-    return rendered_text(
-        "replay.txt",
-        **_spoken(replay, models, fastest),
-        joints=joints_table(replay, "rms"),
-        requests=motions_table(motions, unit),
-    )
+    spoken_of = _spoken(replay, models, fastest)
+    motions = [(label, each) for label, each in spoken_of["joints"] if each["planned"]]
+    requests = motions_table(motions, spoken_of["unit"])
+    return rendered_text("replay.txt", **spoken_of, titled="rms", requests=requests)
 
 
 def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dict[str, Any]:
     """What the sentences about a replay say."""
     fast = {each.name for each in replay.planned if each.too_fast}
+    unit, labels = labelled({joint.name: UNITS[joint.path.unit] for joint in replay.joints})
     return {
         "replay": replay,
+        "joints": [(labels[joint.name], joint_numbers(joint)) for joint in replay.joints],
+        "unit": unit,
         "models": models,
         "why": WHY[replay.path.track],
         "fastest": fastest,
@@ -152,40 +141,6 @@ def _allowed(fastest: Fastest) -> tuple[float, str]:
     if fastest.foot:
         return 100.0 * fastest.tolerance, "cm"
     return math.degrees(fastest.tolerance), "deg"
-
-
-def joints_table(replay: Replay, about: str = "joint") -> Table:
-    """Errors of every joint by kind of requests; a terminal shows the root mean squares."""
-    norms, rows, (unit, labels) = ("rms", "max"), [], labels_of(replay)
-    for joint in replay.joints:
-        fast = "nowhere"
-        if joint.inversion is None:
-            fast = f"{joint.path.reason}: recorded requests, re-timed"
-        elif spans := joint.too_fast:
-            widest = max(spans, key=lambda span: span[1] - span[0])
-            fast = f"{widest[0]:.2f} to {widest[1]:.2f} s"
-            if len(spans) > 1:
-                total = sum(last - first for first, last in spans)
-                fast = f"{total:.2g} s in {len(spans)} parts, such as {fast}"
-        rows.append((labels[joint.name], joint_numbers(joint) | {"fast": fast}))
-    kinds = ("recorded", "resent", "direct", "shifted", "planned")
-    recorded, resent, direct, shifted, planned = (
-        (f"{{{kind}[rms]:.3f}}", f"{{{kind}[max]:.3f}}") for kind in kinds
-    )
-    columns = {
-        Column("recorded run", norms): recorded,
-        Column("requests as recorded", norms): resent,
-        Column("path as it is", norms): direct,
-        Column("best shift", (*norms, "by [ms]"), joined="{0} ({2} ms)"): (
-            *shifted,
-            "{best_shift_s!m:.0f}",
-        ),
-        Column("plan", norms): planned,
-        "on the robot": "{expected_on_robot_rms:.3f}",
-        "lower bound": "{lower_bound:.3f}",
-        Column("faster than the joint", words=True): "{fast}",
-    }
-    return table_of(f"{about} [{unit}]", rows, columns, "Joints")
 
 
 # The figures.
@@ -350,10 +305,6 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
     total = len(rows) + len(failures)
     off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
     shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
-    left_out = [Row(_short(name), (reason,)) for name, reason in failures.items()]
-    if len(left_out) > 20:  # that is enough to read
-        left_out[20:] = [Row(f"{len(left_out) - 20} more", (NOTHING,))]
-    reasons = Table("recording", [Column("reason", words=True)], left_out, "Left out")
     units = sorted({row["unit"] for row in rows})
     worst = max(rows, key=lambda row: float(row["planned_rms"]))
     return Page(
@@ -369,27 +320,10 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
         good=not failures,
         worst={**worst, "recording": _short(worst["recording"]), "sign": SIGNS[worst["unit"]]},
         errors=[episodes_figure(rows, unit) for unit in units],
-        table=episodes_table(shown, fastest=document["speed"] is None),
+        shown=shown,
         rest=max(len(rows) - MOST_ROWS, 0),
-        reasons=reasons if failures else None,
+        short=_short,
     )
-
-
-def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:
-    """Errors of recordings by kind of requests; with their speeds where these are the fastest."""
-    columns = {
-        "requests": "{requests}",
-        "speed": fastest and "{speed:.3g}",
-        "worst joint": "{worst_joint} [{unit}]",
-        "as recorded": "{resent_rms:.3f}",
-        "path as it is": "{direct_rms:.3f}",
-        "best shift": "{shifted_rms:.3f}",
-        "plan": "{planned_rms:.3f}",
-        "on the robot": "{expected_on_robot_rms:.3f}",
-        "lower bound": "{lower_bound:.3f}",
-    }
-    named = ((row["recording"], row) for row in rows)
-    return table_of("recording", named, columns, "Recordings")
 
 
 def episodes_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
@@ -429,9 +363,8 @@ def _short(recording: str) -> str:
 
 def episodes_text(document: Mapping[str, Any]) -> str:
     """Many recordings for people: a line each, about the joint with the largest planned error."""
-    table = episodes_table(document["recordings"], fastest=document["speed"] is None)
     better = phrase("replay.txt", "better")
-    return rendered_text("episodes.txt", **document, table=table, better=better)
+    return rendered_text("episodes.txt", **document, shown=document["recordings"], better=better)
 
 
 def resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:

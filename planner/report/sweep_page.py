@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from planner.report.figure import (
     Role,
 )
 from planner.report.page import Page
-from planner.report.wording import Column, Row, Table, phrase, rendered_text, table_of, words_of
+from planner.report.wording import phrase, rendered_text, words_of
 
 WORDS = {
     "length": ("half stroke", "m"),
@@ -42,12 +43,6 @@ WORDS = {
 
 def sweep_page(swept: Swept) -> Page:
     """The whole page."""
-    rows = [
-        Row(f"{points[0].number}", (parameters(swept, points[0]), f"{len(points)}", reason))
-        for reason, points in list(swept.failures.items())[:20]
-    ]
-    columns = Column("parameters", words=True), "points", Column("reason", words=True)
-    failures = Table("first point", columns, rows, "Points without a plan")
     return Page(
         "sweep",
         swept=swept,
@@ -55,8 +50,8 @@ def sweep_page(swept: Swept) -> Page:
         verdict=verdict(swept),
         commands=[(each.number, command(swept, each)) for each in swept.front],
         figure=front_figure(swept) if swept.front else None,
-        points=points_table(swept),
-        failures=failures if rows else None,
+        of_point=WORDS,
+        parameters_of=partial(parameters, swept),
     )
 
 
@@ -96,8 +91,7 @@ def sweep_text(swept: Swept) -> str:
     """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
     again = command(swept, swept.best or swept.front[-1]) if swept.front else ""
     words = parameters(swept, swept.best) if swept.best else ""
-    points = points_table(swept)
-    return rendered_text("sweep.txt", swept=swept, parameters=words, points=points, again=again)
+    return rendered_text("sweep.txt", swept=swept, parameters=words, of_point=WORDS, again=again)
 
 
 def verdict(swept: Swept) -> str:
@@ -124,22 +118,6 @@ def command(swept: Swept, outcome: Outcome) -> str:
     options = " ".join(f"--at {name}={value!r}" for name, value in values)
     folder = f"point-{outcome.number}"
     return f"request-planner sweep {shlex.quote(swept.file)} {options} --out {folder}"
-
-
-def points_table(swept: Swept) -> Table:
-    """The points of the front with their parameters, speeds and errors."""
-    own = {WORDS[name]: f"{{of.point[{k}]:.4g}}" for k, name in enumerate(swept.names)}
-    if "speed" not in swept.names:
-        own["speed", swept.speed_unit] = "{of.speed:.4g}"
-    own["error", swept.error_unit] = "{of.error:.4g}"
-    own["without a plan", swept.error_unit] = "{of.direct:.4g}"
-    columns = {f"{k} [{unit}]" if unit else k: each for (k, unit), each in own.items()}
-    rows = []
-    for each in swept.front:
-        fast = f"{100.0 * each.too_fast:.0f} % {each.slowest}" if each.slowest else "nowhere"
-        label = f"{each.number}" + "\nbest" * (each is swept.best)
-        rows.append((label, {"of": each, "fast": fast}))
-    return table_of("point", rows, columns | {"too fast": "{fast}"}, "The Pareto front")
 
 
 def front_figure(swept: Swept) -> Figure:

@@ -11,6 +11,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import groupby, zip_longest
+from numbers import Real
 from operator import attrgetter
 from string import Formatter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -198,6 +199,66 @@ def table_with_units(
     return Table(about, columns, drawn, label)
 
 
+SEPARATORS = {ord(each): chr(0xE000 + ord(each)) for each in "|/;>:#=\n"}
+"""Private letters that stand for separators in the values of a table, which are no separators."""
+
+RESTORED = {ord(private): chr(letter) for letter, private in SEPARATORS.items()}
+
+
+class _Laid(str):
+    """Text of cells, with separators."""
+
+    __slots__ = ()
+
+
+@cache
+def _tables() -> jinja2.Template:
+    """The template of the tables: a missing value is a dash, and no value has a separator."""
+    import jinja2
+
+    def shown(value: Any) -> str:
+        if value is None or isinstance(value, jinja2.Undefined) or value != value:
+            return NOTHING
+        return value if isinstance(value, _Laid) else str(value).translate(SEPARATORS)
+
+    own = environment(plain=True).overlay(
+        finalize=shown, undefined=jinja2.ChainableUndefined, trim_blocks=False
+    )
+    own.filters["cells"] = lambda text: _Laid(" ".join(text.split()))
+    return own.get_template("tables.txt")
+
+
+def table(name: str, /, **values: Any) -> Table:
+    """A table, from its block of ``tables.txt``, which says how it is written."""
+
+    def words(text: str) -> str:
+        return "\n".join(map(str.strip, text.split(";;"))).translate(RESTORED)
+
+    def split(text: str) -> list[str]:
+        return [each.strip() for each in f" {text} ".split(" / ")]
+
+    def column(text: str) -> Column:
+        title, parts, joined = [*text.split(" :: "), *("", "{0}")[text.count(" :: ") :]]
+        below = tuple(map(words, split(parts))) if parts else ()
+        return Column(words(title.removeprefix("< ")), below, title.startswith("< "), joined)
+
+    template = _tables()
+    block = "".join(template.blocks[name](template.new_context(values)))
+    lines = re.sub(r"\s*\n\s*(?=\||#\w)", " ", block).splitlines()
+    head, *rows = [[each.strip() for each in line.split("|")] for line in lines if line.strip()]
+    label, _, first = head[0].partition("=")
+    drawn = []
+    for about, *cells in rows:
+        *subject, about = about.split(">>")
+        cells[-1], _, kind = cells[-1].partition("#")
+        parts = [tuple(map(words, split(cell))) for cell in cells]
+        own = [each if len(each) > 1 else each[0] for each in parts]
+        drawn.append(Row(words(about), own, words("".join(subject)), kind.strip()))
+    *apart, about = first.split(">>")
+    columns = map(column, head[1:])
+    return Table(words(about), columns, drawn, words(label), apart=bool(apart))
+
+
 def _laid_out(rows: Sequence[Sequence[str]], about: int) -> str:
     """Aligned columns; those beyond the terminal follow below, after the first ``about``."""
     most, first = _WIDTH.get() or math.inf, list(range(about))
@@ -255,6 +316,12 @@ def signed(text: str) -> str:
     return text.replace("-", "−")
 
 
+def relative(share: float, digits: int = 0) -> str:
+    """A share as a percentage with a sign."""
+    text = f"{100.0 * share:+.{digits}f} %"
+    return signed(text) if float(text[:-2]) else text[1:]
+
+
 def percent(share: float | None, digits: int = 2) -> str:
     """A share as a percentage, a dash for none and NaN; of a lower bound of zero there is none."""
     if share is None or math.isnan(share):
@@ -299,13 +366,18 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
         "digits": lambda value, digits=3: f"{value:.{digits}g}",
         "fixed": lambda value, digits=2: f"{value:.{digits}f}",
         "heading": heading,
+        "signed": lambda value: signed(str(value)),
+        "relative": relative,
         "line": lambda words: " ".join(words.split()),
         "noted": _noted,
-        "number": number,
-        "percent": percent,
+        "number": lambda value, digits=2: number(_known(value), digits),
+        "percent": lambda value, digits=2: percent(_known(value), digits),
         "sentence": sentence,
         "two_digits": two_digits,
     }
+    templates.globals["table"] = jinja2.pass_context(
+        lambda context, name, /, **more: table(name, **context.get_all() | more)
+    )
     templates.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
     if not plain:
         templates.globals |= vars(templates.get_template("macros.html").module)
@@ -313,6 +385,11 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
             lambda context, template, block: phrase(template, block, **context.get_all())
         )
     return templates
+
+
+def _known(value: Any) -> float | None:
+    """A number; None for what a template has not."""
+    return float(value) if isinstance(value, Real) else None
 
 
 def rendered_text(template: str, **values: Any) -> str:

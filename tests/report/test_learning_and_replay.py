@@ -13,9 +13,10 @@ from planner.evaluation.checks import Check, Tolerance
 from planner.planning.bounds import foot_bound
 from planner.recording.recorded_path import JointModels
 from planner.report import learning_page as learning
-from planner.report.comparison_page import SHOWN, comparison_page, foot_table
+from planner.report.comparison_page import SHOWN, comparison_page, spoken_of
 from planner.report.learning_page import AFTER, BEFORE, ERROR, EXECUTED, LEARNT, NEXT
 from planner.report.replay_page import replay_page
+from planner.report.wording import table
 from tests.corpus.page_text import figures_of, text_of
 from tests.corpus.test_corpus import masked
 from tests.report.test_made_up_pages import SERVO, logs
@@ -141,7 +142,8 @@ def test_the_bound_on_the_foot_stands_below_its_error(check, norm, place):
     plan = replace(best, task=replace(best.task, norm=norm))
     plan.__dict__["lower_bounds"] = 0.8 * plan.error
     plans = {"optimal": check.foot.plans["optimal"], "foot_optimal": plan}
-    *_, bound = foot_table(replace(check.foot, plans=plans)).rows
+    of = replace(check, foot=replace(check.foot, plans=plans))
+    *_, bound = table("comparison_foot", **spoken_of(of)).rows
     assert bound.kind == "bound"
     assert [bool(cell) for cell in bound.cells] == [k == place for k in range(5)]
     assert bound.cells[place] == f"{80.0 * plan.error[0]:.3f}"

@@ -10,8 +10,9 @@ import planner
 from kinematics import Limits
 from planner.model.response import PathSpeeds
 from planner.report.figure import FOOT_OPTIMAL
-from planner.report.plan_page import joints_table, jumps_of, leg_figure, plan_page
+from planner.report.plan_page import jumps_of, leg_figure, limits_of, plan_page
 from planner.report.plan_results import PlanAnswer
+from planner.report.wording import table
 from tests.corpus.page_text import text_of
 
 DRAWN = 0.0051  # rounding of what is drawn [cm]
@@ -105,6 +106,10 @@ def test_a_path_is_said_to_be_too_fast_where_that_is_more_than_a_trace(outcome):
     assert said == [False, True, True]
 
 
+def joints_of(answer):
+    return table("plan_joints", answer=answer, **limits_of(answer))
+
+
 def test_requests_at_a_limit_are_counted_and_those_beyond_it_told_by_how_much(outcome):
     at_largest = limited(outcome, 0, (-10.0, float(outcome.requests[:, 0].max())))
     at_least = limited(outcome, 0, (float(outcome.requests[:, 0].min()), 10.0))
@@ -112,9 +117,9 @@ def test_requests_at_a_limit_are_counted_and_those_beyond_it_told_by_how_much(ou
         assert answer_about(tight).joints[WALK.joint_names[0]]["requests_at_limits"] >= 1
     free = limited(outcome, 0, (-np.inf, np.inf))
     assert answer_about(free).joints[WALK.joint_names[0]]["requests_at_limits"] == 0
-    assert "none" in joints_table(answer_about(free)).rows[0].cells
+    assert "none" in joints_of(answer_about(free)).rows[0].cells
     for limits, words in (((-np.inf, 10.0), "at most 573"), ((-10.0, np.inf), "at least −573")):
-        half = joints_table(answer_about(limited(outcome, 0, limits))).rows[0].cells
+        half = joints_of(answer_about(limited(outcome, 0, limits))).rows[0].cells
         assert words in half
     most = float(outcome.requests[:, 0].max())
     for limit, beyond in ((most - math.radians(2.0), True), (most, False)):

@@ -11,7 +11,8 @@ from planner import BusError, JointModel, Log, invert_optimal, simulate
 from planner.files.joint_model import read_model_file
 from planner.identification.excitation import excite
 from planner.model.evidence import Evidence
-from planner.report.calibration_text import WORDS, candidates_table, recheck_answer
+from planner.report.calibration_text import WORDS, recheck_answer
+from planner.report.wording import table
 from planner.robot import calibration
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
@@ -111,7 +112,11 @@ def test_the_model_of_any_recommended_way_can_be_kept_and_read_again(best, tmp_p
     found = calibration.compare(SimpleNamespace(model=MODEL), LIMITS, measured)
     assert found.recommended.way == best
     marked = [
-        row for row in candidates_table({"knee": found}).text().splitlines() if "recommended" in row
+        row
+        for row in table("candidates", joints={"knee": found}, ways_in_words=WORDS)
+        .text()
+        .splitlines()
+        if "recommended" in row
     ]
     assert len(marked) == 1
     assert WORDS[best] in marked[0]
