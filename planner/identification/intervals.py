@@ -68,11 +68,7 @@ def over_top_speeds(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
         return fit, ()
     while True:
         found = _at_other_speeds(fit)
-        for each in (fit, *found):
-            at, short = each.parameters, fit.grid.tick
-            lag = at.lag + 0.5 * (at.acceleration_time - short)
-            at = at._replace(lag=lag, acceleration_time=short)
-            found.append(each.trial(at, effort=PROFILE))
+        found += [each.with_short_window(effort=PROFILE) for each in (fit, *found)]
         best = min([fit, *found], key=lambda each: each.cost)
         if best.cost >= 0.999 * fit.cost:
             break

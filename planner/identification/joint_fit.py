@@ -28,6 +28,7 @@ from planner.identification.least_squares import (
     QUICK,
     ROUNDED,
     SEARCH,
+    TERM,
     Effort,
     Fit,
     huber,
@@ -90,7 +91,9 @@ def refitted(
 ) -> Fit:
     """The fit to other rows of its logs, weights, or ticks [s]; the same one where none is other.
 
-    It begins at the joint that answers the same.
+    It begins at the joint that answers the same. A motor at shorter ticks may have a window that is
+    shorter, too: that is a local optimum of its own. (Without it three of 44 logs are fitted up to
+    4 % worse.)
     """
     before, at = fit.grid, fit.parameters
     tick = before.tick if tick is None else tick
@@ -102,7 +105,11 @@ def refitted(
         inertia = at.time_constant > 0.0
         gain, lag = with_ticks(at.gain, at.lag, before.tick, tick, inertia=inertia)
         at = at._replace(gain=gain, lag=lag)
-    return fit.again(at, grid=grid, effort=effort)
+    found = fit.again(at, grid=grid, effort=effort)
+    if tick < before.tick and found.has("time_constant", "acceleration"):
+        short = found.with_short_window(effort=TERM)
+        found = short.again(effort=effort) if short.cost < 0.999 * found.cost else found
+    return found
 
 
 def _initial_fit(grid: Grid) -> Fit:

@@ -310,6 +310,12 @@ class Fit:
         at, free = self.parameters._replace(**absent), self.free & ~only(*names)
         return self.trial(at, free=free, effort=effort)
 
+    def with_short_window(self, *, effort: Effort) -> Fit:
+        """The search begun with a window of a tick, and the same latency."""
+        at, short = self.parameters, self.grid.tick
+        lag = at.lag + 0.5 * (at.acceleration_time - short)
+        return self.trial(at._replace(lag=lag, acceleration_time=short), effort=effort)
+
     def noting(self, without: Fit, with_it: Fit, ends: Mapping[str, Interval]) -> Fit:
         """The fit with a note of what terms would bring; those that it has are kept."""
         tried = {
