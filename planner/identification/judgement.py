@@ -118,7 +118,7 @@ def verdict_on(
     elif spans and span > np.ptp(fit.grid.requests):  # taken for gravity
         notes.append(told("columns", "scale_or_load", unit, spans=spans))
     if not fits and span < 0.2:
-        notes.append(told("motion", "hardly_moves", unit, span=span, least=30.0 * error))
+        notes.append(told("motion", "hardly_moves", unit, span=span, record=30.0 * error))
     if exchanged is not None and suspect:
         notes.append(exchanged)
     if beaten:
@@ -175,7 +175,7 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[F
                 gain=at.gain if gain.upper - gain.lower <= 2.0 * at.gain else None,
                 least=v_max.lower,
                 v_max=at.v_max,
-                steps=max(2.0 * called / at.gain, fit.grid.span),
+                record=max(2.0 * called / at.gain, fit.grid.span),
             )
         )
     elif math.isinf(gain.upper) and gain.lower > 0.0:

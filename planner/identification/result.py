@@ -77,16 +77,19 @@ class Finding(NamedTuple):
     Attributes:
         topic: What it is about.
         words: A sentence, for people.
+        record: How far the requests of another recording should span [rad, or share of a range];
+            0 where that does not matter.
     """
 
     topic: Topic
     words: str
+    record: float = 0.0
 
 
 def told(topic: Topic, name: str, unit: str = "rad", /, **values: Any) -> Finding:
     """A finding by its sentence in ``findings.txt``; the unit is that of the logs, "rad" or "1"."""
     words = _sentences().get_template(name).render(values, unit=unit)
-    return Finding(topic, " ".join(words.split()))
+    return Finding(topic, " ".join(words.split()), values.get("record", 0.0))
 
 
 @cache

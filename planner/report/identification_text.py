@@ -280,15 +280,29 @@ def next_step(identifications: Mapping[str, Identification], model: str) -> str:
 
 
 def _excite(kind: str, joint: str, identification: Identification) -> str:
-    """The command that makes a signal within the requests of the logs, at their rate."""
-    requests = np.degrees(np.concatenate([fit.log.requests for fit in identification.fits]))
+    """The command that makes a signal within the requests of the logs, at their rate.
+
+    Where a finding asks for larger motion it is that, about the same middle. Shares of a range are
+    written in percent, for which `excite` has no option of its own.
+    """
+    share, command = identification.unit != "rad", f"request-planner excite --kind {kind}"
+    scale, most = (100.0, 100.0) if share else (math.degrees(1.0), 720.0)  # as `excite` takes it
+    requests = scale * np.concatenate([fit.log.requests for fit in identification.fits])
     low, high = float(np.min(requests)), float(np.max(requests))
-    if identification.unit != "rad" or high - low < 0.1:
-        return f"request-planner excite --kind {kind}"
+    needed = min(scale * max(each.record for each in identification.findings), most)
+    larger = needed > high - low
+    if larger:
+        low, high = 0.5 * (low + high - needed), 0.5 * (low + high + needed)
+        low, high = float(math.floor(low)), float(math.ceil(high))
+        low, high = (max(low, 0.0), min(high, 100.0)) if share else (low, high)
+    if high - low < 0.1:
+        return command
     limits = f"{math.ceil(low)}:{math.floor(high)}" if high - low > 4.0 else f"{low:.2f}:{high:.2f}"
     rate = f" --rate-hz {1.0 / identification.fits[0].log.period:.4g}"
     name = f" --joint {shlex.quote(joint)}" if joint else ""
-    return f"request-planner excite --kind {kind} --limits-deg {limits}{rate}{name} -o more.csv"
+    notes = [", its numbers in percent of the range"] if share else []
+    notes += [", or as far as the joint can move"] if larger else []
+    return f"{command} --limits-deg {limits}{rate}{name} -o more.csv{''.join(notes)}"
 
 
 def _names(joints: Sequence[str]) -> str:

@@ -4,6 +4,9 @@ import dataclasses
 import math
 import tomllib
 
+import numpy as np
+import pytest
+
 from planner.files.joint_model import models_text
 from planner.identification.result import Alternative, Finding, Interval
 from planner.report.identification_text import (
@@ -64,6 +67,31 @@ def test_what_does_not_hold_and_what_to_do_next_is_said_of_each_joint_once(snaps
         text = identification_text({"hip": made_up(**changes)}, "arm.toml")
         parts.append(text.splitlines()[-1])
     snapshot.check("identifications", "\n".join(parts) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("unit", "record", "command"),
+    [
+        ("rad", 0.5, "--limits-deg -39:51 --rate-hz 50 -o more.csv; then"),
+        (
+            "rad",
+            2.0,
+            "--limits-deg -52:63 --rate-hz 50 -o more.csv, or as far as the joint can move; then",
+        ),
+        (
+            "1",
+            0.5,
+            "--limits-deg 2:89 --rate-hz 50 -o more.csv, its numbers in percent of the range; then",
+        ),
+    ],
+)
+def test_the_recording_to_make_is_as_large_as_a_finding_asks_for(unit, record, command):
+    found = made_up(findings=(Finding("motion", "", record),))
+    (fit,) = found.fits
+    requests = fit.log.requests if unit == "rad" else np.abs(fit.log.requests)
+    log = dataclasses.replace(fit.log, unit=unit, requests=requests)
+    found = dataclasses.replace(found, fits=(dataclasses.replace(fit, log=log),))
+    assert command in identification_text({"": found}).splitlines()[-1]
 
 
 def test_no_name_of_a_log_can_break_the_model_file():
