@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -66,8 +65,7 @@ def export(
     schedule = Schedule(path.names, path.values, period)
     servos = None if model is None else _servos_in(model, export, schedule)
     check_place("export.format", export.format, output)
-    rows = Rows.of(export, schedule, servos)
-    return Answer(*rows.answer(), rows.write)
+    return Answer(*exported(export, schedule, servos))
 
 
 def _servos_in(model: str, export: Export, schedule: Schedule) -> dict[str, Servo]:
@@ -99,89 +97,77 @@ def check_place(setting: str, form: str, output: str) -> None:
         raise BadSetting(f"{marked(setting, form)} is a folder: name it with --output")
 
 
-@dataclass(frozen=True)
-class Rows:
-    """What an export writes, as its settings say."""
+def exported(
+    export: Export, schedule: Schedule, servos: Mapping[str, Servo] | None = None
+) -> tuple[dict[str, Any], str, Callable[[str], None]]:
+    """The rows of requests for machines and for people, and the function that writes them.
 
-    export: Export
-    schedule: Schedule
-    skipped: int  # requests that are not among the rows
-    servos: Mapping[str, Servo] | None  # that count the angles; None if the rows are angles
+    Refuses what has no effect, and what the format cannot hold. ``servos`` count the angles of an
+    export in their units, by default those of the settings.
+    """
+    from planner.files.exports import check_format, repeated, resampled
 
-    @classmethod
-    def of(
-        cls, export: Export, schedule: Schedule, servos: Mapping[str, Servo] | None = None
-    ) -> Rows:
-        """The rows of requests; refuses what has no effect, and what the format cannot hold."""
-        from planner.files.exports import check_format, repeated, resampled
-
-        export.check_effect("export", "format")
-        for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
-            if getattr(export, name) not in (None, {}) and export.unit not in COUNTED:
-                raise BadSetting(f'‹export.{name}› needs ‹export.unit = "ticks"›')
-        if export.between is not None and export.rate_hz is None:
-            words = "without it there is a row per request"
-            raise BadSetting(f"‹export.between› needs ‹export.rate_hz›: {words}")
-        if (names := export.joint_names) is not None:
-            if len(names) != len(schedule.names) or len({*names}) < len(names):
-                raise InvalidInput(
-                    f"joint names: got {', '.join(names) or 'none'}, expected "
-                    f"{len(schedule.names)} different names, one per column of the requests"
-                )
-            schedule = schedule._replace(names=names)
-        schedule, skipped = repeated(schedule, export.cycles), 0
-        if export.rate_hz is not None:
-            between = export.between or "hold"
-            schedule, skipped = resampled(schedule, export.rate_hz, between=between)
-        check_format(export.format, schedule, lead=export.lead_s, topic=export.topic)
-        if export.unit in COUNTED and servos is None:
-            from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
-            from planner.robot.arm import Servo, servos_of
-
-            zero, turn = (PULSE_ZERO, PULSES_PER_TURN) if export.unit == "us" else (2048, 4096)
-            zero = zero if export.zero_tick is None else export.zero_tick
-            like = Servo(zero_tick=zero, ticks_per_turn=export.ticks_per_turn or turn)
-            ids = dict.fromkeys(schedule.names, 0)
-            servos = servos_of(ids, like, export.zero_ticks or {}, export.reverse or ())
-        return cls(export, schedule, skipped, servos)
-
-    def answer(self) -> tuple[dict[str, Any], str]:
-        """The rows for machines and for people."""
-        rows = self.schedule
-        document = {
-            "format": self.export.format,
-            "joints": list(rows.names),
-            "rows": len(rows.requests),
-            "period_s": rows.period,
-            "duration_s": rows.duration,
-            "requests_never_sent": self.skipped,
-        }
-        rate = f"{1.0 / rows.period:.6g} Hz, {rows.duration:.6g} s"
-        summary = f"{len(rows.requests)} rows of {', '.join(rows.names)} at {rate}"
-        if self.skipped:
-            summary += (
-                f"\n{self.skipped} requests fall between the rows and are not among them: the "
-                "joints will not move as planned; plan at this rate, with --rate-hz"
+    export.check_effect("export", "format")
+    for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
+        if getattr(export, name) not in (None, {}) and export.unit not in COUNTED:
+            raise BadSetting(f'‹export.{name}› needs ‹export.unit = "ticks"›')
+    if export.between is not None and export.rate_hz is None:
+        words = "without it there is a row per request"
+        raise BadSetting(f"‹export.between› needs ‹export.rate_hz›: {words}")
+    if (names := export.joint_names) is not None:
+        if len(names) != len(schedule.names) or len({*names}) < len(names):
+            raise InvalidInput(
+                f"joint names: got {', '.join(names) or 'none'}, expected "
+                f"{len(schedule.names)} different names, one per column of the requests"
             )
-        return document, summary
+        schedule = schedule._replace(names=names)
+    rows, skipped = repeated(schedule, export.cycles), 0
+    if export.rate_hz is not None:
+        rows, skipped = resampled(rows, export.rate_hz, between=export.between or "hold")
+    check_format(export.format, rows, lead=export.lead_s, topic=export.topic)
+    if export.unit in COUNTED and servos is None:
+        from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
+        from planner.robot.arm import Servo, servos_of
 
-    def write(self, file: str) -> None:
-        """Write the rows; to a folder where the format is one."""
-        from planner.files import exports
+        zero, turn = (PULSE_ZERO, PULSES_PER_TURN) if export.unit == "us" else (2048, 4096)
+        zero = zero if export.zero_tick is None else export.zero_tick
+        like = Servo(zero_tick=zero, ticks_per_turn=export.ticks_per_turn or turn)
+        ids = dict.fromkeys(rows.names, 0)
+        servos = servos_of(ids, like, export.zero_ticks or {}, export.reverse or ())
+    rate = f"{1.0 / rows.period:.6g} Hz, {rows.duration:.6g} s"
+    summary = f"{len(rows.requests)} rows of {', '.join(rows.names)} at {rate}"
+    if skipped:
+        summary += (
+            f"\n{skipped} requests fall between the rows and are not among them: the joints will "
+            "not move as planned; plan at this rate, with --rate-hz"
+        )
+    document = {
+        "format": export.format,
+        "joints": list(rows.names),
+        "rows": len(rows.requests),
+        "period_s": rows.period,
+        "duration_s": rows.duration,
+        "requests_never_sent": skipped,
+    }
+    return document, summary, lambda file: _write(file, export, rows, servos)
 
-        export, rows = self.export, self.schedule
-        if export.format == "csv":
-            exports.write_controller_csv(file, rows, unit=export.unit, servos=self.servos)
-        elif export.format == "lerobot":
-            rate = exports.frame_rate(rows.period)
-            layout = exports.Layout(features={"action": rows.names}, rate=rate)
-            with exports.lerobot_dataset(file, layout) as add:
-                add({"action": rows.requests}, export.task)
+
+def _write(file: str, export: Export, rows: Schedule, servos: Mapping[str, Servo] | None) -> None:
+    """Write the rows; to a folder where the format is one."""
+    from planner.files import exports
+
+    if export.format == "csv":
+        exports.write_controller_csv(file, rows, unit=export.unit, servos=servos)
+    elif export.format == "lerobot":
+        rate = exports.frame_rate(rows.period)
+        layout = exports.Layout(features={"action": rows.names}, rate=rate)
+        with exports.lerobot_dataset(file, layout) as add:
+            add({"action": rows.requests}, export.task)
+    else:
+        lead, velocities = export.lead_s, export.velocities
+        message = exports.joint_trajectory(rows, lead=lead, velocities=velocities)
+        if export.format == "yaml":
+            exports.write_trajectory_yaml(file, message)
         else:
-            lead, velocities = export.lead_s, export.velocities
-            message = exports.joint_trajectory(rows, lead=lead, velocities=velocities)
-            if export.format == "yaml":
-                exports.write_trajectory_yaml(file, message)
-            else:
-                storage: Any = "mcap" if export.format == "mcap" else "sqlite3"
-                exports.write_bag(file, message, storage=storage, topic=export.topic)
+            storage: Any = "mcap" if export.format == "mcap" else "sqlite3"
+            exports.write_bag(file, message, storage=storage, topic=export.topic)

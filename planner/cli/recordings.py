@@ -18,7 +18,7 @@ from planner.arrays import Array, error_norm
 from planner.cli import desired as loading
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.cli.export import FOLDERS, Rows, check_place
+from planner.cli.export import FOLDERS, check_place, exported
 from planner.cli.planning import search_options
 from planner.exceptions import PlannerError
 from planner.files.exports import Schedule, check_installed, lerobot_dataset
@@ -260,7 +260,8 @@ def write(file: str, task: ReplayTask, replay: Replay) -> None:
         return
     export = settings.Export(format=form, file=file)
     schedule = Schedule(replay.names, replay.requests, replay.period)
-    Rows.of(export, schedule).write(file)
+    *_, write_rows = exported(export, schedule)
+    write_rows(file)
 
 
 ABOUT = "replay.json"  # the file of a planned dataset with its settings and errors

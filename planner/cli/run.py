@@ -12,7 +12,7 @@ from planner.cli import options
 from planner.cli.console import Answer, BadSetting, Progress, in_keys, remark, speaking_of
 from planner.cli.declared import Source, argument, flat, option, understand
 from planner.cli.declared import template as template_of
-from planner.cli.export import Rows
+from planner.cli.export import exported
 from planner.cli.settings import Run, Sweep
 from planner.exceptions import InvalidInput
 from planner.files.staging import MANIFEST, claimed, list_files, output_folder
@@ -101,7 +101,7 @@ def read_run(path: str) -> Desired:
         schedule = Schedule(desired.names, desired.angles, desired.period)
         for number, export in enumerate(run.export):
             try:
-                Rows.of(export, schedule)
+                exported(export, schedule)
             except BadSetting as error:
                 raise BadSetting(
                     error.args[0].replace("‹export.", f"‹export[{number}].")
@@ -150,9 +150,8 @@ def carried_out(desired: Desired, out: str) -> Answer:
         exports, words = [], ""
         for export in run.export:
             schedule = Schedule(desired.names, plan.requests, desired.period)
-            rows = Rows.of(export, schedule)
-            rows.write(str(folder / export.file))
-            document, summary = rows.answer()
+            document, summary, write = exported(export, schedule)
+            write(str(folder / export.file))
             exports.append({"file": export.file, **document})
             words += f"\n{export.file}: {summary}"
         if run.output.report:
