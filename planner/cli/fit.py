@@ -34,7 +34,6 @@ def fit(
         "path: joints",
         "plan: cyclic segments",
         path=argument(form="DESIRED"),
-        segments="Lines of the approximation.",
     ),
     max_error: Positive | None = option(
         "Use as few lines as stay this close to the path everywhere.", form="DEG"

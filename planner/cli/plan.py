@@ -82,7 +82,6 @@ def compare(
         "plan: cyclic load segments norm",
         "limits: deg",
         path=argument(),
-        segments="Lines of the approximation.",
         norm="Error that optimised requests make small.",
         load="Torque on the joints: gravity at the desired angles by the masses of the leg's URDF, "
         "all of its dynamics, or columns <joint>_load_Nm of the path.",

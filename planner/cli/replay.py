@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING, Any
 from planner.cli import options
 from planner.cli.console import Answer, Progress, remark, warn
 from planner.cli.declared import Source, argument
-from planner.cli.settings import SMOOTHING, TOLERANCE, ReplayRun
+from planner.cli.settings import SMOOTHING, ReplayRun
 
 if TYPE_CHECKING:
     from planner.cli.recordings import ReplayTask
     from planner.report.page import Page
-
-
-NORM = "the plan's norm, or with --fastest the largest error"  # the norm of the tolerances
 
 
 @options.command("Write a page (HTML) about the replay.")
@@ -47,8 +44,6 @@ def replay(
         "them from the recording itself.  [required]",
         load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics.  "
         "[default: that of the logs]",
-        deg=TOLERANCE.format("any joint", NORM),
-        cm=TOLERANCE.format("the foot", NORM),
         limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.  "
         "[default: none]",
     ),

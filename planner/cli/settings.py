@@ -234,12 +234,6 @@ class Start(Settings):
     joints: dict[str, float] = setting(example=30.0)
 
 
-TOLERANCE = (
-    "Error of {} to accept, in {}; where the plan misses it, its requests are written all the "
-    "same, and the exit status is 1."
-)
-
-
 class Tolerance(Settings):
     """Errors to accept.
 
