@@ -1,9 +1,8 @@
 """Measured cycles: refused where they cannot belong to the requests, delays of sensors, learning.
 
 The disturbance ``d = mean measured - modelled angles`` repeats from cycle to cycle, the noise does
-not. Its spectrum is shrunk as by a Wiener filter: where the noise, by its variance between the
-cycles, explains all of it, nothing is learnt. A pure delay that explains most of it is taken off
-the measured angles first, where it is too long to be the joint's.
+not: its spectrum is shrunk as by a Wiener filter. A pure delay that explains most of it is taken
+off the measured angles first, where it is too long to be the joint's.
 """
 
 from __future__ import annotations
@@ -86,8 +85,7 @@ def check_angles(
     """Refuse angles in another unit, joints that do not move, and other angles than measured ones.
 
     Cycles are (cycles, n, k), the others (n, k), all in rad; those ``expected`` are the modelled
-    ones plus the disturbance of the trial before. Where they are the desired ones, as in a rounded
-    file, measured angles are refused only if they equal these to the last digits.
+    ones plus the disturbance of the trial before.
     """
     moved = modelled - modelled.mean(axis=0)
     power = float(np.vdot(moved, moved))
@@ -277,9 +275,8 @@ def _transforms(*, cyclic: bool) -> tuple[Any, Any]:
 def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
     """Power of the noise of one measured cycle at every frequency [rad^2], (f, k).
 
-    It is the larger of two powers: of the variance between the cycles of each trial, (cycles, n,
-    k), and of the upper half of the frequencies of the ``error``, the disturbance, (n, k). There a
-    joint hardly moves: it is noise, or the steps of a sensor, which repeat.
+    The larger of the variance between the cycles of each trial, (cycles, n, k), and of the upper
+    half of the frequencies of the ``error``, (n, k), at which a joint hardly moves.
     """
     forward, _ = _transforms(cyclic=cyclic)
     powers = np.abs(forward(error)) ** 2

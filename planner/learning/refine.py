@@ -1,11 +1,9 @@
 """Learning from executed cycles: the next requests remove the error that was measured.
 
-Norm-optimal iterative learning control (N. Amann, D. H. Owens, E. Rogers, 1996) on the model of the
-joint, in the form of A. P. Schoellig, F. L. Mueller, R. D'Andrea (2012): the executed cycles give
-the disturbance ``d = measured - M(R)`` that the model M misses, and the next requests minimise
-``|M(R) + d - D|`` by the optimised inversion, with its limits and saturation. Of d only the
-repeatable part is learnt, where the model can be trusted (``learning/measurements.py``). A model is
-identified anew from the trials where it predicts a trial better that it has not seen.
+Norm-optimal iterative learning control (N. Amann, D. H. Owens, E. Rogers, 1996) in the form of A.
+P. Schoellig, F. L. Mueller, R. D'Andrea (2012): the executed cycles give the disturbance ``d =
+measured - M(R)`` that the model M misses, and the next requests minimise ``|M(R) + d - D|`` by the
+optimised inversion.
 """
 
 from __future__ import annotations
@@ -261,9 +259,8 @@ def _disturbances(joints: Plan, trials: Sequence[Trial]) -> list[Array]:
 def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
     """The plan with a shorter change from a trial's requests, where that lowers the expected error.
 
-    By the models the whole change lowers the error by ``saving``, in the plan's norm, and a shorter
-    one in proportion, of which the joint is not expected to follow ``missed``. From requests that
-    break limits, which are convex, the change is whole.
+    By the models the whole change lowers the error by ``saving``, of which the joint is expected to
+    miss ``missed``. From requests that break limits, which are convex, the change is whole.
     """
     breaks = not plan.task.keeps(base.requests, rounding=SAME_REQUESTS)
     if breaks or saving <= 0.0 or missed == 0.0:
@@ -307,9 +304,8 @@ def _estimated(
 ) -> tuple[Array, int, float]:
     """Go through all trials: d <- d + gain * learnt(measured - M(R) - d), (21) of docs/math.md.
 
-    A trial that is worse than the best one is not built upon, and lowers the gain, unless it was
-    planned on another model, before ``since``. Returns the disturbance for the next requests [rad],
-    (n, k), the trial they start from, and the gain.
+    A trial that is worse than the best one lowers the gain, unless it was planned on another model,
+    before ``since``. The disturbance [rad], (n, k), the trial to start from, and the gain.
     """
     disturbance, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
     before, off = disturbance, _disturbances(joints, trials)
@@ -384,8 +380,8 @@ def reidentified(
     """The plan with the models that the trials identify anew, where these predict better.
 
     With the trial after which the model of each joint was changed last, (k,), and remarks. The
-    model before is not taken up again: on none of 18 joints and servos of the benchmark was it
-    better in ten trials. ``noise`` is the standard deviation of one cycle's [rad], (k,).
+    model before is not taken up again: it was better for none of 18 joints and servos in ten
+    trials. ``noise`` is the standard deviation of one cycle's [rad], (k,).
     """
     models, last, remarks = list(joints.models), list(since), list[str]()
     for j, model in enumerate(joints.models):
@@ -408,8 +404,7 @@ def better_model(
     """A model of joint j identified from the trials, if it predicts the last one better; else None.
 
     The last trial is held out, and predicted with the disturbance of the one before, by the model
-    as it is and by one of the trials before: they are compared by how the angles change with the
-    requests. ``noise`` is the standard deviation of one cycle's [rad].
+    as it is and by one of the trials before. ``noise`` is the deviation of one cycle's [rad].
     """
     if len(trials) < 2:
         return None

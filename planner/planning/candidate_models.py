@@ -24,22 +24,17 @@ DELAYS = {"lag": 1.0, "acceleration_time": 0.5, "time_constant": 1.0}
 
 
 def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tuple[JointModel, ...]:
-    """The model, and pairs of further models within its intervals.
+    """The model, and pairs of further models within its intervals, always the same ones.
 
     They are drawn from a normal distribution with the intervals' widths, either side by itself, and
-    their correlations, but none outside of the intervals, except for the lag (below); in pairs on
-    either side of the model, always the same ones. An interval that ends at 0, where lags, times
-    and dead bands end, is taken as wide on that side as on the other, and draws below 0 are
-    rejected: with 0 in place of such a parameter the other parameters would not fit. A parameter
-    does not move towards an unknown end, which for the largest acceleration is 0 as well. But where
-    logs give no upper bound on the top speed, its reciprocal is drawn, down to 0, and theta_0
-    follows from the gain. A time constant or an integral rate of 0 stays 0: the log did not call
-    for one.
+    their correlations. An interval that ends at 0 is taken as wide on that side as on the other,
+    and draws below 0 are rejected. A parameter does not move towards an unknown end; but where logs
+    give no upper bound on the top speed, its reciprocal is drawn, down to 0, and theta_0 follows
+    from the gain. A time constant or an integral rate of 0 stays 0.
 
-    Logs with moving requests determine the switching time far better than its parts. Correlations
-    do not show this for an interval that ends at 0: in models drawn from an identified one the lag
-    makes up for such a part, and then for the acceleration time, but for ``delay_error`` of its
-    evidence.
+    Logs with moving requests determine the switching time far better than its parts, which
+    correlations do not show for an interval that ends at 0: the lag makes up for such a part, and
+    then for the acceleration time, but for ``delay_error`` of the evidence.
     """
     if not has_intervals(model):
         raise InvalidInput(

@@ -40,10 +40,9 @@ LEAST_FOOT_MOTION = 1e-9
 class Problem(Task):
     """A task as (10) of ``docs/math.md``: joints that should reach a goal by requests in limits.
 
-    A scenario is one model for each joint. The same requests drive the joints of every scenario,
-    and the cost is the weighted sum of their squared errors. Requests have shape (n, J) for J
-    joints, angles (n, A) with the joints of one scenario after the other. Desired angles are those
-    without the disturbance; limits may have shape (n, J).
+    A scenario is one model for each joint, all driven by the same requests. These have shape (n, J)
+    for J joints, angles (n, A) with the joints of one scenario after the other. Desired angles are
+    those without the disturbance; limits may have shape (n, J).
 
     Attributes:
         links: The constants of the foot's leg, with which errors count in radians of a typical

@@ -1,11 +1,9 @@
 """The search for the requests of a task, from top to bottom.
 
 Each stage minimises (10) of ``docs/math.md`` on the model with corners of one radius, and the next
-one carries on from its answer with sharper corners and less regularisation: a homotopy. The descent
-within a stage is compiled (``gauss_newton``); simulations of the exact models judge its answers.
-Joints are searched one by one, those of a leg, which share the error of its foot, together; several
-models that joints may have are searched together, too, under the same requests. At the end requests
-are made smoother for as much error as a robot would not show (section 6 and (12b)).
+one carries on from its answer with sharper corners and less regularisation: a homotopy. Joints are
+searched one by one, those of a leg together. At the end requests are made smoother for as much
+error as a robot would not show (section 6 and (12b)).
 
 Effects of the numbers below were measured over 109 joints, half of them outside Equation 13, where
 nothing else is said.
@@ -159,29 +157,15 @@ def solve_joint(
     return for_all_models(task, problem, requests, NARROW)
 
 
-COMPARED = 16
-"""Samples that the ideal reaches below the top speeds up to which the search also starts from the
-closed forms, as only the times of changes between lines are free. Without it a closed form is
-better for 6 % of 400 joints on much faster paths of 4 to 69 samples, by 0.8 % at worst; with it for
-none. It takes 0.05 to 0.3 s."""
-
-ACCELERATING = 0.2
-"""Share of the time that the ideal, which ignores the acceleration limit, would accelerate at that
-limit, from which on the search also starts from the closed forms [-], unless the plan is within an
-encoder's step of the ideal. Of 160 joints with such a limit one in ten ends closer with that start,
-by 65 % at most; all are above 0.2. It takes 0.1 to 0.8 s."""
-
-
 def best_requests(problem: Problem, solver: Solver) -> Array:
     """Requests of least error for one joint [rad], (n, 1).
 
     A joint that is at top speed, or accelerates as fast as it can, for much of the time may follow
     fitted lines better than anything that the search finds: it starts from these as well. Where
-    next to no error need be left, high powers of it lead nowhere, and the plan for the root mean
-    square leaves the smaller largest error, in one of 40 random paths 1/18 of it. If the plan stays
-    far from the ideal, a search with wide corners follows. For short cycles and joints that
-    overshoot, where derivatives help little, further ones start from the desired angles, as they
-    are and as early as the joint is late.
+    next to no error need be left, the plan for the root mean square leaves the smaller largest
+    error, in one of 40 random paths 1/18 of it. If the plan stays far from the ideal, a search with
+    wide corners follows; for short cycles and joints that overshoot also from the desired angles,
+    as they are and as early as the joint is late.
     """
     requests, ideal = initial_guess(problem)
     if solver == "ipopt":
@@ -198,8 +182,10 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
     if limited:  # share of the time that the ideal's changes of speed take at the limit
         padded = np.pad(ideal[:, 0], 1, mode="wrap" if problem.cyclic else "edge")
         changes = float(np.mean(np.abs(np.diff(padded, 2))))  # [rad/period^2]
-        limited = changes / (model.hold**2 * model.law.acceleration) > ACCELERATING
-    if limited or below_top_speed(problem, ideal) <= COMPARED:
+        # Of 160 joints with such a limit one in ten ends closer with that start, by 65 % at most.
+        limited = changes / (model.hold**2 * model.law.acceleration) > 0.2
+    # Without that start a closed form is better for 6 % of 400 joints on much faster paths.
+    if limited or below_top_speed(problem, ideal) <= 16:
         starts.append(best_closed_form(problem))
         best = min(best, from_start(starts[1]), key=error)
     if problem.norm == "max" and best[1] > near:
@@ -235,9 +221,8 @@ def minimise(
 ) -> tuple[Array, float]:
     """The best requests of the stages, judged by the exact models, and their error.
 
-    They start from requests within the limits, (n, J), and from angles that are not always the
-    response to them, (n, A). Where the largest error counts, with ``through_rms`` the plan for the
-    root mean square comes first, and the stages that turn to the largest error start from it.
+    They start from requests within the limits, (n, J), and from angles, (n, A). Where the largest
+    error counts, with ``through_rms`` the plan for the root mean square comes first.
     """
     if problem.norm == "max":
         wide = [stage for stage in stages if stage.radius >= LARGEST[0].radius]
@@ -274,17 +259,10 @@ def first_request_freed(
     """The problem from rest with the first request that serves best, and the plan for it.
 
     Where the given plan is kept although another is better, the motion of the better one comes
-    third.
-
-    Anywhere within the dead band it holds the joint at the start. Until it has left the window of
-    the acceleration it draws on a joint that moves, the less the nearer it is to the edge on the
-    side of the motion. Another request is taken only for a gain that a robot would show: without
-    smoothing half of 40 random motions with dead bands of 0.2 to 3 degrees gain a quarter or more.
-    The middle may lie beyond the limits: edges are about the middle itself, and the problem clips
-    them.
-
-    Of a long path the beginning is searched first. A difference that does not show there does not
-    show in the whole.
+    third. Anywhere within the dead band the first request holds the joint at the start, and until
+    it has left the window it draws on a joint that moves. Another one than the middle is taken only
+    for a gain that a robot would show: half of 40 random motions with dead bands of 0.2 to 3
+    degrees gain a quarter or more. Of a long path the beginning is searched first.
     """
     (model,), middle = problem.drives, problem.first_requests
     assert middle is not None, "from rest a first request holds the joint"
@@ -314,10 +292,8 @@ def first_request_freed(
 def nearer(problem: Problem, requests: Array, executed: Array) -> Array:
     """Requests near executed ones, where the best ones are far away and hardly better.
 
-    A saturated joint has very different requests of about the same error by its model. Where the
-    joint saturates later, a change from the ones to the others shows. Near the executed requests
-    (10) has the distances from these in place of those from R*: a proximal point step. The
-    disturbance of the problem was measured under them.
+    A saturated joint has very different requests of about the same error by its model. (10) has the
+    distances from the executed ones in place of those from R*: a proximal point step.
     """
     start, best = problem.admissible(executed), problem.exact_error(requests)
     angles = problem.exact_angles(start)
@@ -372,11 +348,9 @@ STATIONARY = 1e-9
 
 
 def with_stationary_joints(problem: Problem, best: Motion) -> tuple[Problem, Array]:
-    """The plan with stationary joints at rest, if a robot shows no difference.
+    """The problem with joints held that are stationary along the path, and the plan for it.
 
-    A joint that is stationary along the whole path can still compensate for a little of the errors
-    of the other joints. Where this gain is within what the smoothing allows, it should not move.
-    The answer is the problem with these joints held, and the plan for it; or the arguments.
+    They may move to compensate for errors of other joints by more than the smoothing allows.
     """
     stationary: Mask = np.ptp(problem.resting, axis=0) <= STATIONARY
     if not np.any(stationary) or np.all(stationary):
@@ -401,12 +375,10 @@ def for_all_models(
 ) -> tuple[Array, Array | None]:
     """The requests for all models of a task, as :func:`solve`, from those for the nominal ones.
 
-    With even weights the cost is the mean over the scenarios. For the worst one the weights follow
-    the errors: they grow in scenarios with larger errors until the errors are even (C. L. Lawson's
-    algorithm, as in J. R. Rice, K. H. Usow, *Mathematics of Computation* 22, 1968).
-
-    Without dead bands the answer's error over all scenarios is no larger than that of the plan for
-    the nominal ones, (n, J). Of the stages the ones with small corners are used.
+    With even weights the cost is the mean over the scenarios. For the worst one weights follow the
+    errors until these are even (C. L. Lawson's algorithm, as in J. R. Rice, K. H. Usow,
+    *Mathematics of Computation* 22, 1968). Without dead bands the answer's error over all scenarios
+    is no larger than that of the plan for the nominal ones, (n, J).
     """
     scenarios = task.scenarios
     if len(scenarios) == 1:
@@ -596,13 +568,11 @@ def smoother(
     """Smoother requests whose errors are within the allowance.
 
     Steps minimise ``J + w |D2 R|^2`` with sharp corners, J the cost of the errors and D2 the second
-    differences of the requests. At the best weight w the smoothing costs about as much as J may
-    rise, so that each step takes ``w = c (J_allowed - J) / |D2 R|^2`` anew from the requests from
-    which it sets out, with a factor c that grows while the exact error is allowed. Where it is not,
-    c is such that the weight itself falls. ``error`` is that of the best plan. Where the largest
-    error counts, J has the sum of squares as well, so weighted that with ``kept`` = 1 the smoothing
-    costs about as much of it as the root mean square may rise. Half and twice each number of the
-    loop change the sum of squared second differences by at most 11 % in the mean over 86 plans.
+    differences of the requests. Each takes ``w = c (J_allowed - J) / |D2 R|^2`` anew, with a factor
+    c that grows while the exact error is allowed. ``error`` is that of the best plan. Where the
+    largest error counts, J has the sum of squares as well, so weighted that with ``kept`` = 1 the
+    smoothing costs about as much of it as the root mean square may rise. Half and twice each number
+    of the loop change the sum of squared second differences by at most 11 % in the mean of 86.
     """
     power = LARGEST[-1].power if problem.norm == "max" else 2.0
     best, least, straight = start.requests, problem.roughness(start.requests), 1e-24  # [rad^2]
@@ -665,8 +635,7 @@ def resting_at_rests(
 ) -> Array:
     """Requests that rest where the path does, if the given ones shake there and errors allow it.
 
-    Before and after a motion requests stay free: for the time in which the joints settle, or twice
-    as long, and so on until the error is allowed. ``error`` is that of the best plan.
+    Around a motion they stay free for the time in which joints settle, or twice as long, and so on.
     """
     margin = math.ceil(problem.settling)
     while margin <= len(requests):
@@ -694,9 +663,9 @@ def resting_at_rests(
 
 
 def shaking_rests(problem: Problem, requests: Array, margin: int) -> Mask | None:
-    """The requests that act only where the path rests, (n,); None if they change direction little.
+    """The requests that act only where the path rests, (n,), with a margin [samples] both ways.
 
-    They act there with a margin [samples] both ways.
+    None if they change direction little.
     """
     desired, count = problem.desired, len(problem.desired)
     before = np.roll(desired, 1, axis=0)
