@@ -81,17 +81,12 @@ def test_several_files_appear_or_none_where_one_cannot(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_run_makes_its_folder_and_the_next_run_replaces_it(tmp_path):
+def test_a_run_makes_its_folder_the_next_run_replaces_it_and_a_failed_one_does_not(tmp_path):
     out = tmp_path / "deep" / "out"
     _run(out, "a.csv")
     _run(out, "b.csv", "2")
-    assert list_files(out) == ["b.csv", "results.json"]
-    assert list_files(tmp_path) == ["deep/out/b.csv", "deep/out/results.json"]
-
-
-def test_a_failed_run_leaves_the_last_good_one(tmp_path):
-    out = tmp_path / "out"
-    _run(out)
+    held = ["deep/out/b.csv", "deep/out/results.json"]
+    assert list_files(tmp_path) == held
 
     def stopped_half_way():
         with output_folder(out) as new:
@@ -100,7 +95,7 @@ def test_a_failed_run_leaves_the_last_good_one(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         stopped_half_way()
-    assert list_files(tmp_path) == ["out/a.csv", "out/results.json"]
+    assert list_files(tmp_path) == held
 
 
 def test_a_users_files_are_kept_and_a_folder_with_some_is_never_replaced(tmp_path):

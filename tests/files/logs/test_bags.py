@@ -160,23 +160,13 @@ def test_states_before_the_first_command_are_left_out_and_said_so(tmp_path):
 
 
 def test_commands_stamped_by_another_clock_count_from_their_receipt(tmp_path):
-    types = store()
-    kit = Kit(types)
-    requested, actual = angles()
-    messages = []
-    for k in range(len(actual)):
-        received = START + k * PERIOD
-        messages += [
-            ("/trajectories", received, kit.trajectory(1 + k * PERIOD, requested[k])),
-            ("/joint_states", received + 10, kit.joint_state(received, actual[k])),
-        ]
-    write(tmp_path / "run", types, messages)
-    (log,) = read_logs(tmp_path / "run", options=LogOptions(joint="hip"))
-    _assert_holds_the_angles(log, "hip")
-    assert (
-        log.notes[1]
-        == "time of the actual angles from its header, of the requested ones from receipt"
+    folder = _command_bag(
+        tmp_path / "run", lambda kit, stamp, row: kit.trajectory(1 + stamp - START, row)
     )
+    (log,) = read_logs(folder, options=LogOptions(joint="hip"))
+    _assert_holds_the_angles(log, "hip")
+    words = "time of the actual angles from its header, of the requested ones from receipt"
+    assert log.notes[1] == words
 
 
 def test_repeated_and_disordered_states_are_put_in_order(tmp_path):
