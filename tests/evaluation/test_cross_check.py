@@ -157,52 +157,48 @@ def test_optimised_requests_that_are_not_as_good_as_the_second_solvers_fail():
     assert (OPTIMAL, "as good as IPOPT's") in _broken(comparison)
 
 
-@pytest.mark.parametrize(
-    ("method", "cyclic", "claimed", "broken"),
-    [
-        ("optimal", True, lambda angles: angles + 1e-8 * (PHASE == 0.0), {(OPTIMAL, AGREES)}),
-        (
-            "closed_form_exact",
-            True,
-            lambda angles: angles + 1e-3,
-            {(EXACT, AGREES), (EXACT, CLOSES)},
-        ),
-        (
-            "optimal",
-            False,
-            lambda angles: np.roll(angles, 1),
-            {(OPTIMAL, AGREES), (OPTIMAL, RESTS)},
-        ),
-    ],
-    ids=["another angle", "a cycle that does not close", "a start where it does not rest"],
-)
-def test_predicted_angles_that_are_not_what_the_joint_does_fail(method, cyclic, claimed, broken):
-    plans = _plans(cyclic=cyclic)
-    plans[method] = claiming(plans[method], claimed(plans[method].predicted))
+WORSE = {f"no worse than {PAPER}", f"no worse than {EXACT}"}
+
+SABOTAGED = {
+    "another angle": (
+        "optimal",
+        lambda plan: claiming(plan, plan.predicted + 1e-8 * (PHASE == 0.0)),
+        {AGREES},
+    ),
+    "a cycle that does not close": (
+        "closed_form_exact",
+        lambda plan: claiming(plan, plan.predicted + 1e-3),
+        {AGREES, CLOSES},
+    ),
+    "a start where it does not rest": (
+        "optimal",
+        lambda plan: claiming(plan, np.roll(plan.predicted, 1)),
+        {AGREES, RESTS} | WORSE,
+    ),
+    "another time": (
+        "optimal",
+        lambda plan: replace(plan, requests=np.roll(plan.requests, 3)),
+        WORSE,
+    ),
+    "up to a limit": ("optimal", lambda plan: limited(plan, 0.0), set()),
+    "beyond a limit": ("optimal", lambda plan: limited(plan, 1e-11), {INSIDE}),
+}
+"""A plan that is changed, and the checks that it then fails."""
+
+
+def limited(plan, by):
+    """The plan with a lower limit above its least request by so much [rad]."""
+    return replace(plan, lower=np.array([np.min(plan.requests) + by]), upper=np.array([1.0]))
+
+
+@pytest.mark.parametrize("name", SABOTAGED)
+def test_a_sabotaged_plan_fails_the_checks_that_are_meant_for_it(name):
+    method, change, broken = SABOTAGED[name]
+    plans = _plans(cyclic="rest" not in name)
+    plans[method] = change(plans[method])
     comparison = compare_joint("hip", plans)
-    simulated = {each for each in _broken(comparison) if each[1] in (AGREES, CLOSES, RESTS)}
-    assert simulated == broken
+    assert _broken(comparison) == {(METHODS[method], each) for each in broken}
     assert comparison.answers[method].elsewhere == 0.0  # it is no other cycle, but none
-
-
-def test_requests_sent_at_another_time_make_the_optimised_plan_the_worse():
-    plans = _plans()
-    late = np.roll(plans["optimal"].requests, 3)
-    plans["optimal"] = replace(plans["optimal"], requests=late)
-    assert _broken(compare_joint("hip", plans)) == {
-        (OPTIMAL, f"no worse than {PAPER}"),
-        (OPTIMAL, f"no worse than {EXACT}"),
-    }
-
-
-def test_requests_beyond_the_limits_are_noticed():
-    plans = _plans()
-    lower, upper = float(np.min(plans["optimal"].requests)), 1.0
-    for shift, broken in ((0.0, set()), (1e-11, {(OPTIMAL, INSIDE)})):
-        plans["optimal"] = replace(
-            plans["optimal"], lower=np.array([lower + shift]), upper=np.array([upper])
-        )
-        assert _broken(compare_joint("hip", plans)) == broken
 
 
 def test_angles_too_good_to_be_true_are_below_the_bound():
