@@ -10,7 +10,6 @@ import os
 import pickle
 import shutil
 import sys
-from collections import Counter, defaultdict
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -112,24 +111,6 @@ def pytest_collection_modifyitems(items):
     """Put the slowest files first: whole files go to the processes, in the order of the items."""
     slow = {name: place for place, name in enumerate(SLOWEST)}
     items.sort(key=lambda item: slow.get(item.nodeid.partition("::")[0], len(slow)))
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_terminal_summary(terminalreporter):
-    """Say at the very end what was not tested here: each reason once, with its files."""
-    summary = yield
-    skipped = defaultdict(Counter)
-    for report in terminalreporter.stats.get("skipped", []):
-        if isinstance(report.longrepr, tuple):  # an expected failure has none
-            reason = report.longrepr[2].removeprefix("Skipped: ")
-            skipped[reason][report.nodeid.partition("::")[0]] += 1
-    if skipped:
-        terminalreporter.section("not tested here", blue=True)
-    for reason, files in sorted(skipped.items()):
-        terminalreporter.line(f"{reason}: {files.total()} skipped")
-        for file, count in files.most_common():
-            terminalreporter.line(f"  {count:4d} of {file}")
-    return summary
 
 
 @pytest.fixture(scope="session")
