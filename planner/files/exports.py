@@ -279,72 +279,68 @@ def lerobot_dataset(
     with importing(*NEEDS["lerobot"][1:]):
         import pyarrow as pa
         from pyarrow import parquet
-    # one number a row is a plain column, as LeRobot writes it
-    schema = {
-        name: pa.float32() if len(names) == 1 else pa.list_(pa.float32(), len(names))
-        for name, names in layout.features.items()
-    }
-    tasks: dict[str, int] = {}
-    episodes: list[dict[str, Any]] = []
-    every: dict[str, list[Any]] = {name: [] for name in (*schema, *COUNTED)}
+    episodes: list[tuple[dict[str, Any], str]] = []
+
+    def add(values: Mapping[str, Array], task: str) -> None:
+        columns = {name: np.asarray(values[name]).astype(np.float32) for name in layout.features}
+        episodes.append((columns, task))
+
+    def cells(column: Any) -> Any:  # one number a row is a plain column, as LeRobot writes it
+        numbers, (*_, width) = pa.array(column.ravel()), column.reshape(len(column), -1).shape
+        return numbers if width == 1 else pa.FixedSizeListArray.from_arrays(numbers, width)
+
     with output_folder(path, export=f"LeRobot dataset {LEROBOT_VERSION}") as folder:
-        rows_file, episodes_file = (
-            folder / kind / "chunk-000/file-000.parquet" for kind in ("data", "meta/episodes")
-        )
-        for file in (rows_file, episodes_file):
-            file.parent.mkdir(parents=True)
-        # the file is opened here, as Arrow takes no name that is not UTF-8
-        with (
-            rows_file.open("wb") as stream,
-            parquet.ParquetWriter(stream, pa.schema(schema | COUNTED)) as writer,
-        ):
-
-            def add(values: Mapping[str, Array], task: str) -> None:
-                first = episodes[-1]["dataset_to_index"] if episodes else 0
-                columns: dict[str, Any] = {
-                    name: np.asarray(values[name]).astype(np.float32) for name in layout.features
+        yield add
+        tasks = list(dict.fromkeys(task for _, task in episodes))
+        first, about = 0, list[dict[str, Any]]()
+        for number, (columns, task) in enumerate(episodes):
+            rows = np.arange(len(next(iter(columns.values()))))
+            numbers = (number, first + rows, tasks.index(task))
+            counted = (rows / layout.rate, rows, *(0 * rows + each for each in numbers))
+            for (name, kind), column in zip(COUNTED.items(), counted, strict=True):
+                columns[name] = column.astype(kind)
+            about.append(
+                {
+                    "episode_index": number,
+                    "tasks": [task],
+                    "length": len(rows),
+                    "data/chunk_index": 0,
+                    "data/file_index": 0,
+                    "dataset_from_index": first,
+                    "dataset_to_index": first + len(rows),
+                    **{
+                        f"stats/{name}/{figure}": numbers
+                        for name, column in columns.items()
+                        for figure, numbers in _figures_of(column).items()
+                    },
+                    "meta/episodes/chunk_index": 0,
+                    "meta/episodes/file_index": 0,
                 }
-                rows = np.arange(len(next(iter(columns.values()))))
-                numbers = (len(episodes), first + rows, tasks.setdefault(task, len(tasks)))
-                counted = (rows / layout.rate, rows, *(0 * rows + number for number in numbers))
-                for (name, kind), column in zip(COUNTED.items(), counted, strict=True):
-                    columns[name] = column.astype(kind)
-                for name, column in columns.items():
-                    every[name].append(column)
-                cells = {name: pa.array(column.ravel()) for name, column in columns.items()}
-                for name, names in layout.features.items():
-                    if len(names) > 1:
-                        cells[name] = pa.FixedSizeListArray.from_arrays(cells[name], len(names))
-                writer.write_table(pa.table(cells))
-                episodes.append(
-                    {
-                        "episode_index": len(episodes),
-                        "tasks": [task],
-                        "length": len(rows),
-                        "data/chunk_index": 0,
-                        "data/file_index": 0,
-                        "dataset_from_index": first,
-                        "dataset_to_index": first + len(rows),
-                        **{
-                            f"stats/{name}/{figure}": numbers
-                            for name, column in columns.items()
-                            for figure, numbers in _figures_of(column).items()
-                        },
-                        "meta/episodes/chunk_index": 0,
-                        "meta/episodes/file_index": 0,
-                    }
-                )
-
-            yield add
-        numbers = pa.table({"task_index": [*tasks.values()], "task": [*tasks]})
-        for file, table in (
-            (episodes_file, pa.Table.from_pylist(episodes)),
-            (folder / "meta/tasks.parquet", numbers.replace_schema_metadata(_INDEXED_BY_TASK)),
-        ):
-            with file.open("wb") as stream:
-                parquet.write_table(table, stream)
-        statistics = {name: _figures_of(np.concatenate(each)) for name, each in every.items()}
-        info = _info(layout, len(episodes), episodes[-1]["dataset_to_index"], len(tasks))
+            )
+            first += len(rows)
+        by_number = pa.table({"task_index": range(len(tasks)), "task": tasks})
+        parts = [
+            pa.table({k: cells(each) for k, each in columns.items()}) for columns, _ in episodes
+        ]
+        for name, tables in {
+            "data/chunk-000/file-000": parts,
+            "meta/episodes/chunk-000/file-000": [pa.Table.from_pylist(about)],
+            "meta/tasks": [by_number.replace_schema_metadata(_INDEXED_BY_TASK)],
+        }.items():
+            file = folder / f"{name}.parquet"
+            file.parent.mkdir(parents=True, exist_ok=True)
+            # opened here, as Arrow takes no name that is not UTF-8
+            with (
+                file.open("wb") as stream,
+                parquet.ParquetWriter(stream, tables[0].schema) as writer,
+            ):
+                for table in tables:
+                    writer.write_table(table)
+        statistics = {
+            name: _figures_of(np.concatenate([columns[name] for columns, _ in episodes]))
+            for name in (*layout.features, *COUNTED)
+        }
+        info = _info(layout, len(episodes), first, len(tasks))
         for name, content in {"info": info, "stats": statistics}.items():
             write_text(folder / f"meta/{name}.json", json.dumps(content, indent=4) + "\n")
         for name, text in (beside or {}).items():
