@@ -126,6 +126,8 @@ def format_of(path: Path | str, options: LogOptions) -> Format:
             if suffix == ".toml":
                 raise InvalidFile(place, "TOML, such as a model file, expected a log of the joint")
             form = BY_SUFFIX.get(suffix, CSV)
+            if form is not CSV and not place.exists():
+                raise InvalidFile(path, "no such file; check the name and the folder")
     except OSError as error:  # not allowed to look, or a name that is too long
         raise InvalidFile(path, f"cannot be read ({reason(error)}); check the name") from error
     for name in (*CSV.options, *LEROBOT.options, *BAG.options):

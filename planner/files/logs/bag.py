@@ -290,8 +290,6 @@ def _opened(path: Path | str) -> Iterator[tuple[dict[str, str], Messages]]:
         from rosbags import rosbag1, rosbag2
     place = Path(path)
     ros1 = place.suffix.lower() == ".bag"
-    if not place.exists():
-        raise InvalidFile(path, "no such file; check the name and the folder")
     try:
         of_format: Any = (rosbag1 if ros1 else rosbag2).Reader
         with _limited(path), of_format(place) as reader:

@@ -154,8 +154,6 @@ def _read(file: Path, *names: str, rows: Mask | None = None) -> list[Array]:
     with importing("reading Parquet", "parquet"):
         import pyarrow as pa
         from pyarrow import parquet
-    if not file.is_file():
-        raise InvalidFile(file, "no such file; check the name and the folder")
     try:
         with parquet.ParquetFile(file) as parts:
             present = parts.schema_arrow.names
@@ -263,8 +261,6 @@ def is_dataset(path: Path) -> bool:
 
 def find_dataset(path: Path) -> Dataset:
     """The dataset in a folder, or the one that a Parquet file belongs to."""
-    if not path.exists():
-        raise InvalidFile(path, "no such file; check the name and the folder")
     places = [path] if path.is_dir() else list(path.absolute().parents)[:3]
     root = next((place for place in places if is_dataset(place)), None)
     if root is None:

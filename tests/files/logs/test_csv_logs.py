@@ -120,7 +120,7 @@ READ = {
     "time by option": (f"clock,req_deg,act_deg\n{FOUR}", {"time": "clock:ms"}),
     "half an hour in ms": "t_millis,req_deg,act_deg\n2000000,1,2\n2000010,9,8\n2000020,3,4\n",
     "since the epoch": "time_ns,req_deg,act_deg\n1732104192123456789,1,2\n,2,3\n"
-    "1732104192123456790,2,3\n1732104192123456792,3,4\n",
+    "1732104192143456789,2,3\n1732104192183456789,3,4\n",
     "dates": "time,req_deg,act_deg\nNaT,0,0\n2026-11-23 23:59:59.960+01:00,1,2\n"
     "2026-11-23 23:59:59.980+01:00,2,3\n2026-11-24 23:59:59.960+01:00,3,4\n",
     "a spreadsheet's": "\n\nt_s;req_deg;act_deg\n0;1,5;-,5e1\n0,01;2,5;3\n0,02;3;4\n",
