@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, Indices, Mask, as_number
+from planner.arrays import Array, Indices, Mask, as_number, read_only
 from planner.exceptions import InvalidFile, importing, nearest
 from planner.files.columns import scale
 from planner.files.logs.rows import LogOptions, Recorded, Rows
+from planner.files.staging import reason
 from planner.files.table import Source
 from planner.files.text import read_json, read_text
 
@@ -188,18 +190,29 @@ def _read(file: Path, *names: str, rows: Mask | None = None) -> list[Array]:
     except InvalidFile:
         raise
     except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
-        reason = " ".join(str(error).split())[:120]
-        words = f"not Parquet that can be read ({reason}); is the file cut short?"
+        why = " ".join(str(error).split())[:120]
+        words = f"not Parquet that can be read ({why}); is the file cut short?"
         raise InvalidFile(file, words) from error
 
 
 def _episodes_in(file: Path) -> Indices:
-    """The number of the episode of each row of a file, shape (n,)."""
+    """The number of the episode of each row of a file, shape (n,), read-only."""
+    try:
+        written = file.stat().st_mtime_ns
+        is_new = time.time_ns() - written < 1_000_000_000  # and may change in the same clock tick
+        return (_numbered.__wrapped__ if is_new else _numbered)(file, written)
+    except OSError as error:
+        words = f"cannot be read ({reason(error)}); check the name and the folder"
+        raise InvalidFile(file, words) from error
+
+
+@lru_cache(maxsize=2)  # one file may hold many episodes, which are read one by one
+def _numbered(file: Path, _: int) -> Indices:
     (numbers,) = _read(file, EPISODE)
     valid = (numbers == np.floor(numbers)) & (numbers >= 0) & (numbers < 10**9)
     if not valid.all():
         raise InvalidFile(file, f"'{EPISODE}': expected whole numbers from 0")
-    return numbers.astype(np.intp)
+    return read_only(numbers.astype(np.intp))
 
 
 @dataclass(frozen=True)
