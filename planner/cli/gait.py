@@ -133,15 +133,15 @@ def _whole_robot(run: Run, walk: HalfEllipse, pattern: Pattern, period: float) -
     for name, each in gaits.items():
         figures = stride_results(legs[name], each, period)
         document[name] = {"phase": each.phase, **figures}
-        fastest = {"fastest": max(figures["speeds_deg_s"].values())}
-        rows.append((name, document[name] | fastest))
+        row = dict(zip("xyz", figures["centre_m"], strict=True)) | document[name]
+        rows.append((name, row | {"fastest": max(figures["speeds_deg_s"].values())}))
     stride = next(iter(gaits.values()))
     names = [joint for leg in legs.values() for joint in leg.joint_names]
     angles = np.hstack([each.angles for each in gaits.values()])
     columns = {
-        "phase": "{phase:.4g}",
-        **{f"{axis} [m]": f"{{centre_m[{k}]:.4g}}" for k, axis in enumerate("xyz")},
-        "fastest [deg/s]": "{fastest:.0f}",
+        "phase": "phase .4g",
+        **{f"{axis} [m]": f"{axis} .4g" for axis in "xyz"},
+        "fastest [deg/s]": "fastest .0f",
     }
     return Answer(
         {"pattern": pattern, "period_s": period, "legs": document}

@@ -56,9 +56,9 @@ def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
 def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:
     """The number of lines of every joint, and its errors."""
     columns = {
-        "lines": "{segments}",
-        "rms [deg]": "{rms_deg:.3f}",
-        "max [deg]": "{max_deg:.3f}",
+        "lines": "segments",
+        "rms [deg]": "rms_deg .3f",
+        "max [deg]": "max_deg .3f",
     }
     rows = ((name, fit_results(fit)) for name, fit in fits.items())
     return table_of("joint", rows, columns, "Lines")

@@ -29,7 +29,6 @@ from planner.report.wording import (
     phrase,
     rendered_text,
     table,
-    table_of,
     table_with_units,
     two_digits,
 )
@@ -359,12 +358,6 @@ def excitation_text(excitation: Excitation, expected: Identification, *, model: 
     for part in excitation.parts:
         each.setdefault(part.name, [part.determines]).append(f"{part.begin:.0f} to {part.end:.0f}")
     dead_band = next((term for term in expected.terms if term.name == "dead_band"), None)
-    columns = {
-        "identified": "{0.value} {0.unit}",
-        "95 % interval": "{0.interval}",
-        "determined": "{0.known}",
-        "known": "{0.judgement}",
-    }
     estimates = parameters(expected)
     return rendered_text(
         "excitation.txt",
@@ -377,7 +370,6 @@ def excitation_text(excitation: Excitation, expected: Identification, *, model: 
             (Row(name, (", ".join(times), what)) for name, (what, *times) in each.items()),
         ),
         model=model,
-        expected=table_of("parameter", ((row.brief, row) for row in estimates), columns),
         dead_band=dead_band
         and units.factor * (dead_band.interval.upper - expected.model.dead_band),
         inf=math.inf,

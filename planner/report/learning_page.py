@@ -133,10 +133,10 @@ def trials_text(progress: Mapping[str, Numbers]) -> str:
         lines += [f"{name}: {text}" for text in each["remarks"]]
         if each["stopped"]:
             lines.append(f"{name}: learning has ended: {each['stopped']}")
-    columns = {name: f"{{{name}:.3f}}" for name in ("first", "last", "best")}
+    columns = {name: f"{name} .3f" for name in ("first", "last", "best")}
     columns |= {
-        "predicted next": "{predicted:.3f}",
-        "lower bound": "{lower_bound:.3f}",
-        "noise": "{noise:.3f}",
+        "predicted next": "predicted .3f",
+        "lower bound": "lower_bound .3f",
+        "noise": "noise .3f",
     }
     return "\n".join([table_of("rms error", rows, columns).text(), *lines])

@@ -28,7 +28,7 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.wording import CARRIED, Column, Table, Unit, labelled, number, percent, table_of
+from planner.report.wording import CARRIED, Table, Unit, labelled, number, percent, table, table_of
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -58,11 +58,6 @@ SPEEDS = {"desired_speed", "top_speed"}
 AT_LIMIT = 1e-6
 """A request this close to a limit is at it [deg]."""
 
-NORMS = ("{rms:.3f}", "{max:.3f}")
-WITHOUT = ("{without_plan[rms]:.3f}", "{without_plan[max]:.3f}")
-SHIFTED = ("{best_shift[rms]:.3f}", "{best_shift[max]:.3f}")
-"""Formats of the errors of a plan, without one, and of the best time shift."""
-
 
 def in_unit(numbers: Mapping[str, Any], unit: str) -> Numbers:
     """Numbers for machines, named with their unit."""
@@ -87,11 +82,11 @@ def motion_of(plan: Plan, j: int, factor: float = DEGREE) -> Numbers:
 def motions_table(rows: Iterable[tuple[str, Numbers]], unit: str) -> Table:
     """How requests move, beside the desired path."""
     columns = {
-        f"largest step [{unit}]": "{largest_step:.2f}",
-        "reversals/s": "{reversals_per_s:.1f}",
-        f"length [{unit}]": "{path_length:.1f}",
-        "desired": "{desired_path_length:.1f}",
-        f"outside desired [{unit}]": "{beyond_desired:.2f}",
+        f"largest step [{unit}]": "largest_step .2f",
+        "reversals/s": "reversals_per_s .1f",
+        f"length [{unit}]": "path_length .1f",
+        "desired": "desired_path_length .1f",
+        f"outside desired [{unit}]": "beyond_desired .2f",
     }
     return table_of("requests", rows, columns, "How the requests move")
 
@@ -268,20 +263,8 @@ class PlanAnswer:
             for kind, words in kinds.items()
             if errors
         ]
-        columns = {f"{k} [{unit}]": f"{{{k}:.3f}}" for k in ErrorsOfModels._fields}
+        columns = {f"{k} [{unit}]": f"{k} .3f" for k in ErrorsOfModels._fields}
         return table_of("plan", rows, columns, "Errors over the models") if rows else None
-
-    @property
-    def feet_table(self) -> Table:
-        """How far the foot of each leg of a robot is from its path."""
-        norms, tested = ("rms", "at most"), all(each["expected_rms"] for each in self.feet.values())
-        columns = {
-            Column("plan [cm]", norms): NORMS,
-            Column("without a plan [cm]", norms): WITHOUT,
-            Column("best shift [cm]", norms): SHIFTED,
-            "on the robot, rms [cm]": tested and "{expected_rms:.3f}",
-        }
-        return table_of("foot", self.feet.items(), columns, "Feet")
 
     @property
     def motions(self) -> Table:
@@ -332,22 +315,22 @@ class PlanAnswer:
     def text(self) -> str:
         """The plan for people."""
         joints, plan, task = self.joints, self.plan, self.plan.task
-        columns = {f"rms [{self.unit}]": "{rms:.3f}", f"max [{self.unit}]": "{max:.3f}"}
+        columns = {f"rms [{self.unit}]": "rms .3f", f"max [{self.unit}]": "max .3f"}
         if self.tested:
-            columns["on the robot"] = "{on_robot}"
-        columns |= {self.bound: "{lower_bound:.3f}", "gap": "{gap:.2%}"}
+            columns["on the robot"] = "on_robot"
+        columns |= {self.bound: "lower_bound .3f", "gap": "gap .2%"}
         lines = [
             f"{len(plan.requests)} requests, one every {1e3 * plan.period:.6g} ms; {self.model}",
             table_of("joint", self.rows, columns).text(),
             "",
             self.motions.text(),
         ]
-        if table := self.over_models:
+        if errors := self.over_models:
             draws = max(map(len, task.models)) - 1
             words = f"{task.norm} errors over the nominal model and {draws} drawn from its"
-            lines += ["", f"{words} intervals:", table.text()]
+            lines += ["", f"{words} intervals:", errors.text()]
         if self.feet:
-            lines += ["", self.feet_table.text(), ""]
+            lines += ["", table("feet", answer=self).text(), ""]
         if self.of_foot and self.foot:
             foot, robot = self.foot, ""
             if foot["expected_rms"] is not None:
