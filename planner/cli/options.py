@@ -79,6 +79,9 @@ def of_kind(annotation: Any, form: str, like: str = "") -> Parsed:
     return Parsed(parse, form, expected)
 
 
+USES = f"{__name__}.uses"  # key of the uses of places, by parameter, in the command's context
+
+
 class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
     """The name of a file or a folder, which a shell completes; one to write is checked at once.
 
@@ -111,7 +114,7 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         elif text == "-" or (place.exists() and not (place.is_file() or place.is_dir())):
             return text  # standard input, or a device
         if self.use is not None and param is not None and ctx is not None:
-            uses = ctx.meta.setdefault(f"{__name__}.places", {}).setdefault(place, {})
+            uses = ctx.meta.setdefault(USES, {}).setdefault(place, {})
             uses[param.name] = self.use
             if len(uses) > 1 and "written" in uses.values():
                 other = "an input" if "read" in uses.values() else "another output"
@@ -254,9 +257,10 @@ def command(
             )
 
         def run(*, as_json: bool = False, report: str | None = None, **values: Any) -> None:
-            places = {"--report": report, "--expected-log": values.get("expected_log")}
-            for name in [name for name, place in places.items() if as_json and place == "-"]:
-                raise click.UsageError(f"{name}: standard output takes the JSON; name a file.")
+            printed = click.get_current_context().meta.get(USES, {}).get(Path("-"), {})
+            for name in printed.keys() - {"output"} if as_json else ():
+                place = f"--{name.replace('_', '-')}"
+                raise click.UsageError(f"{place}: standard output takes the JSON; name a file.")
             own = {name: each.value(values) for name, each in groups.items()}
             if answer := function(**own):
                 answer.deliver(own.get("output", "-"), report, as_json=as_json)
