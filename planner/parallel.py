@@ -67,15 +67,10 @@ def carry_out(
     *,
     progress: Callable[[Task], None] = lambda _: None,
 ) -> dict[str, str]:
-    """Compute the results of all tasks that have none yet; ``progress`` is called after each.
+    """Compute the results of all tasks that have none yet, by a function that workers import.
 
-    Workers import the function by its name.
-
-    Returns:
-        Why tasks have failed, by their names, in the order of the tasks.
-
-    Raises:
-        SchedulerLost: The cluster went away; the results so far are kept.
+    ``progress`` is called after each. Returns why tasks have failed, by their names, in their
+    order. Where a cluster goes away, which raises SchedulerLost, the results so far are kept.
     """
     failures, missing = {}, []
     for task in tasks:
@@ -132,10 +127,6 @@ def executor_of(
 
     Running tasks end with the block. By default there is a process for each usable processor, of
     one thread each, as threads of the linear algebra would compete with the other workers.
-
-    Raises:
-        InvalidInput: No scheduler answers at this address, or its workers cannot do the tasks.
-        MissingExtra: Dask is not installed.
     """
     if scheduler is not None:
         return _cluster(scheduler)

@@ -18,12 +18,13 @@ from planner.cli.declared import Positive, option
 from planner.cli.settings import Tick
 from planner.exceptions import InvalidFile, InvalidInput, about
 from planner.files.staging import check_writable
-from planner.files.text import write_text
+from planner.files.text import within, write_text
 
 if TYPE_CHECKING:
     from planner.robot.arm import Arm
     from planner.robot.calibration import Compared
 
+RATE = within(ge=16.0, words="16 Hz or more")  # less has too few for the sines of the test motion
 TICKS = options.of_kind(Tick, "[JOINT=]N", "knee=2048")
 
 
@@ -41,7 +42,7 @@ def calibrate(
     zero_tick: Annotated[tuple[tuple[str, int], ...], TICKS] = option(
         "Count of the servo at angle 0.", otherwise="the middle, 2048, or 512 of an XL-320"
     ),
-    rate_hz: Positive = option(
+    rate_hz: Annotated[float, RATE] = option(
         "Requests per second, as the joints will get them later.", default=100.0
     ),
     duration_s: Positive = option(
@@ -85,8 +86,6 @@ def calibrate(
     from planner.robot import calibration
     from planner.robot.arm import Arm, Servo, servos_of
 
-    if rate_hz < 16.0:  # of slower ones the sines of the test motion have too few
-        raise click.UsageError(f"--rate-hz: got {rate_hz:g}, expected 16 Hz or more.")
     ids = servos.ids_by_joint(port, ids)
     joints = _chosen(joint, ids)
     zeros: dict[str, int] = dict(zero_tick)

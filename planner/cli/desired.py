@@ -352,31 +352,31 @@ def check_felt(key: str, models: Iterable[JointModel]) -> None:
 
 def find_leg(run: settings.Run) -> LegPlace | None:
     """The description of the leg; None if the settings name no leg."""
-    leg, file = run.leg, own_robot(run)
+    leg = run.leg
     near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
-    if leg.name in settings.LEG_NAMES:
-        if is_described:
-            words = "leave out ‹leg.base›, ‹leg.foot› and ‹leg.lock›"
-            raise BadSetting(f"‹leg.name› is a shipped leg: {words}")
-        return _shipped(leg.name)._replace(near=near)
-    if file is None:
+    if leg.name is None:
         if is_described or near:
             raise BadSetting(
                 "‹leg.base›, ‹leg.foot›, ‹leg.lock› and ‹leg.near› are of a leg: name it with "
                 "‹leg.name›"
             )
         return None
+    if leg.name in settings.LEG_NAMES:
+        if is_described:
+            words = "leave out ‹leg.base›, ‹leg.foot› and ‹leg.lock›"
+            raise BadSetting(f"‹leg.name› is a shipped leg: {words}")
+        return _shipped(leg.name)._replace(near=near)
+    file = run.place(leg.name)
     if leg.base is None or leg.foot is None:
-        if not Path(run.place(file)).exists():
-            raise InvalidFile(file, "no such file; check the name and the folder")
+        if not Path(file).exists():
+            raise InvalidFile(leg.name, "no such file; check the name and the folder")
         raise BadSetting(
             f"{Path(file).name}: your own robot needs ‹leg.base› and ‹leg.foot›, the frames at the "
             "leg's two ends"
         )
     locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
-    locked |= leg.lock_m or {}
-    return LegPlace(run.place(file), leg.base, leg.foot, locked, near)
+    return LegPlace(file, leg.base, leg.foot, locked | (leg.lock_m or {}), near)
 
 
 def own_robot(run: settings.Run) -> str | None:

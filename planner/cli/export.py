@@ -9,7 +9,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Answer, BadSetting, marked
-from planner.cli.declared import Source, argument, option
+from planner.cli.declared import Positive, Source, argument, option
 from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile, InvalidInput
 
@@ -24,7 +24,7 @@ def export(
     requests: Source = argument(),
     run: Run = options.settings("export", "path: joints"),
     output: str = options.output_or_folder,
-    period_s: float | None = option("Time between requests, where the file has no column t_s."),
+    period_s: Positive | None = option("Time between requests, where the file has no column t_s."),
     model: Source | None = option(
         "csv in ticks: zero, direction and ticks of a turn of each joint's servo, as calibrate "
         "writes them, instead of --zero-tick, --reverse and --ticks-per-turn."
@@ -45,7 +45,6 @@ def export(
         request-planner export requests.csv --format csv --unit ticks --cycles 10 -o ticks.csv
         request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_hip,lf_knee
     """  # noqa: D301, E501
-    from planner.arrays import as_positive
     from planner.cli.desired import check_angles
     from planner.files.exports import Schedule
     from planner.files.paths import read_joint_path
@@ -55,7 +54,6 @@ def export(
     check_angles(path.names, path.units)
     period = path.step
     if period_s is not None:
-        as_positive("period", period_s, "a positive number of seconds")
         path.check_period(period_s)
         period = period_s
     elif path.times is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import click
 
@@ -12,8 +12,10 @@ from planner.cli.console import Answer, Progress
 from planner.cli.declared import option
 from planner.cli.settings import HalfEllipse, Run
 from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.text import within
 from planner.report.wording import table_of
 
+PERIOD = within(ge=1e-6, le=1e3, words="1e-06 to 1000 seconds")  # beyond, the unit is mistaken
 Pattern = Literal["walk", "trot", "pace", "bound"]  # as of planner.gait.stride, slow to import
 
 
@@ -36,7 +38,7 @@ def gait(
         f"{', '.join(get_args(Pattern))}: angles of all their joints instead of a foot path.",
         form="GAIT",
     ),
-    period: float = option("Time between samples [s].", default=0.008),
+    period: Annotated[float, PERIOD] = option("Time between samples [s].", default=0.008),
     output: str = options.output,  # noqa: ARG001
 ) -> Answer:
     """Make the half-ellipse foot path of a walk, in the hip's frame; by default the paper's.
@@ -64,9 +66,6 @@ def gait(
     from planner.gait.stride import in_samples, shortest_cycle, stride
     from planner.report.gait_results import shortest_answer, stride_results, stride_text
 
-    least, most = 1e-6, 1e3  # beyond these the unit is surely mistaken
-    if not least <= period <= most:
-        raise click.UsageError(f"--period: got {period:g}, expected {least:g} to {most:g} seconds.")
     if fastest != (run.tolerance.cm is not None):
         raise click.UsageError("--fastest and --tolerance-cm go together: give both, or neither.")
     walk = run.path.half_ellipse or HalfEllipse()
