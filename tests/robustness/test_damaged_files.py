@@ -104,16 +104,37 @@ def damaged(content, damage):
     return b"".join(lines)
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.fixture(scope="module", params=[*READERS, "db3", "mcap", "bag", "parquet", "yaml"])
+def kept(request, tmp_path_factory):
+    """A file of a format, what it holds, and what reads it, alone or with others beside it."""
+    folder, kind = tmp_path_factory.mktemp("files"), request.param
+    if kind in READERS:
+        content, read = READERS[kind]
+        return folder / kind, content, read
+    if kind == "parquet":
+        file = v21(folder / "set") / "data" / "chunk-000" / "episode_000001.parquet"
+        return file, file.read_bytes(), _read_logs
+    ros1 = kind == "bag"
+    types = store(ros1=ros1)
+    states = [Kit(types).state(START + k, [0.1 * k, 0.2], [0.1, 0.2]) for k in range(4)]
+    messages = [("/s", START + k, each) for k, each in enumerate(states)]
+    storage = {"bag": "ros1", "mcap": "mcap"}.get(kind, "sqlite3")
+    run = write(folder / ("run.bag" if ros1 else "run"), types, messages, storage=storage)
+    if kind == "yaml":
+        file = run / "metadata.yaml"
+        return file, file.read_bytes(), lambda _: _read_logs(run)
+    file = run if ros1 else only_file(run, f".{kind}")
+    return file, file.read_bytes(), _read_logs
+
+
 @settings(max_examples=100)
 @given(accidents=st.lists(DAMAGE, min_size=0, max_size=4))
 @example(accidents=[("cut", 0, 0, b"\0")])
 @example(accidents=[])
-def test_a_whole_file_is_read_and_a_damaged_one_read_or_refused(name, accidents, tmp_path_factory):
-    content, read = READERS[name]
+def test_a_whole_file_is_read_and_a_damaged_one_read_or_refused(kept, accidents):
+    file, content, read = kept
     for accident in accidents:
         content = damaged(content, accident)
-    file = tmp_path_factory.getbasetemp() / name
     file.write_bytes(content)
     try:
         read(file)
@@ -124,42 +145,6 @@ def test_a_whole_file_is_read_and_a_damaged_one_read_or_refused(name, accidents,
         assert len(message) < 2000, message
     except click.UsageError:
         pass  # options that the run file's keys stand for
-
-
-@pytest.fixture(scope="module", params=["db3", "mcap", "bag", "parquet", "yaml"])
-def log(request, tmp_path_factory):
-    """A file of a log that is no text or beside others, what it holds, and what is read."""
-    folder = tmp_path_factory.mktemp("logs")
-    if request.param == "parquet":
-        file = v21(folder / "set") / "data" / "chunk-000" / "episode_000001.parquet"
-        return file, file.read_bytes(), file
-    ros1 = request.param == "bag"
-    types = store(ros1=ros1)
-    states = [Kit(types).state(START + k, [0.1 * k, 0.2], [0.1, 0.2]) for k in range(4)]
-    messages = [("/s", START + k, each) for k, each in enumerate(states)]
-    storage = {"bag": "ros1", "mcap": "mcap"}.get(request.param, "sqlite3")
-    run = write(folder / ("run.bag" if ros1 else "run"), types, messages, storage=storage)
-    if request.param == "yaml":
-        return run / "metadata.yaml", (run / "metadata.yaml").read_bytes(), run
-    file = run if ros1 else only_file(run, f".{request.param}")
-    return file, file.read_bytes(), file
-
-
-@settings(max_examples=60)
-@given(accidents=st.lists(DAMAGE, min_size=0, max_size=4))
-@example(accidents=[("cut", 0, 0, b"\0")])
-@example(accidents=[])
-def test_a_damaged_log_is_read_or_refused(log, accidents):
-    file, content, read = log
-    for accident in accidents:
-        content = damaged(content, accident)
-    file.write_bytes(content)
-    try:
-        _read_logs(read)
-    except InvalidInput as error:
-        message = str(error)
-        assert accidents, message
-        assert message.isprintable(), message
 
 
 VALUES = st.recursive(
