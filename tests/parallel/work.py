@@ -32,23 +32,17 @@ def refuse_three(number):
     return square(number)
 
 
-def kill_once(argument):
-    """A task whose process is killed the first time."""
+def kill_always(argument, *, once=False):
+    """A task whose process is killed every time, which it notes, or the first time only."""
     number, mark = argument
-    if number == 3 and not mark.exists():
-        mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return square(number)
-
-
-def kill_always(argument):
-    """A task whose process is killed every time, which it notes."""
-    number, mark = argument
-    if number == 3:
+    if number == 3 and not (once and mark.exists()):
         with mark.open("a") as file:
             file.write("killed\n")
         os.kill(os.getpid(), signal.SIGKILL)
     return square(number)
+
+
+kill_once = partial(kill_always, once=True)
 
 
 def fail_in_many_ways(number):

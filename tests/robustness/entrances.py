@@ -59,18 +59,23 @@ def curve() -> planner.PiecewiseLinear:
     return planner.PiecewiseLinear(**CURVE)
 
 
-def _follow(**given: Any) -> planner.Playback:
-    """Follow on a clock of its own, for no longer than a few ticks."""
-    clock = [0.0]
+def _clock(most: float) -> dict[str, Callable[..., Any]]:
+    """A clock that only sleeping advances, up to some time [s]."""
+    time = [0.0]
 
     def sleep(seconds: float) -> None:
-        clock[0] += seconds
-        if clock[0] > 1.0:
+        time[0] += seconds
+        if time[0] > most:
             raise KeyboardInterrupt
 
+    return {"now": lambda: time[0], "sleep": sleep}
+
+
+def _follow(**given: Any) -> planner.Playback:
+    """Follow for no longer than a few ticks."""
     if callable(given["desired"]):
         raise planner.InvalidInput("what the caller's own function does is the caller's affair")
-    return planner.follow(now=lambda: clock[0], sleep=sleep, **given)
+    return planner.follow(**_clock(1.0), **given)
 
 
 def _step(**given: Any) -> Any:
@@ -86,14 +91,7 @@ def closed_form() -> planner.Inversion:
 
 
 def _play(**given: Any) -> planner.Playback:
-    """Play on a clock of its own, for no longer than a few requests."""
-    clock = [0.0]
-
-    def sleep(seconds: float) -> None:
-        clock[0] += seconds
-        if clock[0] > 1e4:
-            raise KeyboardInterrupt
-
+    """Play for no longer than a few requests."""
     sent = []
 
     def send(row: Any) -> None:
@@ -101,7 +99,7 @@ def _play(**given: Any) -> planner.Playback:
         if len(sent) > 100:
             raise KeyboardInterrupt
 
-    return planner.play(**{"send": send, "now": lambda: clock[0], "sleep": sleep, **given})
+    return planner.play(**{"send": send, **_clock(1e4), **given})
 
 
 def _of_leg(method: str) -> Callable[..., Any]:
