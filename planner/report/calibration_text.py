@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -111,15 +111,10 @@ def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:
 
 def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
     """The same as a page: what every joint did, and every model beside its measurements."""
-
-    def spread(values: Sequence[float], digits: str) -> str:
-        return "–".join(dict.fromkeys(f"{end:{digits}}" for end in (min(values), max(values))))
-
     joints = list(comparisons.items())
     found = {joint: each.identification for joint, each in joints}
     worst = max(comparisons, key=lambda joint: comparisons[joint].recommended.max_error)
     step = next_step(found, output)
-    gains = [each.named("shift").error / each.recommended.error for _, each in joints]
     clouds = [cloud_figure(each, f"joint{k}_") for k, each in enumerate(found.values(), 1)]
     named = zip(found, clouds, strict=True)
     return Page(
@@ -127,9 +122,7 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
         joints=comparisons,
         lines=[recommendation(joint, each) for joint, each in joints],
         good=all(each.accepted for each in found.values()),
-        errors=spread([math.degrees(each.recommended.error) for _, each in joints], ".2f"),
-        gains=spread(gains, ".2g"),
-        top_speeds=spread([math.degrees(each.model.v_max) for each in found.values()], ".0f"),
+        gains=[each.named("shift").error / each.recommended.error for _, each in joints],
         worst=worst,
         largest=math.degrees(comparisons[worst].recommended.max_error),
         step=re.split("(request-planner [^;]+)", step[:1].upper() + step[1:]),

@@ -30,6 +30,7 @@ from planner.report.figure import (
     joined,
     line,
 )
+from planner.report.learning_page import errors_figure
 from planner.report.wording import words_of
 
 if TYPE_CHECKING:
@@ -329,23 +330,12 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
 
 def _learning(outcome: VirtualOutcome) -> Figure:
     """The foot's error in each trial of learning, and the lower bound of the models."""
-    errors = np.array([each.mean.rms for each in outcome.learnt_foot])
-    trials = np.arange(1.0, len(errors) + 1.0)
-    ends = (0.8, len(errors) + 0.2)
+    errors = [each.mean.rms for each in outcome.learnt_foot]
     bound = 100.0 * float(outcome.planned.plans["foot_optimal"].lower_bounds[0])
-    deviations = np.array([each.deviation.rms for each in outcome.learnt_foot])
-    low, high = min(bound, float(np.min(errors - deviations))), float(np.max(errors + deviations))
-    room = 0.2 * (high - low)
-    bound_role = figure.APPROXIMATION._replace(label="lower bound of the models")
-    curves = (
-        Curve(bound_role, np.array(ends), np.full(2, bound)),
-        Curve(figure.FOOT_OPTIMAL._replace(label="mean of the cycles"), trials, errors),
-        Curve(figure.INK, trials, errors, "trials", legend=False, marks="dots"),
-    )
-    trial = Axis("trial", names={each: f"{each:.0f}" for each in trials}, range=ends)
-    axis = Axis("rms distance", "cm", (low - room, high + room), decimals=3)
-    panel = Panel(axis, curves, "foot, from its desired path")
-    return Figure("learning", *words_of("virtual_learning"), trial, [panel])
+    numbers = {"errors": errors, "trials": len(errors), "lower_bound": bound, "unit": "cm"}
+    drawn = errors_figure("foot", numbers | {"predicted": math.nan, "noise": 0.0, "stopped": ""})
+    title, caption = words_of("virtual_learning")
+    return replace(drawn, title=title, caption=caption)
 
 
 # Files, drawn by Matplotlib as the same bytes every time.

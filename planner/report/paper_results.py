@@ -9,7 +9,6 @@ from typing import Any
 from planner._version import __version__
 from planner.arrays import Array, Distance, excess
 from planner.evaluation.reproduction import (
-    PAIRS,
     REFINE,
     RULE,
     SOURCE,
@@ -26,9 +25,8 @@ from planner.evaluation.virtual_experiment import (
 from planner.identification.result import Identification
 from planner.model.joint import JointModel
 from planner.report.figure import Figure
-from planner.report.page import PARAMETERS, Page, file_link, parameters_of, shown_in, versions
+from planner.report.page import Page, file_link, models_table, versions
 from planner.report.wording import (
-    UNITS,
     phrase,
     rendered_text,
 )
@@ -55,39 +53,14 @@ METHODS = {
     "foot_optimal": "foot-optimised: all joints at once",
 }
 
-GAPS = {
-    "closed form, as in the paper": "closed_form_plain_gap",
-    "closed form, knots refined": "closed_form_gap",
-    "optimised": "gap",
-}
-"""Methods whose gaps over the lower bound the results hold, and the key of each."""
-
-NORMS = {"L2": "L₂", "Linf": "L∞"}
-
 TABLE_1 = {
-    "v_max_deg_per_tick": ("top speed [degrees per tick]", "v_max", math.degrees(1.0), 1),
-    "theta_0_deg": ("error that calls for it [degrees]", "theta_0", math.degrees(1.0), 0),
-    "lag_ticks": ("lag [ticks]", "lag", 1.0, -1),
-    "acceleration_ticks": ("acceleration time [ticks]", "acceleration_time", 1.0, -1),
-    "offset_deg": ("static sag [degrees]", "offset", math.degrees(1.0), 0),
+    "v_max_deg_per_tick": ("v_max", math.degrees(1.0), 1),
+    "theta_0_deg": ("theta_0", math.degrees(1.0), 0),
+    "lag_ticks": ("lag", 1.0, -1),
+    "acceleration_ticks": ("acceleration_time", 1.0, -1),
+    "offset_deg": ("offset", math.degrees(1.0), 0),
 }
-"""Rows of Table 1 by their key in the results: title, parameter, and the factor to its unit.
-
-The factor is a number times a power of the period.
-"""
-
-ERRORS = {
-    "rms_deg": "prediction of the step tests [deg rms]",
-    "held_out_rms_deg": "the same, held out [deg rms]",
-    "unseen_walk_rms_deg": "prediction of a walk never seen [deg rms]",
-}
-"""Errors of an identified model: key in the results, and title."""
-
-FEATURED = ("figure8_foot_paths", "foot_paths", "joints_by_method")
-"""The figures after the key figures: the moving leg and its joints."""
-
-PLANS = {method: pair for pair, method in PAIRS.items() if pair.startswith("Des")}
-"""The row of Table 2 with a method's errors in the joints."""
+"""Rows of Table 1: parameter, and a number times a power of the period, the factor to its unit."""
 
 
 def paper_results(planned: PlannedWalk) -> dict[str, Any]:
@@ -269,7 +242,7 @@ def _identification_entry(identification: Identification, unseen: float) -> dict
     period, held_out = identification.model.period, identification.held_out_rms
     paper, ours = JointModel.ers210a().parameters(), identification.model.parameters()
     table = {}
-    for key, (_, name, scale, power) in TABLE_1.items():
+    for key, (name, scale, power) in TABLE_1.items():
         factor, interval = scale * period**power, identification.intervals[name]
         table[key] = {
             "value": factor * ours[name],
@@ -308,13 +281,14 @@ def experiment_text(results: Results) -> str:
 
 def experiment_page(results: Results, figures: Sequence[Figure], files: Sequence[str]) -> str:
     """The page, with links to files beside it."""
+    featured = ("figure8_foot_paths", "foot_paths", "joints_by_method")  # the moving leg's
     alone = [figure for figure in figures if figure.name == "learning"]
     return Page(
         "virtual" if "robot" in results else "paper",
         **_values(results),
-        featured=[figure for figure in figures if figure.name in FEATURED],
+        featured=[figure for figure in figures if figure.name in featured],
         learning=alone,
-        others=[each for each in figures if each not in alone and each.name not in FEATURED],
+        others=[each for each in figures if each not in alone and each.name not in featured],
         files=[(file_link(file), "") for file in files],
         seconds=[(part.replace("_", " "), f"{s:.2f}") for part, s in results["seconds"].items()],
     ).html()
@@ -322,37 +296,8 @@ def experiment_page(results: Results, figures: Sequence[Figure], files: Sequence
 
 def _values(results: Results) -> dict[str, Any]:
     """What the tables and the sentences say."""
-    values = {
-        "results": results,
-        "comparisons": COMPARISONS,
-        "methods": METHODS,
-        "norms": NORMS,
-        "gaps": GAPS,
-        "rows_of_table_1": TABLE_1,
-        "errors": ERRORS,
-        "plans": PLANS,
-    }
     if "robot" in results:
-        dropped = results["robot"]["dropped_cycles"].values()
-        return values | {
-            "dropped": " to ".join(dict.fromkeys(f"{end(dropped)}" for end in (min, max))),
-        }
-    parameters = results["parameters"]
-    model = parameters["model"]
-    return values | {
-        "parameters": [
-            *(
-                (PARAMETERS[name][1], _parameter(name, model[name]))
-                for name in parameters_of([model])
-            ),
-            ("samples in a step of the walk", parameters["samples"]),
-            ("of these clamped into the leg’s reach", parameters["clamped_samples"]),
-            ("lines of each approximation", parameters["segments"]),
-            ("rule that inverts a line", parameters["rule"]),
-        ],
-    }
-
-
-def _parameter(name: str, value: float) -> str:
-    factor, unit = shown_in(name, UNITS["rad"])
-    return f"{factor * value:.6g} {unit}".strip()
+        return {"results": results}
+    model = models_table({"": JointModel(**results["parameters"]["model"])})
+    titles, cells = (each.title for each in model.columns), model.rows[0].cells
+    return {"results": results, "parameters": list(zip(titles, cells, strict=True))}

@@ -291,6 +291,12 @@ def at_most(value: float) -> str:
     return two_digits(step * math.ceil(value / step * (1.0 - 1e-12)))
 
 
+def spread(values: Iterable[float], form: str) -> str:
+    """The least and the largest of some numbers in a format, or the one that both are."""
+    every = list(values)
+    return "–".join(dict.fromkeys(format(end, form) for end in (min(every), max(every))))
+
+
 def signed(text: str) -> str:
     """A number as a page writes it, with a minus sign."""
     return text.replace("-", "−")
@@ -353,6 +359,7 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
         "number": lambda value, digits=2: number(_known(value), digits),
         "percent": lambda value, digits=2: percent(_known(value), digits),
         "sentence": sentence,
+        "spread": spread,
         "two_digits": two_digits,
     }
     templates.globals["table"] = jinja2.pass_context(
