@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
@@ -312,11 +312,10 @@ def virtual_bus(
     servos: Annotated[int, within(ge=1, le=32)] = option(
         "Servos, with the identifiers 1 to N, at most 32.", default=6
     ),
-    protocol: Literal["feetech", "dynamixel", "xl320"] | None = option(
-        "What they speak.", otherwise="feetech, or that of the kind"
-    ),
-    kind: Annotated[str | None, click.Choice(KINDS)] = option(
-        "What they are.", otherwise="sts3215, xl430 or xl-320, by the protocol"
+    kind: Annotated[str, click.Choice(KINDS)] = option(
+        "What they are: an sts3215 speaks Feetech's protocol, an xl-320 its own, and the others "
+        "Dynamixel 2.0.",
+        default=KINDS[0],
     ),
     step_ms: Positive | None = option(
         "Lock step: so much time passes from one sync write to the next, however long it takes.",
@@ -340,13 +339,6 @@ def virtual_bus(
     """  # noqa: D301
     from planner.virtual import servo_bus
 
-    protocols = {name: each.protocol.name for name, each in servo_bus.KINDS.items()}
-    if kind is None:
-        kind = next(name for name, each in protocols.items() if each == (protocol or each))
-    elif protocol not in (None, protocols[kind]):
-        raise click.UsageError(
-            f"--protocol: got {protocol}, but --kind {kind} is {protocols[kind]}."
-        )
     fault_settings: dict[str, Any] = {}
     for what, servo, value in fault:
         if what in ("drop", "disconnect", "power-off"):

@@ -95,10 +95,8 @@ def view(
         f"leg: {options.LEG} unreachable", "model: file", "plan: cyclic", path=argument()
     ),
     requests: Source | None = option(
-        "Requests to show as planned, as `plan` writes them; planned here by default."
-    ),
-    method: Literal["closed-form", "optimal", "foot-optimal"] | None = option(
-        "How to plan them here.", otherwise="foot-optimal for a foot path, else optimal"
+        "Requests to show as planned, as `plan` writes them; planned here by default, all at once "
+        "for a foot path."
     ),
     html: options.Output = option("The page, which needs no server."),
 ) -> None:
@@ -123,10 +121,7 @@ def view(
     place = find_leg(run)
     if place is None:
         raise click.UsageError("name the leg with --leg.")
-    if requests is not None and method is not None:
-        raise click.UsageError("--method plans what --requests brings along: leave one out.")
     import_meshcat()
-    run.plan.method = method or "optimal"
     desired = prepare(run)
     options.warn_of(desired.remarks)
     assert desired.leg is not None, "the options name a leg"
@@ -135,7 +130,7 @@ def view(
             f"{run.path.file}: got joints {', '.join(desired.names)}, expected those of the leg: "
             f"{', '.join(desired.leg.joint_names)}."
         )
-    if method is None and desired.foot is not None:
+    if desired.foot is not None:
         run.plan.method = "foot-optimal"
     if requests is None:
         plan = plan_of(desired)

@@ -503,9 +503,7 @@ def test_a_check_compares_the_parts_of_a_motion_that_the_logs_of_the_model_teste
 ASKED = {
     "": (6, "sts3215", Faults(), None),
     "--servos 2 --step-ms 20": (2, "sts3215", Faults(), 0.02),
-    "--protocol dynamixel": (6, "xl430", Faults(), None),
-    "--protocol xl320": (6, "xl-320", Faults(), None),
-    "--kind mx-64 --protocol dynamixel": (6, "mx-64", Faults(), None),
+    "--kind mx-64": (6, "mx-64", Faults(), None),
     "--fault drop=1 --fault disconnect=0 --fault power-off=3.5": (
         6,
         "sts3215",
