@@ -9,7 +9,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -98,51 +97,45 @@ def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
     is the header. A first line ``sep=;``, or else the commonest of :data:`DELIMITERS` in the
     header, is the delimiter. Where it is not a comma, numbers may have decimal commas.
     """
-    stream = io.StringIO(read_text(path), newline="")
-    declared, title, line, text = "", "", 0, ""
-    for line, text in enumerate(stream, 1):
-        if line == 1 and re.fullmatch(r"sep=[,;\t]\s*", text):  # as spreadsheets write it
-            declared = text[4]
-        elif text.lstrip().startswith("#"):
-            title = text.strip()
-        elif text.strip():
-            break
-    else:
+    stream = io.StringIO(read_text(path), newline=None)
+    lines = [(number, line) for number, line in enumerate(stream, 1) if line.strip()]
+    declared = re.fullmatch(r"sep=([,;\t])\s*", lines[0][1]) if lines else None  # of spreadsheets
+    content = [each for each in lines[bool(declared) :] if not each[1].lstrip().startswith("#")]
+    if not content:
         raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
+    first, text = content[0]
+    title = next((line.strip() for number, line in lines[::-1] if number < first), "")
     title = title if title[1:2] in DELIMITERS else title[1:].strip()
-    delimiter = declared or max(DELIMITERS, key=title.count)
-    cells, above = [_with_point(cell) for cell in text.split(delimiter)], list[str]()
-    if len(cells) == len(title.split(delimiter)) and any(map(_is_number, cells)):
-        above = [title]  # as long as the row of numbers
-    else:
-        delimiter = declared or max(DELIMITERS, key=text.count)
-    reader = csv.reader(chain(above, [text], stream), delimiter=delimiter, strict=True)
-    start, rows, lines = line - 1 - len(above), list[tuple[str, ...]](), list[int]()
+    delimiter = declared[1] if declared else max(DELIMITERS, key=title.count)
+    cells = [_with_point(cell) for cell in text.split(delimiter)]
+    if title and len(cells) == title.count(delimiter) + 1 and any(map(_is_number, cells)):
+        content.insert(0, (first - 1, title))  # as long as the row of numbers
+    elif not declared:
+        delimiter = max(DELIMITERS, key=text.count)
+    reader = csv.reader((line for _, line in content), delimiter=delimiter, strict=True)
+    rows, numbers = list[tuple[str, ...]](), list[int]()
     try:
-        names = _names_in(path, next(filter(_is_row, reader), [""]), start + reader.line_num)
+        names = _names_in(path, next(reader), content[0][0])
         most = min(most_rows, MOST_CELLS // len(names))
-        for row in filter(_is_row, reader):
-            line = start + reader.line_num
-            if row[0].lstrip().startswith("#"):
-                continue
+        for row in reader:
+            numbers.append(content[reader.line_num - 1][0])
             if len(row) != len(names):
-                cut = len(row) < len(names) and not any(map(_is_row, reader))
+                cut = len(row) < len(names) and reader.line_num == len(content)
                 advice = "is the file cut short?" if cut else "mend the row or its commas"
                 got = f"got {len(row)} {'cell' if len(row) == 1 else 'cells'}"
                 expected = f"expected {len(names)} ({_shortened(', '.join(names))})"
-                raise InvalidFile(path, f"{got}, {expected}; {advice}", line=line)
+                raise InvalidFile(path, f"{got}, {expected}; {advice}", line=numbers[-1])
             rows.append(tuple(row) if delimiter == "," else tuple(map(_with_point, row)))
-            lines.append(line)
             if len(rows) > most:
                 advice = "split the file, leave columns out, or take fewer samples a second"
                 raise InvalidFile(path, f"more than {most} rows of {len(names)} columns; {advice}")
     except csv.Error as error:
-        words, line = f"not CSV ({error}); expected comma-separated numbers", start
-        raise InvalidFile(path, words, line=line + reader.line_num) from error
+        words, line = f"not CSV ({error}); expected comma-separated numbers", reader.line_num - 1
+        raise InvalidFile(path, words, line=content[line][0]) from error
     if len(rows) < 2:
         advice = "give a row for each sample of the whole motion"
         raise InvalidFile(path, f"rows of samples: got {len(rows)}, expected at least 2; {advice}")
-    return Table(path=str(path), lines=lines, names=names, rows=rows)
+    return Table(path=str(path), lines=numbers, names=names, rows=rows)
 
 
 def write_table(path: Path | str, names: Sequence[str], values: Array) -> None:
@@ -167,10 +160,6 @@ def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 def _is_formula(cell: object) -> bool:
     return isinstance(cell, str) and cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
-
-
-def _is_row(cells: Sequence[str]) -> bool:
-    return len(cells) > 1 or any(cell.strip() for cell in cells)
 
 
 def _names_in(path: Path | str, titles: Sequence[str], line: int) -> tuple[str, ...]:
