@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, fields
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 
@@ -338,12 +339,7 @@ def _model(
     file: Toml, keys: Mapping[str, Any], own: Mapping[str, Any], table: str = ""
 ) -> JointModel:
     """The model of these keys, with the evidence in its own keys."""
-    place = f"table [{table}]: " if table else ""
-
-    def wrong(problem: object, key: str = "") -> InvalidFile:
-        where = ((table, key) if table else (key,)) if key else ()
-        return file.fault(f"{place}{problem}", where)
-
+    wrong = partial(file.fault, table=(table,) if table else ())
     if missing := [key for key in REQUIRED if key not in keys]:
         expected = f"expected {', '.join(REQUIRED)} in rad/s, rad, s, s"
         raise wrong(f"no {', '.join(missing)}; {expected}")
@@ -384,7 +380,7 @@ def _model(
                 f"{key}: got {shown(own[key])}, expected least and largest value "
                 f"[{PARAMETER_UNITS.get(name, '1/s')}], with {value:g}, that of the model, between "
                 "them; inf or -inf where there is none",
-                key,
+                key=key,
             )
         intervals[name] = (least, most)
     untested = () if "expected_error" in own else TESTED
@@ -439,7 +435,7 @@ def read_servos(
         try:
             servos[joint] = Servo(**own, settings=settings)
         except InvalidInput as error:
-            raise InvalidFile(file.path, f"[{joint}.servo]: {error}") from error
+            raise file.fault(error, (joint, "servo")) from error
     problem = ""
     if not servos and not optional:
         problem = (
@@ -463,20 +459,18 @@ def _checked(
     needed: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The values of a table that has the needed keys, no unknown ones, and no unfit values."""
-    where, values = f"[{'.'.join(place)}]: " if place else "", dict[str, Any]()
+    values = dict[str, Any]()
     for key, value in table.items():
         if key not in keys:
             known = ", ".join(PARAMETER_UNITS if "v_max" in keys else keys)
-            problem = f"unknown key '{key}'{nearest(key, [*keys])}; keys: {known}"
-            raise file.fault(f"{where}{problem}", (*place, key))
+            hint = nearest(key, [*keys])
+            raise file.fault(f"unknown key '{key}'{hint}; keys: {known}", place, key)
         with suppress(ValueError, OverflowError):
             values[key] = keys[key].fitted(value)
         if values.get(key) is None:
-            expected = keys[key].words
-            raise file.fault(
-                f"{where}{key}: got {shown(value)}, expected {expected}", (*place, key)
-            )
+            got = f"{key}: got {shown(value)}, expected {keys[key].words}"
+            raise file.fault(got, place, key)
     if missing := [key for key in needed if key not in table]:
         meanings = "; ".join(f"{key} is {keys[key].words}" for key in missing)
-        raise file.fault(f"[{'.'.join(place)}] has no {', '.join(missing)}; {meanings}", place)
+        raise file.fault(f"no {', '.join(missing)}; {meanings}", place)
     return values

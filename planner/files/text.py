@@ -121,9 +121,11 @@ class Toml:
         keys = tuple(place)
         return next((number for number, path in _places(self.text) if path == keys), None)
 
-    def fault(self, problem: str, place: Sequence[str | int]) -> InvalidFile:
-        """The error that a place has a problem."""
-        return InvalidFile(self.path, problem, line=self.line_of(place))
+    def fault(self, problem: object, table: Sequence[str] = (), key: str = "") -> InvalidFile:
+        """The error that a table, or a key of it, has a problem."""
+        within = f"[{'.'.join(table)}]: " if table else ""
+        line = self.line_of((*table, key) if key else table)
+        return InvalidFile(self.path, f"{within}{problem}", line=line)
 
 
 def read_toml(path: Path | str, *, example: str) -> Toml:
