@@ -286,17 +286,9 @@ def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
 
 
 def _weighed(pair: _Pair) -> _Pair:
-    """The joint fitted to rows weighed by the error to expect of them, where it matters.
-
-    A motor may show only there: it is sought again, and the better of the one found so and the same
-    one refitted is kept.
-    """
+    """The joint fitted to rows weighed by the error to expect of them, where it matters."""
     logs = with_weights(_log_fits(pair.joint), pair.joint.noise)
-    if logs is None:
-        return pair
-    again = pair.refitted(logs)
-    anew = _with_motor(logs, [again.plain])
-    return again if better(anew.joint, again.joint) else anew
+    return pair if logs is None else pair.refitted(logs)
 
 
 def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:
