@@ -47,6 +47,7 @@ from planner.identification.judgement import (
 )
 from planner.identification.least_squares import (
     FULL,
+    SEARCH,
     Fit,
     better,
     sound_rms,
@@ -298,12 +299,13 @@ def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:
     these unless the log tells otherwise; of any other the log has to tell.
     """
     tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
-    fine = refitted(fit.grid.logs, fit, tick=tick)
+    if timing.hold > 1:
+        return refitted(fit.grid.logs, fit, tick=tick)
+    fine = refitted(fit.grid.logs, fit, tick=tick, effort=SEARCH)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
-    if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
-        return fit
-    return fine
+    stays = not better(fit, fine) if likely else pays(fine, fit)
+    return fit if fine is fit or stays else fine.again()
 
 
 def _with_best_speed(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
