@@ -15,7 +15,7 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.identification_page import cloud_figure
 from planner.report.identification_text import explained, joints_table, next_step, parameters
 from planner.report.page import Page
-from planner.report.wording import number, phrase, table, words_of
+from planner.report.wording import phrase, table, words_of
 from planner.robot.arm import SETTINGS, Servo
 from planner.robot.calibration import WORDS, Check, Compared, Recheck, Way
 
@@ -65,34 +65,17 @@ def recheck_answer(
     joint: str, result: Recheck, before: Mapping[str, int], now: Mapping[str, int]
 ) -> tuple[dict[str, Any], str]:
     """Whether a model still holds, for machines and people, with the registers that changed."""
-    changes = [
-        f"{words} is {now[key]}, and was {before[key]}"
-        for key, words in SETTINGS.items()
-        if key in before and key in now and before[key] != now[key]
-    ]
-    if result.anew is not None and result.changes:
-        changes += [
-            f"{each.brief} is {number(each.factor * each.estimate)} {each.unit}, and was "
-            f"{number(each.factor * was)}"
-            for each in parameters(result.anew)
-            if (was := result.changes.get(each.name)) is not None
-        ]
-    if result.beyond:
-        whole = result.beyond == 1.0
-        changes.append(
-            f"{100.0 * result.beyond:.0f} % of the motion is beyond the logs of the calibration"
-            + (": use a longer --duration-s" if whole else " and was not compared")
-        )
-    elif result.holds is None and result.anew is not None:
-        misses = f"a new model of this motion misses it by {math.degrees(result.anew.rms):.2f} deg"
-        changes.append(f"{misses}, too: is something in its way, or loose?")
-    error, expected, most = map(math.degrees, (result.error, result.expected, result.most))
-    verdict = {True: "holds", False: "no longer holds", None: "is not judged"}[result.holds]
-    words = f"{joint}: the model {verdict}: misses {error:.2f} deg rms, expected {expected:.2f} and"
-    document = {"holds": result.holds, "rms_deg": error, "rms_before_deg": expected}
-    return {**document, "most_before_deg": most, "changes": changes}, "; ".join(
-        [f"{words} at most {most:.2f} by its test", *changes]
-    )
+    estimates = [] if result.anew is None else parameters(result.anew)
+    own = {"joint": joint, "of": result, "before": before, "now": now, "estimates": estimates}
+    changes = phrase("calibration.txt", "changes", **own, settings=SETTINGS).splitlines()
+    document = {
+        "holds": result.holds,
+        "rms_deg": math.degrees(result.error),
+        "rms_before_deg": math.degrees(result.expected),
+        "most_before_deg": math.degrees(result.most),
+        "changes": changes,
+    }
+    return document, "; ".join([phrase("calibration.txt", "recheck", **own), *changes])
 
 
 def recommendation(joint: str, each: Compared) -> str:
@@ -159,12 +142,13 @@ def motion_figure(joint: str, compared: Compared, number: int) -> Figure:
     desired = compared.desired
     timeline = Timeline(compared.model.period, len(desired), cyclic=False)
     shown = (compared.recommended.way, "shift")
-    angles, errors = [timeline.curve(np.degrees(desired), figure.DESIRED)], list[Curve]()
-    for each in compared.candidates:
-        looks, hidden = ROLES[each.way], each.way not in shown
-        angles.append(timeline.curve(np.degrees(each.angles), looks, hidden=hidden))
-        errors.append(timeline.curve(np.degrees(each.angles - desired), looks, hidden=hidden))
-    above, below = Axis("angle", "deg"), Axis("error", "deg")
-    panels = [Panel(above, angles, "measured"), Panel(below, errors, "errors")]
-    best = WORDS[compared.recommended.way]
-    return timeline.figure(f"motion_{number}", panels, words_of("motion", name=joint, best=best))
+    drawn = [(each.angles, ROLES[each.way], each.way not in shown) for each in compared.candidates]
+    return figure.joint_figure(
+        timeline,
+        f"motion_{number}",
+        words_of("motion", name=joint, best=WORDS[compared.recommended.way]),
+        angles=[(desired, figure.DESIRED), *drawn],
+        errors=[(angles - desired, role, hidden) for angles, role, hidden in drawn],
+        clock=False,
+        title="measured",
+    )

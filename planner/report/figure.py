@@ -118,8 +118,8 @@ class Curve:
         return self.label or self.role.label
 
 
-Traces = Iterable[tuple[Array, Role]]
-"""Values of each sample [rad], shape (n,), and how they are drawn."""
+Traces = Iterable[tuple[Array, Role] | tuple[Array, Role, bool]]
+"""Values of each sample [rad], shape (n,), how they are drawn, and whether they are hidden."""
 
 
 @dataclass(frozen=True)
@@ -300,7 +300,7 @@ def joint_figure(
     *,
     angles: Traces = (),
     errors: Traces = (),
-    requests: Traces,
+    requests: Traces = (),
     unit: Unit = UNITS["rad"],
     limits: tuple[float, float] | None = None,
     spans: Sequence[Span] = (),
@@ -313,11 +313,16 @@ def joint_figure(
 
     def curves(drawn: Traces, *, held: bool = False) -> list[Curve]:
         of_path = DESIRED.light  # nothing holds what is desired
-        each = ((factor * values, role, held and role.light != of_path) for values, role in drawn)
-        return [timeline.curve(values, role, held=holds) for values, role, holds in each]
+        return [
+            timeline.curve(
+                factor * values, role, held=held and role.light != of_path, hidden=any(hidden)
+            )
+            for values, role, *hidden in drawn
+        ]
 
     requested = curves(requests, held=True)
-    low, high = around([requested[-1].y], margin=0.6)  # one far away would flatten the curves
+    # one far away would flatten the curves
+    low, high = around([curve.y for curve in requested[-1:]], margin=0.6)
     lines = [
         Curve(LIMIT, np.array([0.0, timeline.step * timeline.last]), np.full(2, factor * limit))
         for limit in limits or ()

@@ -251,20 +251,12 @@ class PlanAnswer:
         return "lower bound (max)" if self.plan.task.norm == "max" else "lower bound"
 
     @property
-    def over_models(self) -> Table | None:
-        """Errors of a robust plan over the models that joints may have, and of the nominal plan."""
-        unit, named = self.unit, [(name, each["over_models"]) for name, each in self.rows]
+    def over_models(self) -> list[tuple[str, Numbers]]:
+        """Errors of a robust plan, and of the nominal one, over the models that joints may have."""
+        named = [(name, each["over_models"]) for name, each in self.rows]
         if self.plan.of_foot is not None:
-            unit, named = "cm", [("foot", over_models(self.plan.of_foot, 100.0))]
-        kinds = {"robust_plan": self.plan.task.robust, "nominal_plan": "nominal model"}
-        rows = [
-            (f"{name}, for the {words}", errors[kind])
-            for name, errors in named
-            for kind, words in kinds.items()
-            if errors
-        ]
-        columns = {f"{k} [{unit}]": f"{k} .3f" for k in ErrorsOfModels._fields}
-        return table_of("plan", rows, columns, "Errors over the models") if rows else None
+            named = [("foot", over_models(self.plan.of_foot, 100.0))]
+        return [(name, errors) for name, errors in named if errors]
 
     @property
     def motions(self) -> Table:
@@ -325,10 +317,10 @@ class PlanAnswer:
             "",
             self.motions.text(),
         ]
-        if errors := self.over_models:
+        if self.over_models:
             draws = max(map(len, task.models)) - 1
             words = f"{task.norm} errors over the nominal model and {draws} drawn from its"
-            lines += ["", f"{words} intervals:", errors.text()]
+            lines += ["", f"{words} intervals:", table("over_models", answer=self).text()]
         if self.feet:
             lines += ["", table("feet", answer=self).text(), ""]
         if self.of_foot and self.foot:
