@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
@@ -127,7 +128,7 @@ def best_closed_form(problem: Problem) -> Array:
 
     They are planned without limits and then clipped to them.
     """
-    free = problem.unlimited
+    free = replace(problem.unlimited, norm="rms")
     curves = approximations(free, segments=None, refine=True)
     columns = [inverted(free, curves, rule=rule, refine=True)[1] for rule in RULES]
     return min(map(problem.admissible, columns), key=problem.exact_error)

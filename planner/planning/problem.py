@@ -202,14 +202,6 @@ class Problem(Task):
         values = self.errors(angles)[0]
         return np.asarray(np.sqrt(np.einsum("kcm,kcm,c->k", values, values, self.shares)))
 
-    @property
-    def unlimited(self) -> Problem:
-        """The same problem for the root mean square, without limits on the requests."""
-        any_request = np.full(len(self.names), math.inf)
-        return replace(
-            self, lower=-any_request, upper=any_request, max_step=any_request, norm="rms"
-        )
-
 
 OF_TASK = tuple(map(attrgetter("name"), fields(Task)))
 """The fields of a task."""

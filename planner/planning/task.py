@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from operator import attrgetter, itemgetter
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -341,6 +341,12 @@ class Task(ReadOnly):
             return float(deviations[0])
         squares = (self.foot_jacobians(angles) * deviations) ** 2
         return float(np.sqrt(np.mean(np.sum(squares, axis=(1, 2)))))
+
+    @property
+    def unlimited(self) -> Self:
+        """The same task without limits on the requests."""
+        any_request = np.full(len(self.names), math.inf)
+        return replace(self, lower=-any_request, upper=any_request, max_step=any_request)
 
     @property
     def unsmoothed(self) -> Task:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import filterfalse
+from itertools import filterfalse, islice
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -308,11 +308,11 @@ class Search:
         if not self.bounded or path.track != "state" or not self.misses(1.0):
             return ()
         late = tuple(name for name, ratio in self.bounds(1.0, path.first) if ratio > 1.0)
-        # at most a hundred moments, of which a dozen may be proved; the first seconds come first
+        # at most a hundred moments, of which two dozen may be proved; the first seconds come first
         step = max(path.period, path.duration / 200.0)
         step = path.period * math.ceil(step / path.period - 1e-6)
         every = np.arange(path.first + step, path.first + path.duration / 2.0, step)
-        for moment in list(filterfalse(self.leaves_at_once, every))[:12]:
+        for moment in islice(filterfalse(self.leaves_at_once, every), 24):
             ends = (min(moment + 2.0, path.last), path.last)
             if late and all(r <= 1.0 for end in ends for _, r in self.bounds(1.0, moment, end)):
                 raise Infeasible(

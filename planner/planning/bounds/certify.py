@@ -157,8 +157,7 @@ def certified(joint: Task, level: Level, *, time_limit: float = TIME_LIMIT) -> C
 def planned_error(joint: Task) -> float:
     """The error of a plan [rad]; of a joint at rest, where no plan is found."""
     start = joint.desired[0] if joint.start is None and not joint.cyclic else joint.start
-    free, any_request = replace(joint.with_models(joint.nominal), start=start), np.array([np.inf])
-    free = replace(free, lower=-any_request, upper=any_request, max_step=any_request)
+    free = replace(joint.with_models(joint.nominal), start=start).unlimited
     try:
         return float(planned(free.unsmoothed).error[0])
     except SolverFailed:  # no steady cycle
