@@ -229,8 +229,9 @@ def check(
     """Move each joint briefly, and say whether its model still holds and what has changed.
 
     A battery, wear or a load changes a joint. The exit status is 1 where a model no longer holds.
-    Parts of the motion that are beyond the logs of the calibration are not compared; where all of
-    it is, a large error is no verdict.
+    It holds up to the largest error that its own test expects. Parts of the motion that are beyond
+    the logs of the calibration are not compared; where all of it is, or a new model of the motion
+    is hardly better, a large error is no verdict.
 
     \b
     Example:
