@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -69,8 +69,7 @@ Between = Literal["hold", "linear"]
 
 def repeated(schedule: Schedule, cycles: int) -> Schedule:
     """The schedule, ``cycles`` times in a row; InvalidInput beyond :data:`.MOST_SAMPLES` rows."""
-    many = f"{cycles}" if cycles < 10**18 else "so many"
-    _check_length(len(schedule.requests) * cycles, f"{many} cycles", "fewer cycles")
+    _check_length(len(schedule.requests) * cycles, f"{cycles} cycles", "fewer cycles")
     return schedule._replace(requests=np.tile(schedule.requests, (cycles, 1)))
 
 
@@ -84,10 +83,6 @@ def resampled(
     not move as planned, so that is refused. "linear" follows the straight line from each request to
     the next instead, at any rate, which is as if every request came half a period early.
     """
-    if not 0.0 < rate < math.inf:
-        raise InvalidInput(f"rate: got {rate:g} Hz, expected a positive number")
-    if between not in get_args(Between):
-        raise InvalidInput(f"between: got {between!r}, expected 'hold' or 'linear'")
     _check_length(
         schedule.duration * rate, f"{schedule.duration:g} s at {rate:g} Hz", "a lower rate"
     )
@@ -114,9 +109,8 @@ def resampled(
 
 def _check_length(rows: float, length: str, advice: str) -> None:
     if rows > MOST_SAMPLES:
-        many = f"{rows:.0f}" if rows < 1e18 else "too many"
         raise InvalidInput(
-            f"{length} make {many} rows, expected at most {MOST_SAMPLES}; ask for {advice}"
+            f"{length} make {rows:.12g} rows, expected at most {MOST_SAMPLES}; ask for {advice}"
         )
 
 
@@ -126,8 +120,6 @@ def check_format(form: str, schedule: Schedule, *, lead: float = 0.0, topic: str
     if form == "lerobot":
         frame_rate(schedule.period)
     elif form in NEEDS:
-        if not 0.0 <= lead < math.inf:
-            raise InvalidInput(f"lead: got {lead:g} s, expected 0 or more")
         longest = 2**31 - 1  # that builtin_interfaces/Duration holds [s]
         if schedule.duration + lead >= longest or schedule.period * NANOSECONDS < 1.0:
             raise InvalidInput(

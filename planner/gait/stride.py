@@ -11,9 +11,9 @@ import numpy as np
 from kinematics.chain import Chain
 from kinematics.inverse import MOST_JOINTS, check_joints
 from kinematics.leg import Leg
-from planner.arrays import Array, as_positive, check_choice, read_only, shown
+from planner.arrays import Array, as_positive, check_choice, read_only
 from planner.exceptions import Infeasible, InvalidInput, UnreachableFoot, UnsupportedLeg, nearest
-from planner.gait.half_ellipse import half_ellipse, in_range
+from planner.gait.half_ellipse import half_ellipse
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot
 from planner.planning.plan import FootInversion
@@ -75,14 +75,11 @@ def stride(
         Infeasible: The leg cannot trace it, or no half ellipse around this place.
         UnsupportedLeg: The leg has more than three joints, or one of them never moves the foot.
     """
-    if not isinstance(leg, Leg):
-        raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
     pose = standing_pose(leg)
-    x, y, z = leg.foot_positions(pose[None])[0].tolist()
-    hip = in_range("hip_height", -z if hip_height is None else hip_height)
-    x = in_range("forward", x if forward is None else forward)
-    y = in_range("sideways", y if sideways is None else sideways)
-    centre = read_only(np.array([x, y, -hip]))
+    own = leg.foot_positions(pose[None])[0].tolist()
+    asked = (forward, sideways, None if hip_height is None else -hip_height)
+    places = zip(own, asked, strict=True)
+    centre = read_only(np.array([here if there is None else there for here, there in places]))
     started = replace(leg, near=pose)
     least = DEXTEROUS * float(dexterity(leg.chain, pose[None])[0])
     fixed = length is not None and height is not None

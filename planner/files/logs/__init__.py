@@ -160,8 +160,6 @@ class Recording:
 
 def recordings_in(paths: Sequence[str], options: LogOptions) -> tuple[Recording, ...]:
     """The recordings that files hold; of datasets the chosen episodes."""
-    if not paths:
-        raise InvalidInput("no recording; give at least one file")
     recordings: list[Recording] = []
     for path in paths:
         if format_of(path, options) is not LEROBOT:
