@@ -137,8 +137,7 @@ def search_options(
     rate = plan.max_request_speed_deg_s
     step = min(plan.max_step_deg or math.inf, math.inf if rate is None else rate * period)
     by_joint = {name: step / each for name, each in (units or {}).items()}
-    own = {name: getattr(plan, name) for name in ("norm", "smoothness", "robust")}
-    set_keys = {name: each for name, each in own.items() if each is not None}
+    set_keys = {name: each for name in settings.SEARCH if (each := getattr(plan, name)) is not None}
     return {"max_step": by_joint or math.radians(step), **set_keys}
 
 

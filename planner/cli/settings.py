@@ -198,6 +198,9 @@ class Plan(Settings):
     rule: Literal["paper", "exact"] = option(only=("closed-form",), default="paper")
 
 
+SEARCH = ("norm", "smoothness", "robust")
+"""The keys of :class:`Plan` that are arguments of :func:`planner.plan`, too."""
+
 SMOOTHING = "max_step_deg max_request_speed_deg_s smoothness"
 """The keys of :class:`Plan` that say how smooth the requests are."""
 
