@@ -8,13 +8,9 @@ import pytest
 
 from planner import CurveStack, InvalidInput, PiecewiseLinear
 
-CYCLE = PiecewiseLinear(
-    knots=[2.0, 5.5, 8.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=True
-)
-
-PATH = PiecewiseLinear(
-    knots=[0.0, 4.0, 9.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=False
-)
+OVER = {"values": [1.0, -1.0, 0.5], "samples": 10, "tick": 0.5}
+CYCLE = PiecewiseLinear(knots=[2.0, 5.5, 8.0], **OVER, cyclic=True)
+PATH = PiecewiseLinear(knots=[0.0, 4.0, 9.0], **OVER, cyclic=False)
 
 INDEX = np.linspace(-7.0, 17.0, 49) + 0.013
 """Places between samples, before, in and after the samples."""

@@ -88,9 +88,8 @@ def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
 
 
 def test_a_shipped_leg_starts_near_a_pose_too():
-    place = find_leg(
-        settings.Run(leg=settings.Leg(name="front-left", near={"front_left_knee": 60.0}))
-    )
+    leg = settings.Leg(name="front-left", near={"front_left_knee": 60.0})
+    place = find_leg(settings.Run(leg=leg))
     assert place.near == {"front_left_knee": pytest.approx(np.pi / 3.0)}
 
 

@@ -92,9 +92,8 @@ def test_a_reader_that_leaves_early_gets_no_complaint(unbuffered, form):
 @pytest.mark.parametrize("form", [["gait"], ["gait", "--json"], ["--help"]])
 def test_a_full_disk_behind_standard_output_is_one_line_and_status_2(form):
     with open("/dev/full", "w") as full:  # noqa: PTH123
-        done = subprocess.run(
-            [*RUN, *form], stdout=full, stderr=subprocess.PIPE, text=True, check=False
-        )
+        command, pipe = [*RUN, *form], subprocess.PIPE
+        done = subprocess.run(command, stdout=full, stderr=pipe, text=True, check=False)
     assert done.returncode == 2
     assert "no space left on device" in done.stderr
     assert done.stderr.count("\n") == 1

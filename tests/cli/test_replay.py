@@ -162,10 +162,8 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
 def test_what_failed_alone_is_done_again_by_the_same_settings_once_it_is_mended(
     run, dataset, model
 ):
-    file, kept = (
-        dataset / "data/chunk-000/episode_000001.parquet",
-        dataset.parent / ".planned.results",
-    )
+    file = dataset / "data/chunk-000/episode_000001.parquet"
+    kept = dataset.parent / ".planned.results"
     good = file.read_bytes()
     words = ("replay", dataset, *UNITS, "--model", model, "--workers", 1, "--as", "lerobot", "-o")
     file.write_bytes(b"PAR1 nothing")

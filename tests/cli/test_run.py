@@ -131,9 +131,8 @@ def test_exports_are_those_of_export(run, write, tmp_path):
         assert json.loads(run(*asked, "-o", "again", "--json").stdout) == documents[file]
         exported, written = run(*asked), (folder / file).read_text()
         assert exported.stdout.splitlines()[0] == written.splitlines()[0]
-        numbers = [
-            np.loadtxt(text.splitlines()[1:], delimiter=",") for text in (exported.stdout, written)
-        ]
+        both = (text.splitlines()[1:] for text in (exported.stdout, written))
+        numbers = [np.loadtxt(lines, delimiter=",") for lines in both]
         assert numbers[0] == pytest.approx(numbers[1], abs=1e-9)
     assert result.stderr.count("deg.csv: 88 rows of a, b at 125 Hz, 0.704 s") == 1
 

@@ -244,9 +244,8 @@ def test_what_is_answered_is_what_was_measured_in_degrees(run, fake_calibration,
     ids = ("--ids", "a=1,b=2,c=3", "--joint", "a", "--joint", "c")
     result = run("calibrate", *BRIEF, *ids, "--json", "--report", "page.html")
     assert result.exit_code == 0, result.stderr
-    assert "each of a, c will move within its range, one after the other, for 1.5 min" in (
-        result.stderr
-    )
+    told = "each of a, c will move within its range, one after the other, for 1.5 min"
+    assert told in result.stderr
     document = json.loads(result.stdout)
     assert 1e-4 < document["tick_s"] < 5e-3
     assert list(document["joints"]) == ["a", "c"]
@@ -273,9 +272,8 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
 ):
     leg = ["[leg.front]", 'urdf = "robot.urdf"', 'base = "body"', 'foot = "toe"']
     kept = ARM.replace("joint_1", "kept").replace("id = 1", "id = 3")
-    every = (
-        "v_max = 3.5\ntheta_0 = 0.1\nlag = 0.01\nacceleration_time = 0.02\ntime_constant = 0.03\n"
-    )
+    every = "v_max = 3.5\ntheta_0 = 0.1\nlag = 0.01\nacceleration_time = 0.02\n"
+    every += "time_constant = 0.03\n"
     arm.write_text("\n".join([every, kept, ARM, *leg]) + "\n")
     ids = "joint_1=1,done=4,broken=2,later=3"
     result = run("calibrate", *BRIEF, "--ids", ids, "-o", "arm.toml")
@@ -489,12 +487,10 @@ def test_a_check_compares_the_parts_of_a_motion_that_the_logs_of_the_model_teste
     times = 0.02 * np.arange(round((gentle + 6.0) / 0.02))
     slow = times < gentle
     requests = 0.3 * np.sin(np.where(slow, 2.0 * np.pi, 4.0 * np.pi) * times)
-    angles = simulate(model, requests, cyclic=False, start=0.0) + np.where(
-        slow, 0.03, 0.5 * (times > 0.0)
-    )
-    error, expected, share = calibration.errors(
-        model, Log(times=times, requests=requests, angles=angles)
-    )
+    angles = simulate(model, requests, cyclic=False, start=0.0)
+    angles = angles + np.where(slow, 0.03, 0.5 * (times > 0.0))
+    log = Log(times=times, requests=requests, angles=angles)
+    error, expected, share = calibration.errors(model, log)
     assert error == pytest.approx(0.03 if gentle else 0.5, rel=0.02)
     assert expected == pytest.approx(0.016 if gentle else 0.04, rel=0.2)
     assert share == pytest.approx(beyond, abs=0.01)

@@ -57,10 +57,8 @@ def _planned(cyclic):
         )
         for rule in ("paper", "exact")
     }
-    return {
-        **closed,
-        "optimal": invert_optimal(ERS210A, DESIRED, cyclic=cyclic, limits=(-1.0, 1.0)),
-    }
+    optimal = invert_optimal(ERS210A, DESIRED, cyclic=cyclic, limits=(-1.0, 1.0))
+    return {**closed, "optimal": optimal}
 
 
 def _broken(comparison):
@@ -101,9 +99,8 @@ def test_limits_hold_for_all_joints_or_one_by_one():
     check = cross_check(ERS210A, np.column_stack([desired] * 2), limits=([0.0, -1.0], [0.3, 1.0]))
     assert [joint.limits for joint in check.joints] == [(0.0, 0.3), (-1.0, 1.0)]
     assert check.passed
-    closed_form, optimal = (
-        check.joints[0].plans[method] for method in ("closed_form_paper", "optimal")
-    )
+    plans = check.joints[0].plans
+    closed_form, optimal = plans["closed_form_paper"], plans["optimal"]
     assert np.min(optimal.requests) >= 0.0
     assert np.max(optimal.requests) <= 0.3
     # The closed form knows no limits: being better beyond them fails no plan that keeps them.
@@ -217,9 +214,8 @@ def test_bounds_out_of_order_are_noticed():
     assert not ordered.passed
     assert ordered.name == "bounds ordered, slope ≤ envelope ≤ exact"
     assert [check.passed for check in plans] == [False]
-    assert all(
-        check.passed for check in bound_checks("hip", {"slope": 0.1, "envelope": 0.1}, {"o": 0.1})
-    )
+    equal = bound_checks("hip", {"slope": 0.1, "envelope": 0.1}, {"o": 0.1})
+    assert all(check.passed for check in equal)
 
 
 def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):

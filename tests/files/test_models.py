@@ -83,12 +83,8 @@ def test_joints_may_have_any_name(name, tmp_path):
 
 
 def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapshot):
-    models, servos, bus, legs = (
-        read_models(file),
-        read_servos(file),
-        read_bus(file),
-        read_legs(file),
-    )
+    models, servos = read_models(file), read_servos(file)
+    bus, legs = read_bus(file), read_legs(file)
     about = {"": {"": "any joint\nof all"}, "knee": {"lag": "[s] by hand"}}
     remarks = ["measured\ttwice", "and\nagain"]
     text = models_text(models, beside=file, remarks=remarks, about=about, servos=servos, bus=bus)
@@ -101,10 +97,8 @@ def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapsh
     assert read_servos(again) == servos
     assert read_bus(again) == bus == {"bus": "feetech", "port": "/dev/ttyUSB0"}
     assert read_legs(again) == legs
-    assert models["knee"].evidence.intervals == {
-        "v_max": (4.5, inf),
-        "gain": (50.00000000001, 51.5),
-    }
+    intervals = {"v_max": (4.5, inf), "gain": (50.00000000001, 51.5)}
+    assert models["knee"].evidence.intervals == intervals
     places = "".join(f"{name}: {leg}\n" for name, leg in legs.items())
     snapshot.check("robot", text + places.replace(str(tmp_path), "FOLDER"))
 

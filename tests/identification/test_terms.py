@@ -76,9 +76,8 @@ def motor_logs(truth, seed, load=None):
     random = np.random.default_rng(seed)
     logs = []
     for kind in ("slow_triangle", "multisine", "steps"):
-        signal = excite(
-            kind, limits=(-math.radians(50.0), math.radians(50.0)), period=0.02, duration=20.0
-        )
+        reach = math.radians(50.0)
+        signal = excite(kind, limits=(-reach, reach), period=0.02, duration=20.0)
         angles, torques = signal.requests, None
         for _ in range(5 if load else 1):
             torques = load(angles) if load else None

@@ -110,9 +110,8 @@ def test_a_path_through_the_middle_of_the_range_comes_back_as_it_went_in(shape):
 
 
 def test_a_path_stays_on_its_pose_where_a_single_point_would_take_another():
-    leg = replace(
-        reference_leg(), limits=Limits(np.array([-0.5, -1.0, -1.0]), np.array([0.5, 1.0, 1.0]))
-    )
+    ends = np.array([0.5, 1.0, 1.0])
+    leg = replace(reference_leg(), limits=Limits(-ends, ends))
     angles = np.linspace([0.0, 0.2, 0.6], [-0.45, 0.2, 0.6], 20)
     foot = leg.foot_positions(angles)
     np.testing.assert_allclose(leg.joint_angles(foot), angles, atol=SAME_POSE)
@@ -234,9 +233,8 @@ def test_beyond_a_stretched_leg_the_nearest_point_lies_on_the_way_to_the_hip():
     for reach in (STRAIGHT + 1e-6, 0.2, 10.0):
         solution = leg.inverse(reach * directions, unreachable="nearest")
         np.testing.assert_allclose(solution.distance, reach - STRAIGHT, atol=EXACT)
-        np.testing.assert_allclose(
-            leg.foot_positions(solution.angles), STRAIGHT * directions, atol=1e-7
-        )
+        found = leg.foot_positions(solution.angles)
+        np.testing.assert_allclose(found, STRAIGHT * directions, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", SHAPES)

@@ -90,11 +90,8 @@ def test_a_foot_on_the_axis_of_a_joint_is_singular(tmp_path):
 
 
 def test_joints_that_a_pose_does_not_name_are_at_the_end_of_their_range_nearest_to_0(tmp_path):
-    joints = [
-        Joint((0, 0, 0), X),
-        Joint((0, 0, 0), Y, lower=0.4),
-        Joint((0, 0, -0.1), Y, upper=-0.2),
-    ]
+    hip, knee = Joint((0, 0, 0), Y, lower=0.4), Joint((0, 0, -0.1), Y, upper=-0.2)
+    joints = [Joint((0, 0, 0), X), hip, knee]
     path = tmp_path / "bent.urdf"
     path.write_text(urdf_text(joints, (0, 0, -0.1)))
     leg = Leg.from_urdf(path, base="link_0", foot="tip", near={"joint_1": 0.1})

@@ -308,9 +308,8 @@ def test_a_first_cycle_is_left_out_by_a_hundredth_of_the_range_and_four_deviatio
     apart = 0.6 * np.array([off, spread, -spread])[:, np.newaxis]
     after = planner.refine(attained, attained.predicted + apart, reidentify=False, sensor_delay=0.0)
     assert [trial.cycles for trial in after.learning.trials] == [2 if left_out else 3]
-    few = planner.refine(
-        attained, attained.predicted + apart[:2], reidentify=False, sensor_delay=0.0
-    )
+    few = attained.predicted + apart[:2]
+    few = planner.refine(attained, few, reidentify=False, sensor_delay=0.0)
     assert [trial.cycles for trial in few.learning.trials] == [2]
 
 

@@ -244,9 +244,8 @@ def test_evidence_in_another_unit_is_scaled_but_for_loads_times_the_gain_and_sha
 
 
 def test_the_same_joint_with_requests_at_another_rate_has_its_intervals_moved_with_it():
-    joint = joint_of(
-        5.0, 0.1, 0.02, 0.02, dead_band=0.01, time_constant=0.01, max_acceleration=500.0
-    )
+    terms = {"dead_band": 0.01, "time_constant": 0.01, "max_acceleration": 500.0}
+    joint = joint_of(5.0, 0.1, 0.02, 0.02, **terms)
     for model, open_end in ((joint, "max_acceleration"), (JointModel.ers210a(), "v_max")):
         names = ("v_max", "theta_0", "lag", "gain", "max_acceleration")
         known = {name: getattr(model, name) for name in names}

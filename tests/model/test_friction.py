@@ -18,10 +18,8 @@ from tests.strategies import INTEGRALS, models, trajectories
 
 SAME = 1e-12  # two ways to run the same recursion over a few hundred ticks agree to this [rad]
 CLOSED = 2e-12  # how far a cycle may be from closed, at angles of a few radians [rad]
-
-DRY = replace(
-    JointModel.ers210a(), dead_band=0.05, v_offset=1.5, compliance=0.1, speed_per_torque=0.8
-)
+TERMS = {"dead_band": 0.05, "v_offset": 1.5, "compliance": 0.1, "speed_per_torque": 0.8}
+DRY = replace(JointModel.ers210a(), **TERMS)
 
 ANY = models(friction=True, inertia=True, integrals=INTEGRALS, poses=True)
 

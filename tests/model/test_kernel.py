@@ -57,10 +57,8 @@ def test_derivatives_by_parameters_along_a_log_are_slopes_with_inertia(field, ad
 def test_the_derivative_by_the_first_angle_is_a_slope(added):
     log = rich_log(INERT)
     grid = resampled([log], tick=INERT.tick, reach=0.5, burn_in=0.0)
-    at, nothing = (
-        Parameters.of(INERT)._replace(**added),
-        np.zeros(len(Parameters._fields), dtype=bool),
-    )
+    at = Parameters.of(INERT)._replace(**added)
+    nothing = np.zeros(len(Parameters._fields), dtype=bool)
     found = linearised(grid, at, log.angles[:1], nothing)[1].by_start
     ahead, behind = (respond(grid, at, log.angles[:1] + way).predicted for way in (1e-6, -1e-6))
     assert np.max(np.abs((ahead - behind) / 2e-6 - found)) <= 1e-5

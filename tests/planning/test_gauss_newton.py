@@ -41,9 +41,8 @@ def joint(seed, *, cyclic, samples=10, inertia=False, friction=False, scenarios=
     problem = track(replace(model, **terms), desired, cyclic=cyclic, start=start, **options)
     speeds = [model.v_max * (1.0 + 0.1 * c) for c in range(scenarios)]
     candidates = tuple(replace(model, v_max=speed, **terms) for speed in speeds)
-    return replace(
-        problem, models=(candidates,), robust="mean", shares=(1.0 / scenarios,) * scenarios
-    )
+    shares = (1.0 / scenarios,) * scenarios
+    return replace(problem, models=(candidates,), robust="mean", shares=shares)
 
 
 def leg_problem():

@@ -163,9 +163,8 @@ def test_the_ideal_is_the_nearest_trajectory_within_the_speeds_of_either_directi
     """By a convex solver; each step has the speeds under the torque of the sample where it ends."""
     model = replace(ERS210A, v_offset=0.8, speed_per_torque=0.9, compliance=0.01)
     load = np.cos(0.3 * np.arange(40)) if loaded else np.zeros(40)
-    desired = 0.4 * np.sin(2.0 * np.pi * np.arange(40) / 40) + 0.1 * np.cos(
-        0.3 * np.pi * np.arange(40)
-    )
+    rows = np.pi * np.arange(40)
+    desired = 0.4 * np.sin(rows / 20.0) + 0.1 * np.cos(0.3 * rows)
     made = nearest_within_speeds(model, desired, load, cyclic=cyclic)
     low, high = (np.broadcast_to(limit, 40) * model.period for limit in model.speed_limits(load))
     x = cp.Variable(40)

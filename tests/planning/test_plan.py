@@ -166,11 +166,8 @@ def test_the_bound_of_each_joint_holds_under_its_load():
 
 def test_what_a_joint_is_expected_to_miss_follows_its_own_motion_and_load():
     by_motion = Evidence(0.01, load=0.25, by_acceleration=((0.0, 0.004), (20.0, 0.02)))
-    models = [
-        LOADED.with_evidence(by_motion),
-        ERS210A.with_evidence(Evidence(0.02, speed=0.1)),
-        ERS210A,
-    ]
+    tested = ERS210A.with_evidence(Evidence(0.02, speed=0.1))
+    models = [LOADED.with_evidence(by_motion), tested, ERS210A]
     ramp = np.column_stack([np.linspace(0.0, 0.5, 60), 0.0 * PHASE, 0.2 * np.sin(PHASE)])
     load = 0.3 * np.ones((60, 3))
     made = planted(ramp, ramp, models, cyclic=False, load=load)

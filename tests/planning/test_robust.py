@@ -79,9 +79,8 @@ def test_the_mean_and_the_worst_of_several_models_are_better_than_under_a_plan_f
 
 
 def test_a_plan_for_an_identification_is_good_for_the_models_that_it_allows(identified):
-    alone, made = (
-        invert_optimal(each, SINE, smoothness=0.0) for each in (identified.model, identified)
-    )
+    both = (identified.model, identified)
+    alone, made = (invert_optimal(each, SINE, smoothness=0.0) for each in both)
     fresh = drawn_models(identified.model, pairs=12)[9:]
     before, after = (errors(fresh, each.requests, SINE) for each in (alone, made))
     # Either side of the nominal model is as likely, so that there is nothing to win: eight drawn
@@ -173,9 +172,8 @@ def test_a_model_file_gives_the_plan_that_its_identification_gave(identified, tm
 
 def test_plan_takes_several_models_of_one_joint_or_of_each(identified):
     one = plan(MODELS, SINE, robust="worst")
-    np.testing.assert_array_equal(
-        one.requests[:, 0], invert_optimal(MODELS, SINE, robust="worst").requests
-    )
+    alone = invert_optimal(MODELS, SINE, robust="worst")
+    np.testing.assert_array_equal(one.requests[:, 0], alone.requests)
     both = np.column_stack([SINE, 0.5 * SINE])
     made = plan([MODELS[:2], identified], both)
     assert [len(each) for each in made.task.models] == [2, 9]

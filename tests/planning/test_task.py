@@ -70,9 +70,8 @@ def test_a_view_with_other_requests_or_options_is_that_of_another_plan():
     np.testing.assert_array_equal(late.desired, PATH[:, 1])
     foot = invert_foot(AIBO, walk.leg, walk.desired_foot[::4], smoothness=0.0)
     up = replace(foot, weights=np.array([0.0, 0.0, 1.0]), norm="max")
-    assert up.error == pytest.approx(
-        np.max(np.abs((foot.foot - foot.plan.task.desired_foot)[:, 2]))
-    )
+    off = foot.foot - foot.plan.task.desired_foot
+    assert up.error == pytest.approx(np.max(np.abs(off[:, 2])))
 
 
 def test_the_load_of_the_first_sample_decides_where_a_joint_may_rest_before():
@@ -159,9 +158,8 @@ def test_from_rest_a_leg_begins_as_near_to_the_first_point_as_its_limits_let_it_
     np.testing.assert_array_equal([own.lower, own.upper], walk.leg.limits)
     load = np.zeros((11, 3))
     load[0] = 2.0  # lifts each joint by 0.04
-    task = Task.of(
-        SERVO, walk.desired_foot[::8], leg=walk.leg, limits=limits, load=load, cyclic=False
-    )
+    options = {"leg": walk.leg, "limits": limits, "load": load, "cyclic": False}
+    task = Task.of(SERVO, walk.desired_foot[::8], **options)
     np.testing.assert_allclose(task.start - nearest, [0.0, 0.24, -0.26])
 
 

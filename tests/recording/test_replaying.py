@@ -203,9 +203,8 @@ def carried(joint="elbow"):
     """A log of the sagging servo under a torque that grows, which the log has."""
     torques = np.linspace(0.0, 2.0, COUNT)
     angles = simulate(SAGGING, asked(), cyclic=False, load=torques)
-    return Log(
-        times=OWN * np.arange(COUNT), requests=asked(), angles=angles, joint=joint, load=torques
-    )
+    times = OWN * np.arange(COUNT)
+    return Log(times=times, requests=asked(), angles=angles, joint=joint, load=torques)
 
 
 def test_the_torque_of_a_log_acts_at_the_moments_of_the_replay_on_all_kinds_of_requests():
@@ -229,9 +228,8 @@ def test_the_torque_of_a_log_acts_at_the_moments_of_the_replay_on_all_kinds_of_r
 def test_the_bound_of_each_joint_of_a_replay_is_its_own_and_of_the_rms_whatever_the_norm():
     logs = [recorded("elbow", requests=asked(3.0)), recorded("wrist", requests=asked(2.5))]
     largest, mean = (replay(logs, SERVO, speed=2.0, norm=norm).joints for norm in ("max", "rms"))
-    assert [each.lower_bound for each in largest] == pytest.approx(
-        [each.lower_bound for each in mean]
-    )
+    bounds = [[each.lower_bound for each in joints] for joints in (largest, mean)]
+    assert bounds[0] == pytest.approx(bounds[1])
     assert mean[0].lower_bound > 1.1 * mean[1].lower_bound > 0.0
     assert largest[0].lower_bound < largest[0].inversion.lower_bound
     pose = replay(logs[0], replace(SERVO, compliance=0.01), load=np.cos)
@@ -266,6 +264,5 @@ def test_a_first_request_off_the_middle_of_the_dead_band_leaves_the_joint_where_
         assert angles[0] == joint.desired[0]
     sent = np.append(joint.requests[:1], joint.desired[1:])
     start = float(joint.desired[0])
-    np.testing.assert_array_equal(
-        joint.angles("direct"), simulate(sticky, sent, cyclic=False, start=start)
-    )
+    expected = simulate(sticky, sent, cyclic=False, start=start)
+    np.testing.assert_array_equal(joint.angles("direct"), expected)

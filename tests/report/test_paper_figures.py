@@ -40,14 +40,11 @@ def test_the_step_tests_shade_lag_and_acceleration_time(reproduced, figures):
         (panel,) = figures[f"figure{number}_step_{amplitude:g}"].panels
         response = reproduction.steps[amplitude]
         lag, acceleration = panel.spans
-        assert (lag.start, lag.end) == (
-            period * response.step,
-            period * (response.step + response.lag),
-        )
+        end = response.step + response.lag
+        assert (lag.start, lag.end) == (period * response.step, period * end)
         assert acceleration.start == lag.end
-        assert acceleration.end - acceleration.start == pytest.approx(
-            period * response.acceleration
-        )
+        length = acceleration.end - acceleration.start
+        assert length == pytest.approx(period * response.acceleration)
         assert panel.words[0].text == f"lag {response.lag} ticks"
         angles = curve_of(panel, "actual").y[:-1]
         np.testing.assert_array_equal(angles, np.degrees(response.angles))

@@ -54,9 +54,8 @@ def commands(scene, leg):
 def test_every_leg_has_its_colour_and_the_robot_stands_once(commands):
     drawn = {each["path"]: each["object"] for each in commands if each["type"] == "set_object"}
     for name, role in (("desired", DESIRED), ("direct", DIRECT), ("planned", FOOT_OPTIMAL)):
-        paths = [
-            path for path in drawn if path.startswith((f"/meshcat/{name}/", f"/meshcat/{name} "))
-        ]
+        own = tuple(f"/meshcat/{name}{end}" for end in "/ ")
+        paths = [path for path in drawn if path.startswith(own)]
         assert len(paths) == 6  # five shapes of four links, and the foot's trace
         materials = {path: drawn[path]["materials"][0] for path in paths}
         assert {each["color"] for each in materials.values()} == {int(role.light[1:], 16)}

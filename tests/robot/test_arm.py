@@ -162,9 +162,8 @@ def test_two_joints_cannot_share_a_servo():
 
 
 def test_a_port_that_cannot_be_opened_is_one_clear_error(tmp_path):
-    with pytest.raises(
-        InvalidInput, match=r"cannot be opened \(no such file or directory\); check"
-    ):
+    words = r"cannot be opened \(no such file or directory\); check"
+    with pytest.raises(InvalidInput, match=words):
         SerialPort("/dev/ttyNONE")
     (tmp_path / "file").write_text("")
     before = len(list(Path("/proc/self/fd").iterdir()))

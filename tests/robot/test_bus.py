@@ -224,9 +224,8 @@ def test_the_bus_of_a_lerobot_robot_is_connected_in_the_block(robots):
 def test_a_lerobot_robot_that_cannot_be_used_is_named(robots, monkeypatch):
     with pytest.raises(InvalidInput, match=r"got lerobot:so9, .* koch, reachy, so101, so101$"):
         robot_of("so9", "")
-    with pytest.raises(
-        InvalidInput, match="lerobot:reachy: got another bus of servos, expected Feetech"
-    ):
+    words = "lerobot:reachy: got another bus of servos, expected Feetech"
+    with pytest.raises(InvalidInput, match=words):
         robot_of("reachy", "")
     with (
         pytest.raises(BusError, match=r"^none: LeRobot cannot connect: no such port$"),

@@ -76,11 +76,8 @@ def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
     found = [read_episode(*each).task for each in lerobot_episodes(root, LogOptions())]
     assert found == ["lift", "drop", "lift"]
     (root / "meta" / "tasks.parquet").unlink()
-    lines = [
-        {"task_index": 0, "task": "lift"},
-        {"task_index": 1, "task": "drop"},
-        {"task_index": 2},
-    ]
+    lines = [{"task_index": k, "task": task} for k, task in enumerate(("lift", "drop"))]
+    lines.append({"task_index": 2})
     (root / "meta" / "tasks.jsonl").write_text("\n\n".join(map(json.dumps, lines)))
     assert find_dataset(root).tasks() == {0: "lift", 1: "drop", 2: ""}
 

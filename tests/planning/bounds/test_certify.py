@@ -43,9 +43,8 @@ OPTIMAL = 1e-6  # how close the solver's multipliers come to the best ones [rela
 
 def set_of(model, samples, *, cyclic, level, start=None, load=None):
     """The conditions of a level, whatever is desired."""
-    return reachable_set(
-        joint_task(model, np.zeros(samples), cyclic=cyclic, start=start, load=load), level
-    )
+    task = joint_task(model, np.zeros(samples), cyclic=cyclic, start=start, load=load)
+    return reachable_set(task, level)
 
 
 def loads_of(model, samples, seed):

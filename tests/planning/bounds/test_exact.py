@@ -84,12 +84,9 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
     angles = simulate(model, requests, cyclic=cyclic, start=start)
     desired = angles + rng.normal(size=len(angles)) * model.theta_0 * 10.0 ** rng.uniform(-2, 0)
     known = 1.0001 * error_norm(angles - desired, norm)
-    problem = ScaledProblem(
-        joint_task(model, desired, cyclic=cyclic, norm=norm, start=start), known
-    )
-    point, scaled = unknowns(
-        problem, model, requests, float(np.mean(desired)), cyclic=cyclic, start=start
-    )
+    task = joint_task(model, desired, cyclic=cyclic, norm=norm, start=start)
+    problem, middle = ScaledProblem(task, known), float(np.mean(desired))
+    point, scaled = unknowns(problem, model, requests, middle, cyclic=cyclic, start=start)
     ranges = problem.initial_ranges()
     node = Node(0.0, dict(problem.fixed), ranges, [], solve_relaxation(problem, ranges, []))
     assert violation(problem, node, point, scaled) <= ROUNDING

@@ -57,9 +57,8 @@ def test_the_foots_errors_over_several_models_are_smaller_than_under_a_plan_for_
         assert made.plan.task.robust == which
         np.testing.assert_array_equal(made.nominal.requests, alone.requests)
         np.testing.assert_allclose(made.nominal.errors_of_models, before, rtol=0.0, atol=1e-11)
-        np.testing.assert_allclose(
-            made.errors_of_models, errors(scenarios, made), rtol=0.0, atol=1e-11
-        )
+        expected = errors(scenarios, made)
+        np.testing.assert_allclose(made.errors_of_models, expected, rtol=0.0, atol=1e-11)
         after = made.errors_of_models
         assert made.error == after[0]
         assert made.over_models == (after[0], np.sqrt(np.mean(after**2)), np.max(after))
