@@ -188,8 +188,7 @@ def inverted(
         if refine:
             from planner.planning.pattern_search import refined_curve
 
-            ahead = model.switching_time / model.period
-            candidates.append(refined_curve(problem, curve, rule=rule, ahead=ahead))
+            candidates.append(refined_curve(problem, curve, rule=rule))
         columns = [
             problem.admissible(requests_of(model, CurveStack.of([each]), rule=rule, load=load).T)
             for each in candidates

@@ -34,10 +34,6 @@ WHY: Mapping[Track, str] = {
     "action": "the action, what the robot was asked to do, as chosen: its errors are not repeated",
 }
 
-# Share by which a model's period may differ from the recording's and keep its number of ticks:
-# identified clocks differ by 1e-4. Beyond it ticks are divided anew.
-SAME_PERIOD = 0.01
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path:
@@ -282,7 +278,7 @@ def _period(logs: Sequence[Log], rate: float | None) -> float:
 
 def _requested_every(model: JointModel, period: float, joint: str) -> JointModel:
     """The model with a request every period, in as many ticks where the period is about its own."""
-    if abs(model.period - period) <= SAME_PERIOD * period:
+    if abs(model.period - period) <= 0.01 * period:  # identified clocks differ by 1e-4
         return replace(model, tick=period / model.hold).with_evidence(model.evidence)
     try:
         return model.requested_every(period)

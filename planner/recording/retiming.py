@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 Retime = Literal["constant", "varying"]  # one factor for the whole recording, or one along it
 Progress = Callable[[str], None]
 
-RESOLUTION = 0.01  # factors are found to this share
-SLOWEST, FASTEST = 1.0 / 16.0, 64.0  # least and largest factor that are tried
+SLOWEST = 1.0 / 16.0  # least factor that is tried
 GRID = 0.05  # distance of the moments at which a varying factor is set [s of the recording]
 ROUNDS = 14  # rounds in which a varying factor is changed, each a plan
 
@@ -296,7 +295,7 @@ class Search:
 
     def doubled(self, low: float, too_fast: Callable[[float], Any]) -> tuple[float, float]:
         """A factor, doubled until twice it is ``too_fast``, and twice it; itself if none is."""
-        while 2.0 * low <= FASTEST and self.has_rows(2.0 * low):
+        while 2.0 * low <= 64.0 and self.has_rows(2.0 * low):
             if too_fast(2.0 * low):
                 return low, 2.0 * low
             low *= 2.0
@@ -450,7 +449,7 @@ class Search:
 
 def narrowed(low: float, high: float, too_fast: Callable[[float], Any]) -> tuple[float, float]:
     """Two factors, close to each other, of which the higher one alone is ``too_fast``."""
-    while high / low > 1.0 + RESOLUTION:
+    while high / low > 1.01:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if too_fast(middle) else (middle, high)
     return low, high

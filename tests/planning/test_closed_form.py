@@ -130,8 +130,7 @@ def test_the_search_for_knots_counts_the_error_of_the_simulated_requests(terms, 
     task = Task.of([model], desired, names=("",), cyclic=cyclic, load=torques)
     problem = problem_of(task).unlimited
     for curve in approximations(problem, segments=6, refine=True):
-        ahead = model.switching_time / model.period
-        tracking = pattern_search.tracked(problem, curve, "exact", ahead)
+        tracking = pattern_search.tracked(problem, curve, "exact")
         knots, values = np.array(curve.knots), np.array(curve.values)
         found = pattern_search.search(*tracking, knots, values, (0.0, 1.0, 0.0), 0)
         stack = CurveStack.of([curve])
@@ -139,7 +138,7 @@ def test_the_search_for_knots_counts_the_error_of_the_simulated_requests(terms, 
         error = problem.exact_error(problem.admissible(requests))
         # Offsets from a table are good to some 1e-5 of theta_0.
         assert math.sqrt(found / len(desired)) == pytest.approx(error, abs=1e-4 * model.theta_0)
-        refined = pattern_search.refined_curve(problem, curve, rule="exact", ahead=ahead)
+        refined = pattern_search.refined_curve(problem, curve, rule="exact")
         better = requests_of(
             model, CurveStack.of([refined]), rule="exact", load=problem.load_of_drives[0]
         ).T
