@@ -1,10 +1,12 @@
-"""The checks of a plan: each compares a figure with a tolerance and states its reason."""
+"""The checks of a plan: claims with their tolerances, and the figures that they rest on."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,69 +20,60 @@ from planner.planning.plan import Inversion, Plan
 from planner.planning.task import SMOOTHNESS
 
 
-class Tolerance(NamedTuple):
-    """How much is allowed, and why."""
+class Claim(NamedTuple):
+    """What a check claims, how much it allows, and why."""
 
-    value: float
+    name: str
+    tolerance: float
     unit: str
     reason: str
+
+    def of(self, what: str, allowed: float = 0.0) -> Claim:
+        """The claim about something, with so much more allowed."""
+        return self._replace(name=self.name.format(what), tolerance=self.tolerance + allowed)
 
 
 LOCAL = 2e-4  # share of the error by which a local optimum may exceed that of another search
 SHARE = SMOOTHNESS + LOCAL
-AGREEMENT = Tolerance(1e-9, "rad", "rounding, summed over a cycle; cycles close to 1e-12")
-CLOSURE = Tolerance(
-    1e-9, "rad", "rounding of the first tick, or of one more cycle, run independently"
-)
-WITHIN_LIMITS = Tolerance(1e-12, "rad", "rounding of one subtraction; limits are kept by clipping")
-ORDERED = Tolerance(1e-6, "rad", "solvers stop near the best proof: a relative 1e-8 to 1e-5")
-STATED = Tolerance(1e-6, "rad", "CVXPY's solver stops within some 1e-8 of the optimum, scaled")
-ABOVE_BOUND = Tolerance(1e-9, "rad", "a bound is proved up to rounding, whatever its solver did")
-SHARES = f"of the error {SMOOTHNESS:g} for smoother requests and {LOCAL:g} between local optima"
-NO_WORSE = Tolerance(1e-6, "rad", f"a step of the Aibo's requests; and {SHARES}")
-FOOT_NO_WORSE = Tolerance(1e-6, "m", f"a thousandth of a millimetre; and {SHARES}")
-AGREES = "predicted angles agree with the independent simulation"
-CLOSES = "the cycle closes"
-RESTS = "the joint starts from rest"
-ABOVE = "error not below any bound"
-INSIDE = "requests within limits"
-SOLVED = "the solver finds a plan"
-SOLVES = Tolerance(
-    0.0, "failures", "a solver that stops early has not shown that its plan is optimal"
-)
-DIFFER = "both are local optimisers; in 107 of 109 random problems they differ by less than 3 %"
-AS_GOOD = Tolerance(5e-2, "of the error", DIFFER)
+_CLAIMS = tomllib.loads(Path(__file__).with_name("claims.toml").read_text("utf-8"))
+CLAIMS = {
+    key: Claim(**each | {"reason": each["reason"].format(smoothness=SMOOTHNESS, local=LOCAL)})
+    for key, each in _CLAIMS.items()
+}
 ROUNDING = 1e-3  # share of a tolerance within which a value is rounding, not what breaks a claim
 FOLLOWED = 1e-4  # errors up to this count as zero [rad]: 0.006 degrees
 
 
 @dataclass(frozen=True)
 class Check:
-    """A claim, the figure that it rests on, and how large that may be.
+    """A claim about a joint or the foot, and the figure that it rests on.
 
     Attributes:
         subject: The joint that it is about, or the foot.
         plan: The plan that it is about; empty where it is about none.
-        name: The claim.
-        value: The figure, in the tolerance's unit; negative where there is room.
-        tolerance: Largest allowed value.
+        claim: The claim.
+        value: The figure, in the claim's unit; negative where there is room.
     """
 
     subject: str
     plan: str
-    name: str
+    claim: Claim
     value: float
-    tolerance: Tolerance
+
+    @property
+    def name(self) -> str:
+        """The claim in words."""
+        return self.claim.name
 
     @property
     def is_rounding(self) -> bool:
         """Whether the value is rounding, which must not decide which plan is worst."""
-        return abs(self.value) <= ROUNDING * self.tolerance.value > 0.0
+        return abs(self.value) <= ROUNDING * self.claim.tolerance > 0.0
 
     @property
     def passed(self) -> bool:
         """Whether the claim holds; not for NaN."""
-        return self.value <= self.tolerance.value
+        return self.value <= self.claim.tolerance
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; a value that is not finite becomes None."""
@@ -89,9 +82,7 @@ class Check:
             "plan": self.plan,
             "name": self.name,
             "value": finite(self.value),
-            "tolerance": self.tolerance.value,
-            "unit": self.tolerance.unit,
-            "reason": self.tolerance.reason,
+            **self.claim._asdict(),
             "passed": self.passed,
         }
 
@@ -132,7 +123,7 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     cycles = (_settled(run, model.at_rest(end, torque)) for end in ends)
     away = (float(np.max(np.abs(each - predicted))) for each in cycles if each is not None)
     elsewhere = max(away, default=0.0)
-    same = elsewhere <= AGREEMENT.value or apart > AGREEMENT.value
+    same = elsewhere <= CLAIMS["agrees"].tolerance or apart > CLAIMS["agrees"].tolerance
     return Answer(apart, closure, 0.0 if same else elsewhere)
 
 
@@ -141,7 +132,7 @@ def _settled(run: Callable[[Array], Array], begun: Array) -> Array | None:
     before = run(begun)
     for _ in range(50):
         after = run(before[:, -1])
-        if np.max(np.abs(after[0] - before[0])) <= 1e-3 * AGREEMENT.value:
+        if np.max(np.abs(after[0] - before[0])) <= 1e-3 * CLAIMS["agrees"].tolerance:
             return np.asarray(after[0])
         before = after
     return None
@@ -177,8 +168,8 @@ def _symbolic_run(
 def answer_checks(subject: str, plan: str, answer: Answer, *, cyclic: bool) -> list[Check]:
     """That the predicted angles agree with the second answer, and begin as they should."""
     return [
-        Check(subject, plan, AGREES, answer.agreement, AGREEMENT),
-        Check(subject, plan, CLOSES if cyclic else RESTS, answer.closure, CLOSURE),
+        Check(subject, plan, CLAIMS["agrees"], answer.agreement),
+        Check(subject, plan, CLAIMS["closes" if cyclic else "rests"], answer.closure),
     ]
 
 
@@ -186,13 +177,12 @@ def bound_checks(
     subject: str, bounds: Mapping[Level, float], errors: Mapping[str, float]
 ) -> list[Check]:
     """That each bound is at least the one before it, and no plan is below any [rad]."""
-    values, ordered = list(bounds.values()), f"bounds ordered, {' ≤ '.join(bounds)}"
+    values = list(bounds.values())
+    ordered = CLAIMS["ordered"].of(" ≤ ".join(bounds))
     worst = max((low - high for low, high in pairwise(values)), default=None)
-    checks = [] if worst is None else [Check(subject, "", ordered, worst, ORDERED)]
-    return checks + [
-        Check(subject, plan, ABOVE, max(values) - error, ABOVE_BOUND)
-        for plan, error in errors.items()
-    ]
+    checks = [] if worst is None else [Check(subject, "", ordered, worst)]
+    above = ((plan, max(values) - error) for plan, error in errors.items())
+    return checks + [Check(subject, plan, CLAIMS["above"], below) for plan, below in above]
 
 
 def beyond_limits(requests: Array, limits: tuple[Any, Any]) -> float:
@@ -202,7 +192,7 @@ def beyond_limits(requests: Array, limits: tuple[Any, Any]) -> float:
 
 def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversion | None:
     """The plan, clipped to the limits, beyond which no gain counts; None where it has no cycle."""
-    if limits is None or beyond_limits(plan.requests, limits) <= WITHIN_LIMITS.value:
+    if limits is None or beyond_limits(plan.requests, limits) <= CLAIMS["inside"].tolerance:
         return plan
     clipped = Inversion(plan.plan, plan.column, requests=np.clip(plan.requests, *limits))
     try:

@@ -30,22 +30,12 @@ from planner.arrays import (
     size,
 )
 from planner.evaluation.checks import (
-    ABOVE,
-    ABOVE_BOUND,
-    AGREEMENT,
-    AS_GOOD,
+    CLAIMS,
     FOLLOWED,
-    FOOT_NO_WORSE,
-    INSIDE,
-    NO_WORSE,
     SHARE,
-    SOLVED,
-    SOLVES,
-    STATED,
-    WITHIN_LIMITS,
     Answer,
     Check,
-    Tolerance,
+    Claim,
     answer_checks,
     beyond_limits,
     bound_checks,
@@ -384,42 +374,36 @@ def compare_joint(
         for method, plan in plans.items()
         if method in CLOSED_FORMS and (clipped := kept_within(plan, limits)) is not None
     }
-    checks += no_worse_checks(name, optimal.plan, optimal.error, rivals, NO_WORSE)
+    checks += no_worse_checks(name, optimal.plan, optimal.error, rivals, CLAIMS["no_worse"])
     checks += bound_checks(name, bounds, errors)
     for level in bounds:
         if level != "exact" and not optimal.model.exceeds_v_max:
             apart = bounds[level] - stated_bound(joint, level)
             # With a sag by the pose the statement has fewer conditions.
             apart = max(-apart, 0.0) if optimal.model.most_pose_sag else abs(apart)
-            checks.append(Check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
-    checks += [Check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
+            checks.append(Check(name, "", CLAIMS["stated"].of(level), apart))
+    checks += [Check(name, METHODS[method], CLAIMS["solved"], 1.0) for method in failed]
     if SECOND in plans:
         shown, other = errors_shown(optimal.plan, optimal.error, [plans[SECOND].error])
         relative = 0.0 if shown - other <= FOLLOWED else (shown - other) / shown
         checks += [
-            Check(name, METHODS[SECOND], SOLVED, 0.0, SOLVES),
-            Check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
+            Check(name, METHODS[SECOND], CLAIMS["solved"], 0.0),
+            Check(name, METHODS["optimal"], CLAIMS["as_good"], relative),
         ]
     for method, plan in plans.items():
         if limits is not None and method not in CLOSED_FORMS:
             excess = beyond_limits(plan.requests, limits)
-            checks.append(Check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
+            checks.append(Check(name, METHODS[method], CLAIMS["inside"], excess))
     return JointComparison(name, plans, certificates, answers, tuple(checks))
 
 
 def no_worse_checks(
-    subject: str, plan: Plan, error: float, rivals: Mapping[str, float], allowed: Tolerance
+    subject: str, plan: Plan, error: float, rivals: Mapping[str, float], claim: Claim
 ) -> list[Check]:
     """That a plan's error is no larger than those of its rivals, as a robot shows them."""
     shown, *others = errors_shown(plan, error, list(rivals.values()))
     return [
-        Check(
-            subject,
-            METHODS[plan.method],
-            f"no worse than {rival}",
-            shown - other,
-            allowed._replace(value=allowed.value + SHARE * other),
-        )
+        Check(subject, METHODS[plan.method], claim.of(rival, SHARE * other), shown - other)
         for rival, other in zip(rivals, others, strict=True)
     ]
 
@@ -481,10 +465,12 @@ class FootComparison:
         """
         plan, task, bound = self.plans[method], self.best.task, self.best.foot_bound
         beyond = beyond_limits(plan.requests, (task.lower, task.upper))
-        if not bound or beyond > WITHIN_LIMITS.value:
+        if not bound or beyond > CLAIMS["inside"].tolerance:
             return None
         began = self.best.requests[0]
-        if not task.cyclic and np.any(np.abs(plan.requests[0] - began) > AGREEMENT.value):
+        if not task.cyclic and np.any(
+            np.abs(plan.requests[0] - began) > CLAIMS["agrees"].tolerance
+        ):
             return None
         return relative_gap(error_norm(plan.distances, task.norm), bound)
 
@@ -520,11 +506,10 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
         checks += answer_checks(joint.name, label, answer, cyclic=best.cyclic)
     limits = best.task.lower, best.task.upper
     excess = beyond_limits(best.requests, limits)
-    checks.append(Check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
+    checks.append(Check(FOOT, label, CLAIMS["inside"], excess))
     error = error_norm(best.distances, norm)
     if best.foot_bound is not None:
-        below = best.foot_bound - error
-        checks.append(Check(FOOT, label, ABOVE, below, ABOVE_BOUND._replace(unit="m")))
+        checks.append(Check(FOOT, label, CLAIMS["foot_above"], best.foot_bound - error))
     for method in planned_methods(joints):
         single = [joint.plans[method] for joint in joints]
         plans[method] = _foot_plan(best, single)
@@ -532,7 +517,7 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
         usable = [plan for each in each_within if (plan := kept_within(*each)) is not None]
         if len(usable) == len(joints):
             rivals[METHODS[method]] = error_norm(_foot_plan(best, usable).distances, norm)
-    checks += no_worse_checks(FOOT, best, error, rivals, FOOT_NO_WORSE)
+    checks += no_worse_checks(FOOT, best, error, rivals, CLAIMS["foot_no_worse"])
     return FootComparison({**plans, "foot_optimal": best}, tuple(checks))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from kinematics.leg import Leg
 from planner.arrays import error_norm, index_of_largest
-from planner.evaluation.checks import AGREES, Check, beyond_limits
+from planner.evaluation.checks import CLAIMS, Check, beyond_limits
 from planner.evaluation.cross_check import (
     METHODS,
     SECOND,
@@ -73,7 +73,7 @@ def comparison_page(
         beyond={name: excess for name, excess in excesses.items() if excess > 1e-7},
         more=notes,
         moving=moving,
-        agreement=max(each.value for each in check.checks if each.name == AGREES),
+        agreement=max(each.value for each in check.checks if each.claim == CLAIMS["agrees"]),
         foot=feet and [100.0 * error_norm(each, check.norm) for each in feet],
         foot_gap=foot and foot.gap("foot_optimal"),
         worst=max(joints, key=lambda joint: joint.plans["optimal"].error),
@@ -100,10 +100,10 @@ def verdict_line(check: CrossCheck) -> str:
 
 def failure_words(check: Check) -> str:
     """A check that does not hold."""
-    plan = f", {check.plan}" if check.plan else ""
+    plan, claim = f", {check.plan}" if check.plan else "", check.claim
     return (
-        f"{check.subject}{plan}: {check.name}: got {check.value:.3g} {check.tolerance.unit}, "
-        f"tolerance {check.tolerance.value:.2g} {check.tolerance.unit}"
+        f"{check.subject}{plan}: {claim.name}: got {check.value:.3g} {claim.unit}, "
+        f"tolerance {claim.tolerance:.2g} {claim.unit}"
     )
 
 
@@ -112,10 +112,10 @@ def spoken_of(check: CrossCheck) -> dict[str, Any]:
     expected = [joint.plans["optimal"].expected.error for joint in check.joints]
     claims: dict[tuple[str, str], list[Check]] = {}
     for each in check.checks:
-        claims.setdefault((each.name, each.tolerance.unit), []).append(each)
+        claims.setdefault((each.name, each.claim.unit), []).append(each)
     closest = list[Check]()
     for same in claims.values():
-        worst = max(same, key=lambda each: each.value - each.tolerance.value)
+        worst = max(same, key=lambda each: each.value - each.claim.tolerance)
         closest += [each for each in same if not each.passed] or [worst]
     return {
         "check": check,
@@ -132,7 +132,7 @@ def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:
     """Every reason of a tolerance: the unit and the names of its checks, and the reason."""
     names: dict[tuple[str, str], dict[str, None]] = {}
     for each in checks:
-        names.setdefault(each.tolerance[1:], {})[each.name] = None
+        names.setdefault(each.claim[2:], {})[each.name] = None
     return [(unit, "; ".join(each), reason) for (unit, reason), each in names.items()]
 
 

@@ -10,17 +10,7 @@ import pytest
 from hypothesis import given
 
 import planner
-from planner.evaluation.checks import (
-    ABOVE,
-    AGREEMENT,
-    AGREES,
-    CLOSES,
-    INSIDE,
-    RESTS,
-    SOLVED,
-    bound_checks,
-    second_answer,
-)
+from planner.evaluation.checks import CLAIMS, bound_checks, second_answer
 from planner.evaluation.cross_check import METHODS, SECOND, compare_joint, cross_check, judge_foot
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel
@@ -30,6 +20,9 @@ from tests.instances import ERS210A, attainable, joint_of, random_model, saturat
 from tests.plans import claiming, inversion
 from tests.strategies import models, trajectories
 
+ABOVE, AGREES, CLOSES, INSIDE, RESTS, SOLVED = (
+    CLAIMS[key].name for key in ("above", "agrees", "closes", "inside", "rests", "solved")
+)
 PHASE = 2.0 * np.pi * np.arange(88) / 88
 DESIRED = 0.6 * np.sin(PHASE) + 0.25 * np.cos(2.0 * PHASE)
 PAPER, EXACT, OPTIMAL = (METHODS[m] for m in ("closed_form_paper", "closed_form_exact", "optimal"))
@@ -125,8 +118,8 @@ def test_the_second_answer_agrees_for_any_joint(cyclic, model, requests):
         answer = second_answer(plan)
     except NoSteadyCycle:
         return
-    assert answer.agreement <= AGREEMENT.value
-    assert not cyclic or answer.closure <= AGREEMENT.value
+    assert answer.agreement <= CLAIMS["agrees"].tolerance
+    assert not cyclic or answer.closure <= CLAIMS["agrees"].tolerance
 
 
 def test_the_second_solvers_plan_is_a_plan_of_its_own_and_as_good(of_walk):

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 from planner import replay
-from planner.evaluation.checks import Check, Tolerance
+from planner.evaluation.checks import Check, Claim
 from planner.planning.bounds import foot_bound
 from planner.recording.recorded_path import JointModels
 from planner.report import learning_page as learning
@@ -114,7 +114,7 @@ def check():
 
 @pytest.fixture
 def failed(check):
-    wrong = Check("knee", "optimised", "holds <always>", 2.0, Tolerance(1.0, "rad", "rounding"))
+    wrong = Check("knee", "optimised", Claim("holds <always>", 1.0, "rad", "rounding"), 2.0)
     joint = replace(check.joints[2], checks=(*check.joints[2].checks, wrong))
     return replace(check, joints=(*check.joints[:2], joint))
 
