@@ -65,17 +65,17 @@ def carry_out(
     results: Results,
     executor: Executor,
     *,
-    progress: Callable[[Task], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> dict[str, str]:
     """Compute the results of all tasks that have none yet, by a function that workers import.
 
-    ``progress`` is called after each. Returns why tasks have failed, by their names, in their
-    order. Where a cluster goes away, which raises SchedulerLost, the results so far are kept.
+    ``progress`` takes the name of each that is done. Returns why tasks have failed, by their names,
+    in their order. Where a cluster goes away, which raises SchedulerLost, the results are kept.
     """
     failures, missing = {}, []
     for task in tasks:
         if task in results:
-            progress(task)
+            progress(task.name)
         else:
             missing.append(task)
     try:
@@ -84,7 +84,7 @@ def carry_out(
                 failures[task.name] = outcome.reason
             else:
                 results.write(task, outcome.result)
-            progress(task)
+            progress(task.name)
     except BaseException:  # such as a scheduler that went away before the first result
         results.remove(if_empty=True)
         raise

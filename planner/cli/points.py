@@ -189,7 +189,7 @@ def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
 
 
 def planned_points(
-    space: Space, results: Results, executor: Executor, *, progress: Callable[[Task], None]
+    space: Space, results: Results, executor: Executor, *, progress: Callable[[str], None]
 ) -> Swept:
     """Plan the points of a grid or of a search."""
     by_point: dict[Point, Outcome] = {}

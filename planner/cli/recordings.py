@@ -273,7 +273,7 @@ def replay_many(
     executor: Executor,
     *,
     resume: bool = False,
-    progress: Callable[[Task], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Mapping[str, Any], Path]:
     """Replay recordings, and write those that have a plan as one LeRobot dataset.
 

@@ -98,11 +98,7 @@ def replay(
         Progress(len(tasks), parallel=True) as progress,
     ):
         document, kept = replay_many(
-            tasks,
-            output,
-            executor,
-            resume=work["resume"],
-            progress=lambda task: progress(task.name),
+            tasks, output, executor, resume=work["resume"], progress=progress
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)

@@ -236,7 +236,7 @@ def sweep(
         Progress(space.most_points, parallel=True) as progress,
         executor_of(work["workers"], work["scheduler"]) as executor,
     ):
-        swept = planned_points(space, results, executor, progress=lambda task: progress(task.name))
+        swept = planned_points(space, results, executor, progress=progress)
     with output_folder(place) as folder:
         document = write_sweep(folder, space, swept, origin)
     results.remove()

@@ -86,7 +86,7 @@ def test_only_what_is_missing_is_computed_and_results_belong_to_their_inputs(res
         results.write(task, b"kept")
     seen = []
     run(work.square, tasks, results, workers=1, progress=seen.append)
-    assert sorted(seen, key=tasks.index) == tasks, "progress counts them all"
+    assert sorted(seen) == sorted(task.name for task in tasks), "progress counts them all"
     assert [results.read(task) for task in tasks] == [b"kept"] * 5 + [b"25", b"36", b"49"]
     task = Task("task 2", 2, inputs="digest of the file")
     results.write(task, b"4")
