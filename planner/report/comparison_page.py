@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -124,7 +124,10 @@ def spoken_of(check: CrossCheck) -> dict[str, Any]:
         "farthest": lambda joint, method: index_of_largest(np.abs(joint.difference(method))),
         "closest": closest,
         "reasons": tolerance_reasons(check.checks),
-        "notes": plan_notes(check.joints),
+        "untested": untested_words(
+            [joint.name for joint in check.joints],
+            [joint.plans["optimal"].expected for joint in check.joints],
+        ),
     }
 
 
@@ -134,21 +137,6 @@ def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:
     for each in checks:
         names.setdefault(each.claim[2:], {})[each.name] = None
     return [(unit, "; ".join(each), reason) for (unit, reason), each in names.items()]
-
-
-def plan_notes(joints: Sequence[JointComparison]) -> Iterator[str]:
-    """Notes on single plans."""
-    names = [joint.name for joint in joints]
-    if words := untested_words(names, [joint.plans["optimal"].expected for joint in joints]):
-        yield words
-    for joint in joints:
-        for method, answer in joint.answers.items():
-            if answer.elsewhere > 0.0:
-                yield (
-                    f"{joint.name}, {METHODS[method]}: every request saturates the joint, "
-                    "which so keeps whatever angle it starts with; another steady cycle is "
-                    f"{math.degrees(answer.elsewhere):.2f} deg away"
-                )
 
 
 # The figures.

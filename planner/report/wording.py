@@ -180,7 +180,7 @@ def table_with_units(
     return Table(about, columns, drawn, label)
 
 
-SEPARATORS = {ord(each): chr(0xE000 + ord(each)) for each in "|/;>:#=\n"}
+SEPARATORS = {ord(each): chr(0xE000 + ord(each)) for each in "|/;<>:#=\n"}
 """Private letters that stand for separators in the values of a table, which are no separators."""
 
 RESTORED = {ord(private): chr(letter) for letter, private in SEPARATORS.items()}
