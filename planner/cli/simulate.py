@@ -7,7 +7,7 @@ from typing import Literal
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, summarise, warn
+from planner.cli.console import Answer, Progress, summarise, warn
 from planner.cli.declared import Source, argument, option
 from planner.cli.settings import Run
 from planner.exceptions import InvalidFile, about
@@ -133,7 +133,8 @@ def view(
     if desired.foot is not None:
         run.plan.method = "foot-optimal"
     if requests is None:
-        plan = plan_of(desired)
+        with Progress(len(desired.names)) as progress:
+            plan = plan_of(desired, progress, bounded=False)
         planned, loads = plan.predicted, plan.task.load
     else:
         sent = read_joint_path(requests, joints=desired.names)
