@@ -287,9 +287,19 @@ def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
 
 
 def _weighed(pair: _Pair) -> _Pair:
-    """The joint fitted to rows weighed by the error to expect of them, where it matters."""
+    """The joint fitted to rows weighed by the error to expect of them, where it matters.
+
+    The delay of a motor may be divided otherwise there. (Else the lift of an SO-101 misses unseen
+    motions by 10.4 mrad, not 8.4. Of 39 logs none without a motor shows one only there.)
+    """
     logs = with_weights(_log_fits(pair.joint), pair.joint.noise)
-    return pair if logs is None else pair.refitted(logs)
+    if logs is None:
+        return pair
+    again = pair.refitted(logs)
+    if not pair.motor:
+        return again
+    anew = with_motor(again.plain, again.joint.parameters)
+    return again._replace(joint=anew) if better(again.joint, anew) else again
 
 
 def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:

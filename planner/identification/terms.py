@@ -186,12 +186,12 @@ def with_motor(fit: Fit, begin: Parameters | None = None) -> Fit:
         return fit
     free = fit.free | only(*MOTOR)
     begins = [begin] if begin else _beginnings(fit, excerpt, free, partial(_near, fit), 7)
-    motor = _motor(fit, excerpt, begins, free, fit.starts)
+    motor = _motor(fit, begins, free, fit.starts)
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
         sag = only(*SAG) & ~free & fit.grid.unloaded
         if not begin:
             begins = _beginnings(fit, excerpt, free | sag, partial(_anywhere, fit), 9)
-        bare = found = _motor(fit, excerpt, begins, free | sag, fit.grid.measured_starts)
+        bare = found = _motor(fit, begins, free | sag, fit.grid.measured_starts)
         if (found.free & sag).any():
             bare, loaded = found.without(*SAG, effort=ENOUGH), found
         if _saving(fit, bare) >= SAVING:
@@ -273,7 +273,7 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit] | None:
     bare = best.without(*INTEGRALS)
     if _saving(bare, best) < 0.5 * LEAST_SAVING:
         return None
-    best = _redivided(best, excerpt)
+    best = _redivided(best)
     for names in (SAG, ("compliance",), *((name,) for name in MOTOR if name != "time_constant")):
         if best.free[only(*names)].all():
             without = best.without(*names, effort=ENOUGH)
@@ -323,7 +323,7 @@ def with_calm_friction(fit: Fit) -> Fit:
     return replace(fit.trial(at, free=free, effort=FULL), free=fit.free)
 
 
-def _motor(fit: Fit, excerpt: Grid, begins: Sequence[Parameters], free: Free, starts: Array) -> Fit:
+def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) -> Fit:
     """The best fit from several beginnings; or the same fit, where none saves enough.
 
     Those of :data:`MOTOR` without which the loss is no larger are left out again.
@@ -333,25 +333,23 @@ def _motor(fit: Fit, excerpt: Grid, begins: Sequence[Parameters], free: Free, st
     begins = [Parameters(*np.where(free, each, fit.parameters).tolist()) for each in begins]
     trials = (fit.trial(begin, free=free, starts=starts) for begin in begins)
     trial = min(trials, key=lambda each: each.cost).trial(effort=ENOUGH)
-    if len(begins) > 1 and _saving(fit, trial) >= 0.5 * SAVING:
-        trial = _redivided(trial, excerpt)
+    if _saving(fit, trial) >= 0.5 * SAVING:
+        trial = _redivided(trial)
     if not pays(fit, trial):
         return fit
     trial = with_needed(trial, MOTOR, effort=TERM)
     return trial if _saving(fit, trial) >= SAVING else fit
 
 
-def _redivided(fit: Fit, excerpt: Grid) -> Fit:
+def _redivided(fit: Fit) -> Fit:
     """The fit, or a better one that begins with another division of its delay.
 
     Lag, window, inertia and gain can replace one another, so that the search by derivatives may end
-    in a local optimum in which one takes the place of another, or of the dead band. Beginnings are
-    compared on an excerpt.
+    in a local optimum in which one takes the place of another, or of the dead band.
     """
     while True:
-        begins = _divisions(fit, [*LIMITS, None])
-        trials = [fit.trial(at, grid=excerpt, effort=TRIAL) for at in begins]
-        best = fit.trial(min(trials, key=lambda each: each.cost).parameters, effort=ENOUGH)
+        trials = [fit.trial(at, effort=TRIAL) for at in _divisions(fit, [*LIMITS, None])]
+        best = min(trials, key=lambda each: each.cost).trial(effort=ENOUGH)
         if best.cost >= 0.99 * fit.cost:
             return fit
         fit = best
