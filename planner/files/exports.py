@@ -18,8 +18,9 @@ from planner.arrays import MOST_SAMPLES, Array
 from planner.exceptions import InvalidInput, MissingExtra, importing
 from planner.files.columns import ANGLES, TIME
 from planner.files.logs.lerobot import COUNTED
+from planner.files.paths import write_samples
 from planner.files.staging import cannot_write, output_folder
-from planner.files.table import DECIMALS, csv_text, write_table
+from planner.files.table import DECIMALS, csv_text
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
@@ -146,10 +147,9 @@ def write_controller_csv(
     servos: Mapping[str, Servo] | None = None,
 ) -> None:
     """Write times, and by joint angles or the counts of ``servos``, which must take them."""
-    names = [TIME, *(f"{name}_{unit}" for name in schedule.names)]
+    names = [f"{name}_{unit}" for name in schedule.names]
     if servos is None:
-        angles = schedule.requests / ANGLES[unit]
-        write_table(path, names, np.column_stack([schedule.times, angles]))
+        write_samples(path, names, schedule.requests / ANGLES[unit], period=schedule.period)
         return
     columns = []
     for name, requests in zip(schedule.names, schedule.requests.T, strict=True):
@@ -163,7 +163,7 @@ def write_controller_csv(
             raise InvalidInput(f"{name}: {words} to {most}; {advice}")
         columns.append(counts.astype(np.int64).tolist())
     times = np.round(schedule.times, DECIMALS).tolist()
-    write_text(path, csv_text(names, zip(times, *columns, strict=True)))
+    write_text(path, csv_text([TIME, *names], zip(times, *columns, strict=True)))
 
 
 def joint_trajectory(

@@ -176,15 +176,12 @@ def write_joint_path(
 ) -> None:
     """Write angles [rad] and torques [N m], (n, k), as CSV: shares of a range, or degrees."""
     endings = [unit if unit in SHARES else "deg" for unit in units or ["deg"] * len(names)]
-    columns = [
-        np.degrees(column) if unit == "deg" else column / SHARES[unit]
-        for unit, column in zip(endings, angles.T, strict=True)
-    ]
     titles = [f"{name}_{unit}" for name, unit in zip(names, endings, strict=True)]
+    rows = angles / [JOINT_UNITS[unit] for unit in endings]
     if loads is not None:
         titles += [f"{name}{LOAD}" for name in names]
-        columns += list(loads.T)
-    write_samples(path, titles, np.column_stack(columns), period=period)
+        rows = np.hstack([rows, loads])
+    write_samples(path, titles, rows, period=period)
 
 
 def is_foot_path(table: Table) -> bool:
