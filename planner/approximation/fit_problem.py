@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import LARGEST, Array, Indices, Mask, as_number, as_positive, as_whole, shown
+from planner.arrays import LARGEST, Array, Indices, Mask, as_count, as_number, as_positive, shown
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 
 Required = Iterable[float] | Mapping[float, float | None]
@@ -194,17 +194,11 @@ def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> i
     """The number of segments; raise InvalidInput where the samples do not allow it."""
     if segments is None:
         return None
-    count = as_whole(segments)
-    if count is None:
-        raise InvalidInput(f"segments: got {shown(segments)}, expected a whole number")
     fewest = 1 if not cyclic or np.all(desired == desired[0]) else 2
     most = desired.size if cyclic else desired.size - 1
-    if not fewest <= count <= most:
-        raise InvalidInput(
-            f"segments: got {shown(count)}, expected {fewest} to {most} for {desired.size} "
-            f"{'cyclic ' if cyclic else ''}samples"
-        )
-    return count
+    of = f"{desired.size} {'cyclic ' if cyclic else ''}samples"
+    expected = f"a whole number, {fewest} to {most} for {of}"
+    return as_count("segments", segments, expected, least=fewest, most=most)
 
 
 def check_feasible(
