@@ -382,12 +382,9 @@ def set_entries(
     """Fill the entries of the KKT matrix, of one triangle and the diagonal; their number.
 
     Unknowns are the requests, the states and the multipliers of the dynamics. Which places have an
-    entry may depend only on what is in the key of :func:`pattern_of`, which keeps patterns. The
-    first entries are the diagonal of the requests; the last ones, three for each request, are for
-    the penalties of changes at their limits.
-
-    ``terms`` are the Levenberg-Marquardt terms of the requests, Delta, (n, J), ``eased`` those of
-    the angles, E, (n, A). Filled are row, column and value of each entry.
+    entry may depend only on the key of :func:`pattern_of`. The first entries are the diagonal of
+    the requests; the last ones, three for each request, are for the penalties of changes at their
+    limits. ``terms`` are Delta, (n, J), ``eased`` E, (n, A), of :func:`set_step`.
     """
     rows, columns = pattern_rows, pattern_columns
     samples, joints = spec.bounds.shape[1:]
@@ -477,13 +474,10 @@ _KEPT: dict[tuple[int, ...], Factor] = {}
 def pattern_of(spec: Spec, *, smoothing: bool) -> Factor:
     """The pattern of the steps of a problem: unknowns are eliminated in order of time.
 
-    It depends on the numbers of samples, joints, drives and requests that act alone. The latest
-    patterns are kept, as joints of one robot and other plans of one path have the same.
-
+    The latest patterns are kept, as joints of one robot and other plans of one path have the same.
     Without second differences and limits on changes requests are eliminated first, then states: a
     Schur complement remains. With them each request follows the last condition on which it acts;
-    requests that act across the boundary of a cycle come last where they are fewer than the
-    conditions with which they would be eliminated.
+    those across the boundary of a cycle come last where they are fewer than these conditions.
     """
     samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
@@ -541,14 +535,11 @@ def set_step(
 
     where S is the identity, or takes second differences and with dry friction distances from the
     middle of the dead band; N takes first differences; E and Delta are Levenberg-Marquardt terms:
-    an even weight, and the curvature of the Lagrangian at the corners where it is positive. Which
-    limits are active is found by the primal-dual active set strategy (M. Hintermüller, K. Ito,
-    M. Kunisch, SIAM J. Optim. 13, 2002), from the active set of the step before. Where it does not
-    end, the search computes the step again with more damping, from the last active set. Requests
-    and changes are held at their limits by stiff penalties.
+    an even weight, and the curvature of the Lagrangian at the corners where it is positive. Active
+    limits, held by stiff penalties, are found by the primal-dual active set strategy (M.
+    Hintermüller, K. Ito, M. Kunisch, SIAM J. Optim. 13, 2002), from those of the step before.
 
-    The answer is whether the system had a solution within the limits, and the cost that the
-    linearisation predicts.
+    The answer is whether the system had a solution within the limits, and the predicted cost.
     """
     samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
@@ -628,11 +619,7 @@ def add_penalties(
     matrix: Array,
     target: Array,
 ) -> None:
-    """Hold requests and changes at their active limits by penalties of this stiffness.
-
-    They are added to the matrix, at the places of the entries that :func:`set_entries` has for
-    them, and to the right-hand side.
-    """
+    """Hold requests and changes at their active limits by penalties of this stiffness."""
     samples, joints = spec.bounds.shape[1:]
     at_limit, tight = search.active[0], search.active[1]
     bounds, requests, count = spec.bounds, point.requests, samples * joints
@@ -662,8 +649,7 @@ def active_changed(
 ) -> bool:
     """Activate limits that a step would pass, release those with an inward force; any changed?
 
-    What is held by a penalty passes its limit a little, and stays inside it where the force, the
-    penalty's, is inward.
+    What is held by a penalty passes its limit a little, unless the force is inward.
     """
     samples, joints = spec.bounds.shape[1:]
     first, changed, bounds, requests = 0 if spec.cyclic else 1, False, spec.bounds, point.requests
@@ -691,10 +677,8 @@ def keep_step(requests: Array, max_step: Array, cyclic: bool) -> None:
     """Change requests so that they change by at most ``max_step`` from one to the next.
 
     With s the largest step they are the middle between the largest requests below the given ones
-    that keep it, ``min_j (R_j + s |j - k|)``, and the smallest above, ``max_j (R_j - s |j - k|)``;
-    in a cycle distances are measured around it. Requests that keep it already do not change, and
-    none leaves the range of the given ones, so that limits still hold. From rest the first one
-    stays. Time: O(n).
+    that keep it, ``min_j (R_j + s |j - k|)``, and the smallest above, ``max_j (R_j - s |j - k|)``,
+    around a cycle, so that limits still hold. From rest the first one stays.
     """
     samples, first = len(requests), 0 if cyclic else 1
     below, above = np.empty(samples), np.empty(samples)
@@ -752,15 +736,14 @@ def go_through(
     """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one.
 
     The m stages, (m, 6), have the order of :class:`Stage` and the same regularisation, whose
-    pattern this is. ``search`` moves to the last end. Half and twice each number of a step change
-    the errors of 50 plans that saturate, half of them outside Equation 13, by 0.02 % in the mean
-    and 1.7 % at worst.
+    pattern this is. Half and twice each number of a step change the errors of 50 plans that
+    saturate by 0.02 % in the mean and 1.7 % at worst.
 
     Returns:
         The requests with which each stage ends [rad], (m, n, J); where corners are sharp the angles
-        of the exact models under them [rad], (m, n, A), else and without a steady cycle NaN; and
-        (m, 3): their error, inf where it is not known, their root mean square error over all
-        scenarios, and the squares of the regularisation.
+        of the exact models [rad], (m, n, A), else NaN; and (m, 3): their error, inf where it is not
+        known, their root mean square error over all scenarios, and the squares of the
+        regularisation.
     """
     samples, joints = spec.bounds.shape[1:]
     errors, figures = np.empty(len(spec.shares) + 1), np.full((len(stages), 3), np.inf)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from planner.arrays import Array, check_choice, shown
+from planner.arrays import Array, as_reals, check_choice, shown
 from planner.exceptions import InvalidInput, OutsideEquation13, angle_text
 from planner.model.joint import JointModel, acting_requests, checked_model
 from planner.model.law import Law
@@ -72,13 +72,11 @@ def line_offset(
     """
     model = checked_model(model)
     check_rule(rule, model)
+    expected = "a number or an array [rad/s]"
     try:
-        array = np.asarray(slope)
-    except ValueError:  # rows of different lengths
-        array = np.asarray("ragged")
-    if array.dtype.kind not in "iuf":
-        raise InvalidInput(f"slope: got {shown(slope)}, expected a number or an array [rad/s]")
-    slopes = array.astype(np.float64)
+        slopes = as_reals(slope)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"slope: got {shown(slope)}, expected {expected}") from error
     try:
         each = np.broadcast_to(np.asarray(0.0 if load is None else load), slopes.shape).ravel()
     except ValueError as error:

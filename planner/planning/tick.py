@@ -6,22 +6,14 @@ A plan R of one joint, with the angles M of the exact model under it, costs
 
 where excess_k is the excess of the change R_k - R_{k-1} over ``max_step``, and R* would hold the
 desired angles D. The plan of the tick before, shifted by one request, is improved by damped
-Gauss-Newton steps on the model with rounded corners; the exact model, simulated, judges steps of
-several lengths and the inverses of lines, so a plan never becomes worse by a step. Then the first
-request of the plan is sent (real-time iteration: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time
-iteration scheme for nonlinear optimization in optimal feedback control*, SIAM J. Control Optim. 43,
-2005).
-
-Corners are rounded more the later a sample is: as time passes, each sample goes through the stages
-of the offline search, from wide corners to sharp ones. To first order, angle and speed after a
-period are linear in the state before it and in the acting requests, so that the step solves a
-linear-quadratic problem by one Riccati recursion, at a cost in proportion to the length (C. V. Rao,
-S. J. Wright, J. B. Rawlings, *Application of interior-point methods to model predictive control*,
+Gauss-Newton steps on the model with corners that are rounded more the later a sample is; the exact
+model judges steps of several lengths and the inverses of lines. Then the first request is sent
+(real-time iteration: M. Diehl, H. G. Bock, J. P. Schlöder, SIAM J. Control Optim. 43, 2005). A step
+solves a linear-quadratic problem by one Riccati recursion (C. V. Rao, S. J. Wright, J. B. Rawlings,
 J. Optim. Theory Appl. 99, 1998).
 
-The law of the joint is ``planner/model/kernel.py`` alone. Import this module where it is used,
-inside functions. Below, k joints have W requests that act between two samples of any of them, and n
-samples are planned.
+Import this module where it is used, inside functions. Below, k joints have W requests that act
+between two samples of any of them, and n samples are planned.
 """
 
 from __future__ import annotations
@@ -398,13 +390,11 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
     The recursion goes backward. With x the changes of angle and speed before period k, and r the
     changes dR of the requests before it, half the cost from there on is, up to a constant,
 
-        x'Px/2 + x'Cr + r'Qr/2 - p'x - q'r.
+        x'Px/2 + x'Cr + r'Qr/2 - p'x - q'r,
 
-    An integral term is not linearised; the exact model, which has it, judges every step. The cost
-    is first written in the state before period k and dR_k, then minimised over dR_k. A request
-    keeps its row of Q from the last period in which it acts to the one in which it is eliminated,
-    so that all but a band of Q is zero. ``requests`` are the acting ones before the plan, then the
-    plan [rad].
+    first written in the state before period k and dR_k, then minimised over dR_k; all but a band of
+    Q is zero. An integral term is not linearised; the exact model, which has it, judges every step.
+    ``requests`` are the acting ones before the plan, then the plan [rad].
     """
     joint, law, weights, samples, state, begins = problem
     count, width = len(step), weights.shape[1]
