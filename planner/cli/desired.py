@@ -493,7 +493,7 @@ def _in_percent(model: JointModel) -> JointModel:
     factor = SHARES["range"]
     angles = [each.name for each in fields(model) if each.metadata["unit"].startswith("rad")]
     scaled = replace(model, **{name: factor * getattr(model, name) for name in angles})
-    return scaled.with_evidence(model.evidence and model.evidence.scaled(factor))
+    return scaled.with_evidence(model.evidence and model.evidence.scaled(factor, angles))
 
 
 def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> str:

@@ -147,13 +147,12 @@ class Evidence(NamedTuple):
         }
         return tuple(name for name, outside in checks.items() if outside)
 
-    def scaled(self, factor: float) -> Evidence:
-        """The same evidence, for angles in a unit that is this many times as small."""
+    def scaled(self, factor: float, names: Sequence[str]) -> Evidence:
+        """The same evidence in another unit of angles, so many times as small, that of ``names``."""
         low, high = self.angles
         pairs = tuple((factor * size, factor * error) for size, error in self.by_acceleration)
-        times = ("lag", "acceleration_time", "time_constant", GAIN)  # the same in any unit
         intervals = {
-            name: (least, most) if name in times else (factor * least, factor * most)
+            name: (factor * least, factor * most) if name in names else (least, most)
             for name, (least, most) in self.intervals.items()
         }
         return self._replace(

@@ -230,11 +230,11 @@ def test_a_model_carries_its_evidence_until_a_parameter_changes():
 
 
 def test_evidence_in_another_unit_is_scaled_but_for_loads_times_the_gain_and_shares():
-    times = ("gain", "lag", "acceleration_time", "time_constant")
+    times = ("gain", "lag", "acceleration_time", "time_constant", "integral_rate")
     intervals = dict.fromkeys(times, (0.02, 0.03))
     seen = SEEN._replace(delay_error=0.01, spread=(0.5, 2.0), over_delay=0.3)
     seen = seen._replace(intervals=intervals | {"v_max": (1.0, np.inf)}, correlations=((1.0,),))
-    assert seen.scaled(100.0) == seen._replace(
+    assert seen.scaled(100.0, ["v_max"]) == seen._replace(
         error=2.0,
         speed=200.0,
         angles=(-100.0, 100.0),
