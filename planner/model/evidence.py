@@ -148,7 +148,7 @@ class Evidence(NamedTuple):
         return tuple(name for name, outside in checks.items() if outside)
 
     def scaled(self, factor: float, names: Sequence[str]) -> Evidence:
-        """The same evidence in another unit of angles, so many times as small, that of ``names``."""
+        """The same evidence in a unit of angles so many times as small, that of ``names``."""
         low, high = self.angles
         pairs = tuple((factor * size, factor * error) for size, error in self.by_acceleration)
         intervals = {
