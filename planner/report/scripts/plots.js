@@ -203,9 +203,11 @@ live.kinds.plot = async (figure, description) => {
   scale();
   place.on("plotly_afterplot", scale);
   for (const change of live.colours) change.addEventListener("change", draw);
+  // Drawn anew, as a change of the width alone would widen the ranges of equal axes; not for the
+  // window of a pixel in which browsers take pictures of whole pages.
   new ResizeObserver(() => {
     const width = place.clientWidth, fits = Math.abs(width - place.layout.width) < 1;
-    if (width && !fits && !matchMedia("print").matches) Plotly.relayout(place, { width });
+    if (width > 100 && !fits && !matchMedia("print").matches) draw();
   }).observe(place);
   if (!clock) return;
   const point = (moment) => Plotly.relayout(place, { "shapes[0].x0": moment * clock, "shapes[0].x1": moment * clock });
