@@ -42,12 +42,7 @@ from planner.planning.task import Solver, Task
 LOGGER = logging.getLogger(__name__)
 
 NARROW = (
-    Stage(0.5, 1e-2),
-    Stage(0.2, 1e-3),
-    Stage(0.1, 1e-4),
-    Stage(0.04, 5e-5),
-    Stage(0.02, 5e-5),
-    Stage(0.008, 5e-5),
+    *map(Stage, (0.5, 0.2, 0.1, 0.04, 0.02, 0.008), (1e-2, 1e-3, 1e-4, 5e-5, 5e-5, 5e-5)),
     Stage(0.006, 1e-5, steps=2),
 )
 """The stages. A regularisation keeps the first ones out of saturated, flat regions, and the last
@@ -56,14 +51,8 @@ ones from jumping where nothing is gained. Fewer than seven stages cost up to 13
 SHARP = tuple(stage for stage in NARROW if stage.radius < SIMULATED)
 """Those whose answers are simulated, for a search that begins near its end."""
 
-WIDE = (
-    Stage(2.0, 1e-3),
-    Stage(1.0, 1e-3),
-    Stage(0.5, 1e-4),
-    Stage(0.2, 1e-4),
-    Stage(0.08, 1e-4),
-    Stage(0.02, 1e-5),
-    Stage(0.008, 1e-8),
+WIDE = tuple(
+    map(Stage, (2.0, 1.0, 0.5, 0.2, 0.08, 0.02, 0.008), (1e-3, 1e-3, 1e-4, 1e-4, 1e-4, 1e-5, 1e-8))
 )
 """The stages of a search far from its start: with corners so wide every request has an effect. The
 last regularisation is very weak, which matters where next to no error remains. Without this search
@@ -71,13 +60,8 @@ plans lose up to 18 %."""
 
 LARGEST = tuple(
     Stage(radius, 1e-5, power, 8)
-    for radius, power in (
-        (0.1, 4.0),
-        (0.1, 8.0),
-        (0.1, 16.0),
-        (0.05, 32.0),
-        (0.02, 64.0),
-        (0.006, 64.0),
+    for radius, power in zip(
+        (0.1, 0.1, 0.1, 0.05, 0.02, 0.006), (4.0, 8.0, 16.0, 32.0, 64.0, 64.0), strict=True
     )
 )
 """Where the largest error counts, the stages after the wide corners: it is approached through sums
