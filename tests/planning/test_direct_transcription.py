@@ -50,6 +50,13 @@ def test_trajectories_shorter_than_the_window_are_planned(samples, cyclic):
     assert plan.rms == pytest.approx(own.rms, rel=ALIKE)
 
 
+def test_a_plan_begins_at_the_angle_where_the_joint_rests():
+    """The largest error is the first's."""
+    desired = 2.0 + 0.15 * np.sin(2.0 * np.pi * np.arange(10) / 25)
+    theirs, ours = both(ERS210A, desired, cyclic=False, norm="max", smoothness=0.0)
+    assert theirs.error == pytest.approx(ours.error, rel=0.002)
+
+
 def test_a_solver_that_stops_early_is_reported_with_its_own_status(monkeypatch):
     monkeypatch.setattr(direct_transcription, "ITERATIONS", 1)
     with pytest.raises(SolverFailed, match="inversion by ipopt: the solver stopped") as caught:
