@@ -58,11 +58,10 @@ FAR_ABOVE = 4.0
 """Times the fastest motion of a log, a top speed that is hardly reached."""
 
 
-def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False) -> tuple[Fit, ...]:
+def fit_joint(logs: Sequence[Log], timing: Timing) -> Fit:
     """Fit the joint, without the terms of ``terms.py``, to logs: to some stretches of long ones.
 
-    With ``choose_tick`` ticks of a whole period are tried, too; where they fit better that is
-    another fit after the first. Raises InvalidInput where there is no motion to fit.
+    Raises InvalidInput where there is no motion to fit.
     """
     rows = partial(resampled, thinned(logs), reach=timing.reach)
     delay = best_delay(moving(rows(tick=timing.tick, burn_in=0.0)))
@@ -77,13 +76,7 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         burn_in = min(max(burn_in, 1.2 * window), timing.reach)
         final = moving(rows(tick=timing.tick, burn_in=burn_in, settled=settled))
         best = search(final, best.parameters, scale=best.scale)
-    fits = [best]
-    if choose_tick and timing.hold > 1:
-        grid = rows(tick=timing.period, burn_in=burn_in, settled=settled)
-        simple = search(grid, found.parameters, scale=best.scale)
-        # Where the log does not tell which ticks the joint has, they agree to a tenth of this.
-        fits += [simple] if huber(simple.weighted, best.scale) < 0.995 * best.cost else []
-    return tuple(_without_saturation(fit.again(effort=SEARCH)) for fit in fits)
+    return _without_saturation(best.again(effort=SEARCH))
 
 
 def refitted(
