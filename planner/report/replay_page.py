@@ -79,20 +79,19 @@ def replay_page(
 ) -> Page:
     """The page about a replay, or the fastest; an ``arm``, whose joints are all recorded, moves."""
     units = {joint.name: UNITS[joint.path.unit] for joint in replay.planned}
-    joints = {
-        joint.name: joint_numbers(joint) | {"sign": units[joint.name].sign}
-        for joint in replay.planned
-    }
+    said = _spoken(replay, models, fastest)
+    joints = {name: said["numbers"][name] for name in units}
     expected = {name: each["expected_on_robot_rms"] for name, each in joints.items()}
     known = {name: error for name, error in expected.items() if math.isfinite(error)}
     fast = {each.name: sum(b - a for a, b in each.too_fast) for each in replay.planned}
     return Page(
         "replay",
-        **_spoken(replay, models, fastest),
+        **said,
         title=title,
         planned=joints,
         titled="joint",
         units=spoken(units.values()),
+        signs={name: unit.sign for name, unit in units.items()},
         most={
             kind: max(each[kind]["max"] for each in joints.values())
             for kind in ("planned", "direct", "resent")
@@ -112,19 +111,21 @@ def replay_page(
 
 def replay_text(replay: Replay, models: JointModels, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms, and how its requests move."""
-    spoken_of = _spoken(replay, models, fastest)
-    motions = [(label, each) for label, each in spoken_of["joints"] if each["planned"]]
-    requests = motions_table(motions, spoken_of["unit"])
-    return rendered_text("replay.txt", **spoken_of, titled="rms", requests=requests)
+    said = _spoken(replay, models, fastest)
+    motions = [(label, each) for label, each in said["joints"] if each["planned"]]
+    requests = motions_table(motions, said["unit"])
+    return rendered_text("replay.txt", **said, titled="rms", requests=requests)
 
 
 def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dict[str, Any]:
     """What the sentences about a replay say."""
     fast = {each.name for each in replay.planned if each.too_fast}
     unit, labels = labelled({joint.name: UNITS[joint.path.unit] for joint in replay.joints})
+    numbers = {joint.name: joint_numbers(joint) for joint in replay.joints}
     return {
         "replay": replay,
-        "joints": [(labels[joint.name], joint_numbers(joint)) for joint in replay.joints],
+        "numbers": numbers,
+        "joints": [(labels[name], each) for name, each in numbers.items()],
         "unit": unit,
         "models": models,
         "why": WHY[replay.path.track],
@@ -132,7 +133,7 @@ def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dic
         "allowed": _allowed(fastest)[0] if fastest else 0.0,
         "unknown": sorted(replay.path.open_top_speeds & fast),
         "open": OPEN_TOP_SPEED,
-        "resent": {joint.name: joint_numbers(joint) for joint in replay.resent_may_serve},
+        "resent": {joint.name: numbers[joint.name] for joint in replay.resent_may_serve},
     }
 
 
