@@ -98,9 +98,9 @@ def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
     header, is the delimiter. Where it is not a comma, numbers may have decimal commas.
     """
     stream = io.StringIO(read_text(path), newline=None)
-    lines = [(number, line) for number, line in enumerate(stream, 1) if line.strip()]
+    lines = [(number, line) for number, line in enumerate(stream, 1) if not line.isspace()]
     declared = re.fullmatch(r"sep=([,;\t])\s*", lines[0][1]) if lines else None  # of spreadsheets
-    content = [each for each in lines[bool(declared) :] if not each[1].lstrip().startswith("#")]
+    content = [each for each in lines[bool(declared) :] if each[1].lstrip()[0] != "#"]
     if not content:
         raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
     first, text = content[0]
