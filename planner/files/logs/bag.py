@@ -329,7 +329,7 @@ def _stores(connections: Sequence[Connection]) -> list[Typestore]:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     own: dict[str, Any] = {}
-    for connection in connections:  # a definition as IDL is that of a type that stands there
+    for connection in connections:  # those in IDL are not needed: the default ones are alike
         if connection.msgdef.format == MessageDefinitionFormat.MSG:
             own.update(get_types_from_msg(connection.msgdef.data, connection.msgtype))
     if own:
