@@ -398,11 +398,6 @@ def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
         raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
 
 
-def is_one_of(value: object, names: Sequence[Any]) -> bool:
-    """Whether the value is one of these names; an array or a list is none."""
-    return isinstance(value, str) and value in names
-
-
 class Summary(NamedTuple):
     """A heading in one line, and a table with a unit beside every number or title."""
 

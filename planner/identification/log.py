@@ -18,8 +18,8 @@ from planner.arrays import (
     Summarised,
     Summary,
     as_trajectory,
+    check_choice,
     freeze,
-    is_one_of,
     shown,
 )
 from planner.exceptions import InvalidInput, InvalidTrajectory
@@ -151,10 +151,7 @@ class Log(ReadOnly, Summarised):
                 raise InvalidTrajectory(
                     f"{self.name}: {column}: got shape {shape}, expected ({rows},), one a time"
                 )
-        if not is_one_of(self.unit, UNITS):
-            raise InvalidTrajectory(
-                f"{self.name}: unit: got {shown(self.unit)}, expected one of {', '.join(UNITS)}"
-            )
+        check_choice(f"{self.name}: unit", self.unit, UNITS)
         back = np.flatnonzero(np.diff(self.times) <= 0.0)
         if back.size:
             row = int(back[0]) + 1
