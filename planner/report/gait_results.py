@@ -11,6 +11,7 @@ from kinematics.leg import Leg
 from planner.gait.stride import ShortestCycle, Stride
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.model.joint import JointModel
+from planner.report.wording import phrase
 
 
 def stride_results(leg: Leg, stride: Stride, period: float) -> dict[str, Any]:
@@ -42,20 +43,17 @@ def shortest_answer(
     cycle: ShortestCycle, tolerance: float, models: Sequence[JointModel]
 ) -> tuple[dict[str, Any], str]:
     """The shortest cycle that keeps a tolerance [cm], for machines and for people."""
-    period = models[0].period
-    of_model_only = any(each.evidence and each.evidence.leaves_top_speed_open for each in models)
-    proof, plan = cycle.too_short, cycle.plan.plan
-    too_short, proved = None, "no shorter one is proved impossible"
-    if proof is not None:
-        samples, bound = proof
+    too_short, plan = None, cycle.plan.plan
+    if cycle.too_short is not None:
+        samples, bound = cycle.too_short
         too_short = {
             "samples": samples,
-            "cycle_s": samples * period,
+            "cycle_s": samples * models[0].period,
             "lower_bound_cm": 100.0 * bound,
-            "of_model_only": of_model_only,
+            "of_model_only": any(
+                each.evidence and each.evidence.leaves_top_speed_open for each in models
+            ),
         }
-        proved = f"in {samples * period:.4g} s no requests keep it there"
-        proved += f", which holds for the models only: {OPEN_TOP_SPEED}" if of_model_only else ""
     pairs = zip(plan.names, plan.expected, strict=True)
     document = {
         "tolerance_cm": tolerance,
@@ -65,11 +63,6 @@ def shortest_answer(
         "untested": {name: list(each.untested) for name, each in pairs},
         "too_short": too_short,
     }
-    lines = [
-        f"a cycle of {cycle.samples} samples, {cycle.period:.4g} s, is the shortest at which the "
-        f"planned foot stays within {tolerance:g} cm by the model; {proved}",
-        "plan it with --method foot-optimal --norm max: the default, rms, lets the largest error "
-        "be more",
-        untested_words(plan.names, plan.expected),
-    ]
-    return document, "\n".join(filter(None, lines))
+    beyond = untested_words(plan.names, plan.expected)
+    more = {"open": OPEN_TOP_SPEED, "beyond": beyond}
+    return document, phrase("gait.txt", "shortest", **document, **more)
