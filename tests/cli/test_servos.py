@@ -350,7 +350,7 @@ def test_a_model_holds_within_twice_its_error_or_a_small_one_unless_a_new_one_mi
         table.replace("joint_1", f"joint_{k}").replace("id = 1", f"id = {k}") for k in (1, 2, 3)
     ]
     arm.write_text("\n".join(tables))
-    found = SimpleNamespace(model=None, intervals={}, rms=np.radians(other))
+    found = SimpleNamespace(model=None, intervals={}, unit="rad", rms=np.radians(other))
     moved, rates = [], []
 
     def move(arm, name, requests, *, period, log):  # noqa: ARG001
