@@ -224,7 +224,7 @@ def table(name: str, /, **values: Any) -> Table:
         return Column(words(title.removeprefix("< ")), below, title.startswith("< "), joined)
 
     block = _block("tables.txt", name, _environment_of_tables()).render(values)
-    lines = re.sub(r"\s*\n\s*(?=\||#\w)", " ", block).splitlines()
+    lines = re.sub(r"\s*\n\s*(?=\||#\w)", " ", block).split("\n")
     head, *rows = [[each.strip() for each in line.split("|")] for line in lines if line.strip()]
     label, _, first = head[0].partition("=")
     drawn = []

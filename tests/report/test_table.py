@@ -53,7 +53,7 @@ def test_a_page_has_every_part_in_a_cell_and_every_subject_once():
 
 
 def test_names_with_separators_of_the_template_of_tables_stay_as_they_are():
-    name = "< a | b / c ;; d >> e :: f = g #h"
+    name = "< a | b / c ;; d >> e :: f = g #h\u2028i"
     each = {"unit": "deg", "trials": 1, "errors": [1.0], "best_trial": 1, "noise": math.nan}
     each |= {"predicted": 0.5, "lower_bound": 0.25}
     made = of_template("trials", progress={name: each, "knee": each}, short=lambda value, _: value)
