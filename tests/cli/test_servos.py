@@ -350,7 +350,7 @@ def test_a_model_holds_within_twice_its_error_or_a_small_one_unless_a_new_one_mi
         table.replace("joint_1", f"joint_{k}").replace("id = 1", f"id = {k}") for k in (1, 2, 3)
     ]
     arm.write_text("\n".join(tables))
-    found = SimpleNamespace(model=None, intervals={}, unit="rad", rms=np.radians(other))
+    found = SimpleNamespace(model=None, intervals={}, rms=np.radians(other))
     moved, rates = [], []
 
     def move(arm, name, requests, *, period, log):  # noqa: ARG001
@@ -362,6 +362,7 @@ def test_a_model_holds_within_twice_its_error_or_a_small_one_unless_a_new_one_mi
     errors = np.radians(now), np.radians(before), beyond
     monkeypatch.setattr(calibration, "errors", lambda *_: errors)
     monkeypatch.setattr(calibration, "changes", lambda *_: {})
+    monkeypatch.setattr("planner.report.calibration_text.parameters", lambda _: [])
     asked = ("check", "--bus", "virtual", "--model", arm, "--joint", "joint_3", "--joint")
     result = run(*asked, "joint_2", "--duration-s", "3", "--rate-hz", "50")
     assert moved == ["joint_3", "joint_2"]
