@@ -222,7 +222,8 @@ def _by_joint(
 ) -> Array:
     """A function of a model, its column of values and its load, for each joint."""
     torques = [0.0] * len(models) if loads is None else [0.0 if x is None else x for x in loads]
-    each = map(of, models, np.moveaxis(values, -1, 0), torques)
+    columns = (values[..., j] for j in range(len(models)))
+    each = map(of, models, columns, torques)
     return np.stack(np.broadcast_arrays(*each), axis=-1)
 
 
@@ -268,6 +269,6 @@ def load_by_period(load: Array | None, *, cyclic: bool) -> Array | None:
     """The torque in the period that ends in each sample [N m], (..., n): the mean at its ends."""
     if load is None:
         return None
-    before = np.roll(load, 1, axis=-1)
-    before[..., 0] = load[..., -1 if cyclic else 0]
+    first = load[..., -1:] if cyclic else load[..., :1]
+    before = np.concatenate([first, load[..., :-1]], axis=-1)
     return np.asarray((before + load) / 2.0)

@@ -109,7 +109,8 @@ class Problem(Task):
             drives.append((*model.law, model.hold, model.theta_0, coasts, start))
         first, bounds = self.first_requests, np.empty((4, *self.desired.shape))
         bounds[LOWER], bounds[UPPER], bounds[LARGEST_CHANGE] = self.lower, self.upper, self.max_step
-        bounds[FIRST] = np.clip(0.0 if first is None else first, bounds[LOWER], bounds[UPPER])
+        held = 0.0 if first is None else first
+        bounds[FIRST] = np.minimum(np.maximum(held, bounds[LOWER]), bounds[UPPER])
         if self.near is None:
             near = np.array(
                 rest_requests(self.nominal, self.desired, self.load_of_drives[: len(self.names)])
