@@ -64,7 +64,7 @@ def cheapest_chain(
 ) -> Indices:
     """Nodes on the cheapest way of so many chords from the first to the last; empty if none.
 
-    The nodes are increasing samples of a curve, (m,), with ``values`` and the ``sums`` of d, k d
+    The nodes are increasing samples, (m,), with ``values`` and the ``sums`` of the samples d, k d
     and d² up to them, (3, m); the ``fixed`` ones must be on the way. The cost of a chord is its
     squared error over the samples after its start, infinite where it is too steep.
     """

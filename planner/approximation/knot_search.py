@@ -113,7 +113,9 @@ class KnotSearch:
         problem = self.problem
         count = segments if problem.cyclic else segments + 1
         merged = with_required(problem, np.sort(self.ranked[:count]))
-        chains = [] if segments > PROPOSED else proposed_knots(self.smooth, segments)
+        chains = (
+            [] if segments > PROPOSED else proposed_knots(problem, self.smooth.desired, segments)
+        )
         proposals = [*chains, *([] if merged is None else [merged]), even_knots(problem, segments)]
         starts = [best_values(problem, knots) for knots in proposals]
         if proposals[0].size <= WINDOW:
@@ -212,8 +214,8 @@ def exact_curve(problem: Problem, ideal_error: float) -> Candidate | None:
     return descend(problem, curve, rounds=MANY, progress=1e-13)
 
 
-def proposed_knots(problem: Problem, segments: int) -> list[Array]:
-    """Knots of the cheapest chains of chords of the samples on a grid, without duplicates.
+def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]:
+    """Knots of the cheapest chains of chords of the ideal on a grid, without duplicates.
 
     Chains of a cycle begin and end at several samples, one after the other.
     """
@@ -230,10 +232,10 @@ def proposed_knots(problem: Problem, segments: int) -> list[Array]:
     for first in starts.tolist():
         required = (nearest - first) % n if cyclic else nearest
         grid = np.union1d(even, required)
-        curve, index = np.resize(np.roll(problem.desired, -first), last + 1), np.arange(last + 1)
-        sums = np.cumsum([curve, index * curve, curve**2], axis=1)[:, grid]
-        stays = np.isin(grid, required)
-        way = cheapest_chain(grid, curve[grid], sums, stays, problem.step, segments)
+        index, around = np.arange(last + 1), np.arange(first, first + last + 1) % n
+        desired, stays = problem.desired[around], np.isin(grid, required)
+        sums = np.cumsum([desired, index * desired, desired**2], axis=1)[:, grid]
+        way = cheapest_chain(grid, ideal[around][grid], sums, stays, problem.step, segments)
         if not way.size:
             continue
         places = grid[way].astype(np.float64) + first
