@@ -310,7 +310,7 @@ def _with_best_ticks(fit: Fit, timing: Timing) -> Fit:
     logs = fit.grid.logs
     if timing.hold > 1:
         fine, by_rows = (refitted(logs, fit, tick=each) for each in (tick, timing.period))
-        return by_rows if pays(fine, by_rows) else fine
+        return by_rows if pays(fine, by_rows) and better(fit, by_rows) else fine
     fine = refitted(logs, fit, tick=tick, effort=SEARCH)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
