@@ -4,11 +4,13 @@ The values at the knots are those of least squares, a convex QP ((5) of docs/mat
 sought, not proved best (:mod:`planner.approximation.knot_search`); at n = 88, in 5 to 25 ms for 2
 to 12 segments. One segment more is hardly ever worse: of 840 pairs seven were, by 0.2 to 0.4 %, all
 of a single impulse. The same samples shifted, mirrored, reversed or scaled give the same curve.
+With ``exact`` the answer is proved best of all with knots on samples, by ``exact_fit.py``.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -17,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.exact_fit import MOST_SAMPLES, proved_best
 from planner.approximation.fit_problem import (
     BARELY,
     SAME_PLACE,
@@ -90,6 +93,16 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
         return float(np.max(np.abs(self.residuals)))
 
 
+class Question(NamedTuple):
+    """How many segments, how close, and which knots; each None if unspecified."""
+
+    segments: int | None
+    max_error: float | None  # [rad]
+    max_rms: float | None  # [rad]
+    knots: Array | None  # [samples]
+    exact: bool
+
+
 def fit_pwl(
     desired: npt.ArrayLike,
     *,
@@ -101,11 +114,12 @@ def fit_pwl(
     max_rms: float | None = None,
     knots: npt.ArrayLike | None = None,
     required: Required = (),
+    exact: bool = False,
 ) -> PiecewiseLinearFit:
     """Approximate ``desired`` by few straight lines that a joint of speed ``v_max`` can follow.
 
     The curve is continuous, closed if ``cyclic``, and every slope is within ±v_max. The module's
-    docstring describes the search of the knots. Cost O(n log n).
+    docstring describes the search of the knots. Cost O(n log n), unless ``exact``.
 
     Args:
         desired: Angles [rad], shape (n,), n >= 3.
@@ -126,11 +140,13 @@ def fit_pwl(
         required: Indices, whole or not, where there must be a knot; as a mapping, with the angle
             there [rad], or None where it is free. At the ends of a path, 0 and n - 1, there are
             knots in any case.
+        exact: Whether to prove the answer best of all with knots on samples; with ``segments`` or
+            ``max_rms``, n <= 400.
 
     Raises:
         InvalidInput: An argument is out of its range, no trajectory, or excludes another.
         Infeasible: Requirements contradict each other, the slopes or the error; names the pair.
-        SolverFailed: A QP was not solved.
+        SolverFailed: A QP was not solved, or nothing proved in reasonable time.
 
     Example:
         >>> import numpy as np
@@ -141,6 +157,7 @@ def fit_pwl(
     """
     samples = as_trajectory(desired, name="desired", minimum=3)
     cyclic, n = as_flag("cyclic", cyclic), samples.size
+    exact = as_flag("exact", exact)
     places, pins = checked_knots(required, n, cyclic=cyclic)
     v_max, tick = positive("v_max", v_max, "rad/s"), positive("tick", tick, "s")
     problem = Problem(desired=samples, step=v_max * tick, cyclic=cyclic, required=places, pins=pins)
@@ -148,19 +165,15 @@ def fit_pwl(
         values = as_trajectory(knots, name="knots", minimum=1)
         fixed = checked_knots(values.tolist(), n, cyclic=cyclic, name="knots")[0]
         knots = np.unique([*fixed, *places, *([] if cyclic else [0.0, n - 1.0])])
-    segments = checked_segments(segments, samples, cyclic=cyclic)
-    max_error = None if max_error is None else positive("max_error", max_error, "rad")
-    max_rms = None if max_rms is None else positive("max_rms", max_rms, "rad")
-    asked = {"segments": segments, "max_error": max_error, "max_rms": max_rms, "knots": knots}
-    for first, *others in (("max_error", "max_rms"), ("knots", "segments", "max_error", "max_rms")):
-        for other in others:
-            if asked[first] is not None and asked[other] is not None:
-                raise InvalidInput(f"{first}, {other}: got both, expected one; leave one out")
-    at_most = max_error is not None or max_rms is not None
-    check_feasible(
-        problem, tick, knots=knots, segments=segments, at_most=at_most, max_error=max_error
+    question = Question(
+        segments=checked_segments(segments, samples, cyclic=cyclic),
+        max_error=None if max_error is None else positive("max_error", max_error, "rad"),
+        max_rms=None if max_rms is None else positive("max_rms", max_rms, "rad"),
+        knots=knots,
+        exact=exact,
     )
-    curve, fewest = _curve(problem, segments, max_error, max_rms, knots)
+    _check(problem, question, tick)
+    curve, fewest = _curve(problem, question)
     fit = PiecewiseLinearFit(
         knots=curve.knots,
         values=within_slopes(problem, curve.knots, curve.values),
@@ -171,33 +184,55 @@ def fit_pwl(
         v_max=v_max,
         fewest_segments=fewest,
     )
-    excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
-    if not excess <= 1e-12:
-        raise SolverFailed("slopes of the piecewise-linear fit", "repaired", violation=excess)
-    rounding = 1e-14 * float(np.max(np.abs(samples)))
-    for name, error, bound in (("largest", fit.max_error, max_error), ("rms", fit.rms, max_rms)):
-        if bound is not None and error > bound * (1.0 + BARELY) + rounding:
-            problem_name = f"{name} error of the piecewise-linear fit"
-            raise SolverFailed(problem_name, "solved", violation=error - bound)
+    _certify(fit, question)
     return fit
 
 
-def _curve(
-    problem: Problem,
-    segments: int | None,
-    max_error: float | None,
-    max_rms: float | None,
-    knots: Array | None,
-) -> tuple[Candidate, int | None]:
+def _check(problem: Problem, question: Question, tick: float) -> None:
+    """Raise an error where arguments exclude each other, or no curve meets them all."""
+    segments, max_error, max_rms, knots, exact = question
+    named = {"segments": segments, "max_error": max_error, "max_rms": max_rms, "knots": knots}
+    for first, *others in (("max_error", "max_rms"), ("knots", "segments", "max_error", "max_rms")):
+        both = [name for name in others if named[first] is not None and named[name] is not None]
+        if both:
+            raise InvalidInput(f"{first}, {both[0]}: got both, expected one; leave one out")
+    if exact:
+        if max_error is not None:
+            raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
+        if knots is None and segments is None and max_rms is None:
+            raise InvalidInput("exact: expected segments or max_rms with it; give one of them")
+        for name, places in (("required", problem.required), ("knots", knots)):
+            between = np.empty(0) if places is None else places[places != np.floor(places)]
+            if between.size:
+                raise InvalidInput(
+                    f"{name}: got a knot at sample {between[0]:g} with exact, expected whole "
+                    "samples; an optimum is proved for knots on them"
+                )
+        if knots is None and problem.samples > MOST_SAMPLES:
+            raise InvalidInput(
+                f"exact: got {problem.samples} samples, expected at most {MOST_SAMPLES}; fit "
+                "without it, or thin the samples out"
+            )
+    check_feasible(
+        problem,
+        tick,
+        knots=knots,
+        segments=segments,
+        at_most=max_error is not None or max_rms is not None,
+        max_error=max_error,
+    )
+
+
+def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]:
     """The curve, its slopes within ±v_max but for rounding, and with a largest error the fewest."""
     angles = np.append(problem.desired, problem.pins[np.isfinite(problem.pins)])
     middle = 0.5 * (float(angles.max()) + float(angles.min()))
     unit = float(np.max(np.abs(angles - middle)))
     if unit <= SMALLEST:
-        count = segments if segments and max_error is None else 1
-        knots = even_knots(problem, count) if knots is None else knots
+        segments = question.segments if question.max_error is None else None
+        knots = even_knots(problem, segments or 1) if question.knots is None else question.knots
         constant = Candidate(knots, np.full(knots.size, middle), 0.0)
-        return constant, None if max_error is None else 1
+        return constant, None if question.max_error is None else 1
     scaled = problem._replace(
         desired=(problem.desired - middle) / unit,
         # Where samples span 2 no line is as steep; beyond, rounding is all that is left of them.
@@ -205,15 +240,15 @@ def _curve(
         pins=(problem.pins - middle) / unit,
     )
     fewest = None
-    if knots is not None:
-        curve = best_values(scaled, knots)
+    if question.knots is not None:
+        curve = best_values(scaled, question.knots)
     else:
-        search = KnotSearch(scaled)
-        if max_error is None:
-            curve = _search_curve(search, segments, max_rms, unit)
+        search, most = KnotSearch(scaled), question.segments
+        if question.max_error is None:
+            curve = _search_curve(search, question, unit)
         else:
-            bound = max_error / unit
-            curve, fewest = within_largest_error(search.unrounded, bound, segments, unit)
+            bound = question.max_error / unit
+            curve, fewest = within_largest_error(search.unrounded, bound, most, unit)
         curve = search.restored(curve)
     knots = np.array(curve.knots)
     for place in problem.required:
@@ -222,13 +257,17 @@ def _curve(
     return Candidate(knots, values, curve.error), fewest
 
 
-def _search_curve(
-    search: KnotSearch, segments: int | None, max_rms: float | None, unit: float
-) -> Candidate:
-    """The curve of so many segments, or of the fewest, by the search, in its unit [rad]."""
+def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candidate:
+    """The curve for the question, by the search, in its unit [rad]."""
+    segments, _, max_rms, _, exact = question
     n = search.problem.samples
+
+    def curve_of(count: int) -> Candidate:
+        curve = search.curve(count)
+        return proved_best(search.problem, curve) if exact else curve
+
     if max_rms is None and segments is not None:
-        return search.curve(segments)
+        return curve_of(segments)
     last = search.most if segments is None else min(segments, search.most)
     if max_rms is None:
         bend = np.abs(np.diff(search.problem.desired, n=2))
@@ -246,38 +285,55 @@ def _search_curve(
                 "larger v_max"
             )
         enough = n * (bound * (1.0 + BARELY)) ** 2 + 1e-24 * n
-    if segments is None and search.exact and search.exact.error <= enough:
+    if segments is None and not exact and search.exact and search.exact.error <= enough:
         return search.exact
-    curve = _fewest(search, enough, last) or search.curve(last)
+    curve = _fewest(search, curve_of, enough, last, exact) or curve_of(last)
     if max_rms is not None and curve.error > enough:
         raise Infeasible(
             f"max_rms and the number of segments: got {angle_text(max_rms)}, but with at most "
-            f"{last} segments the smallest found is "
+            f"{last} segments{' and knots on samples' if exact else ''} the smallest found is "
             f"{angle_text(math.sqrt(curve.error / n) * unit)}; allow more error or more segments"
         )
     return curve
 
 
-def _fewest(search: KnotSearch, enough: float, most: int) -> Candidate | None:
+def _fewest(
+    search: KnotSearch, curve_of: Callable[[int], Candidate], enough: float, most: int, every: bool
+) -> Candidate | None:
     """The curve of fewest segments whose squared error is ``enough``, if there is one.
 
-    Beyond :data:`ONE_BY_ONE` numbers of segments grow until one suffices, and are bisected: fewer
-    are assumed to be no better.
+    Unless ``every`` number is tried, beyond :data:`ONE_BY_ONE` they grow until one suffices, and
+    are bisected: fewer are assumed to be no better.
     """
-    failed = max(search.fewest, min(most, ONE_BY_ONE))
+    failed = max(search.fewest, most if every else min(most, ONE_BY_ONE))
     for few in range(search.fewest, failed + 1):
-        hopeful = few == most or search.starts(few)[0].error <= HOPELESS * enough
-        if hopeful and (curve := search.curve(few)).error <= enough:
+        hopeful = every or few == most or search.starts(few)[0].error <= HOPELESS * enough
+        if hopeful and (curve := curve_of(few)).error <= enough:
             return curve
     best, count = None, failed
     while failed < most if best is None else count - failed > 1 + math.floor(0.004 * count):
         trial = (failed + count) // 2 if best else min(most, math.ceil(1.3 * failed))
-        curve = search.curve(trial)
+        curve = curve_of(trial)
         if curve.error <= enough:
             best, count = curve, trial
         else:
             failed = trial
     return best
+
+
+def _certify(fit: PiecewiseLinearFit, question: Question) -> None:
+    """Raise SolverFailed unless the slopes and errors that are reported keep their bounds."""
+    excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
+    if not excess <= 1e-12:
+        raise SolverFailed("slopes of the piecewise-linear fit", "repaired", violation=excess)
+    rounding = 1e-14 * float(np.max(np.abs(fit.desired)))
+    for name, error, bound in (
+        ("largest", fit.max_error, question.max_error),
+        ("rms", fit.rms, question.max_rms),
+    ):
+        if bound is not None and error > bound * (1.0 + BARELY) + rounding:
+            problem = f"{name} error of the piecewise-linear fit"
+            raise SolverFailed(problem, "solved", violation=error - bound)
 
 
 class Choices(NamedTuple):

@@ -47,6 +47,7 @@ def fit(
     required_s: Annotated[tuple[tuple[float, float | None], ...], KNOT] = option(
         "Time at which there must be a knot, and perhaps its angle. Repeat it for more."
     ),
+    exact: bool = option("Prove that no other knots on samples are better."),
     knots: options.Output | None = option(
         "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json."
     ),
@@ -82,6 +83,7 @@ def fit(
         "max_rms": None if max_rms is None else math.radians(max_rms),
         "knots": [_samples(time, path.period) for time in knot_s] or None,
         "required": {_samples(time, path.period): angle for time, angle in required_s},
+        "exact": exact,
     }
     fits = {}
     with Progress(len(path.names)) as progress:

@@ -6,7 +6,7 @@ Import this module where it is used, inside functions, as ``model/kernel.py``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from itertools import chain
 from operator import attrgetter
@@ -215,14 +215,13 @@ def problem_of(task: Task) -> Problem:
     """
     models, loads, desired = task.nominal, task.loads_on(task.nominal), task.desired
     given = dict(zip(OF_TASK, attrgetter(*OF_TASK)(task), strict=True))
-    given["models"] = tuple(zip(models, strict=True))
+    problem = Problem(**given | {"models": tuple(zip(models, strict=True))})
     if task.disturbance is not None or task.goal == "foot":  # where requests can hold them
         added = 0.0 if task.disturbance is None else task.disturbance
         least, most = (rest_angles(models, end, loads) for end in (task.lower, task.upper))
         desired = np.clip(desired - added, least, most)
-    given["desired"] = np.ascontiguousarray(desired)
     if task.goal == "angles":
-        return Problem(**given)
+        return replace(problem, desired=np.ascontiguousarray(desired))
     assert task.leg is not None, "a foot belongs to a leg"
     moved = float(np.sqrt(np.mean(task.foot_jacobians(desired + added) ** 2)))
     length = float(np.max(np.abs(task.leg.chain.tip), initial=LEAST_FOOT_MOTION))
@@ -235,4 +234,4 @@ def problem_of(task: Task) -> Problem:
     for own, link in zip(links, task.leg.chain.links, strict=False):
         own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
     links[-1, 0], links[-1, 1] = task.leg.chain.tip, task.axis_scales / moved
-    return Problem(**given, links=links)
+    return replace(problem, desired=np.ascontiguousarray(desired), links=links)

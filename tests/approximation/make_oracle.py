@@ -9,15 +9,16 @@ import json
 import sys
 from pathlib import Path
 
+from planner import fit_pwl
+
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from tests.approximation.proved_optimum import proved_fit
 from tests.approximation.samples import oracle_instances
 
 if __name__ == "__main__":
     table = [
         {
             "seed": each.seed,
-            "rms": proved_fit(each.desired, **each.settings, segments=each.segments)[0],
+            "rms": fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True).rms,
         }
         for each in oracle_instances()
     ]

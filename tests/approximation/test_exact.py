@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from planner import fit_pwl
+from planner import Infeasible, fit_pwl
+from planner.approximation.exact_fit import PROVED, Relaxation, proved_best
 from planner.approximation.fit_problem import Problem
 from planner.approximation.values import best_values
-from tests.approximation.proved_optimum import PROVED, Relaxation, proved_best, proved_fit
 from tests.approximation.samples import KINDS, oracle_instance, oracle_instances, samples_of
 
 CLOSE = 1.01  # error over the oracle's that the search is allowed, in at least 95 % of instances
@@ -28,18 +28,18 @@ def test_the_proved_optimum_is_that_of_all_sets_of_knots(seed):
     segments, n = (3, 22) if cyclic else (4, 20)
     desired = samples_of(KINDS[seed % len(KINDS)], n, rng)
     step = float(rng.choice([1.0, 2.0, 4.0, 50.0]) * np.ptp(desired) / n)
-    proved, _ = proved_fit(desired, v_max=step, tick=1.0, cyclic=cyclic, segments=segments)
+    fit = fit_pwl(desired, v_max=step, tick=1.0, cyclic=cyclic, segments=segments, exact=True)
     rms = np.sqrt(least_error(desired, segments, step, cyclic) / n)
-    assert proved == pytest.approx(rms, rel=2.0 * PROVED, abs=1e-6)
+    assert fit.rms == pytest.approx(rms, rel=2.0 * PROVED, abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", [0, 7, 8, 9, 18, 27, 36, 45, 54])  # 7, 8: nudges fall short
 def test_the_stored_oracle_is_what_is_proved_today(seed):
     each = oracle_instance(seed)
-    rms, knots = proved_fit(each.desired, **each.settings, segments=each.segments)
+    fit = fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True)
     assert TABLE[seed]["seed"] == seed
-    assert rms == pytest.approx(TABLE[seed]["rms"], rel=2.0 * PROVED, abs=ZERO)
-    assert np.array_equal(knots, np.round(knots))
+    assert fit.rms == pytest.approx(TABLE[seed]["rms"], rel=2.0 * PROVED, abs=ZERO)
+    assert np.array_equal(fit.knots, np.round(fit.knots))
 
 
 def test_the_search_comes_within_one_percent_of_the_oracle_in_95_of_100_instances():
@@ -56,15 +56,15 @@ def test_the_proof_respects_what_is_required(cyclic):
     desired = samples_of("walk", 24, np.random.default_rng(8))
     pin = float(desired[9])
     asked = {"cyclic": cyclic, "required": {9: pin}, "segments": 4}
-    rms, proved = proved_fit(desired, v_max=0.3, tick=1.0, **asked)
-    assert 9.0 in proved
+    fit = fit_pwl(desired, v_max=0.3, tick=1.0, exact=True, **asked)
+    assert fit(9.0) == pytest.approx(pin, abs=1e-12)
     rng = np.random.default_rng(0)
     others = [k for k in range(24) if k != 9] if cyclic else [k for k in range(1, 23) if k != 9]
     for _ in range(30):
         knots = np.sort(np.append(rng.choice(others, 3 if cyclic else 2, replace=False), 9))
         settings = {"cyclic": cyclic, "required": {9: pin}, "knots": knots}
         other = fit_pwl(desired, v_max=0.3, tick=1.0, **settings)
-        assert rms <= other.rms * (1.0 + PROVED)
+        assert fit.rms <= other.rms * (1.0 + PROVED)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -81,12 +81,21 @@ def test_no_multipliers_lift_the_bound_above_the_optimum(kind):
         assert bound <= best.error * (1.0 + 1e-9) + 1e-12
 
 
+def test_the_fewest_segments_for_an_rms_error_are_proved_fewest():
+    desired = samples_of("sines", 40, np.random.default_rng(3))
+    fit = fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, exact=True)
+    fewer = fit_pwl(desired, v_max=1.0, tick=1.0, segments=fit.segments - 1, exact=True)
+    assert fit.rms <= 0.2 < fewer.rms
+    with pytest.raises(Infeasible, match="segments and knots on samples the smallest"):
+        fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, segments=2, exact=True)
+
+
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("steepness", [1e-5, 0.1])
 def test_a_joint_that_can_hardly_move_has_its_proof_at_once(cyclic, steepness):
     desired = samples_of("noise", 40, np.random.default_rng(0))
-    rms, _ = proved_fit(desired, v_max=steepness / 40, tick=1.0, cyclic=cyclic, segments=5)
-    assert rms == pytest.approx(np.std(desired), rel=2.0 * steepness)
+    fit = fit_pwl(desired, v_max=steepness / 40, tick=1.0, cyclic=cyclic, segments=5, exact=True)
+    assert fit.rms == pytest.approx(np.std(desired), rel=2.0 * steepness)
 
 
 def least_error(desired, segments, step, cyclic):

@@ -90,6 +90,7 @@ def asked_of(desired: Array, **settings: Any) -> dict[str, dict[str, Any]]:
         "required": {"segments": 6, "required": (0, n // 3, n / 2 + 0.5)},
         "required angles": {"segments": 6, "required": {n // 4: float(desired[n // 4])}},
         "given knots": {"knots": np.linspace(0.0, n - 1.0, 9)[1:-1] + 0.25},
+        "exact": {"segments": 4, "exact": True},
     }
 
 

@@ -1,29 +1,18 @@
-r"""The proved optimum with knots on samples: branch and bound on a Lagrangian relaxation.
+"""The proved optimum with knots on samples: branch and bound on a Lagrangian relaxation.
 
-Cut the curve at its knots: each segment, from i to j, is a line of its own, and where two meet at
-knot j the condition "end = start" is replaced by a Lagrange multiplier pi_j on their difference.
-With half a sample at both ends of a segment (a knot's sample belongs to both lines), a line through
-(k, y) with slope m, where k is the mean of the segment's samples, costs
-
-    C + W (y - y0)² + S (m - m0)² + (pi_j - pi_i) y + (pi_j (j - k) + pi_i (k - i)) m,   |m| <= v
-
-where C, y0 and m0 are those of its own least squares, W the number of its samples and S their
-second moment. y and m are independent, so the least cost is a closed form for all i < j at once.
-The cheapest chain of so many segments is a lower bound whatever the multipliers: the true optimum
-is one of the chains, and there their terms cancel. Level s holds the places where knot s may lie.
-Places through which even the cheapest chain costs more than the best curve known are struck out;
-the rest is halved.
+Level s holds the places where knot s may lie. The condition that two segments meet is replaced by a
+Lagrange multiplier on their difference ((5b) of docs/math.md): for any multipliers the cheapest
+chain is a lower bound. Places through which every chain costs more than the best curve known are
+struck out; the rest is halved.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
-from typing import Any
 
 import numpy as np
 
-from planner import fit_pwl
 from planner.approximation.fit_problem import Candidate, Problem, nearest_samples, residuals
 from planner.approximation.values import best_values, ideal_of
 from planner.arrays import Array, Indices
@@ -33,23 +22,11 @@ Levels = list[Indices]
 
 PROVED = 1e-6  # relative gap between the squared error and its lower bound that ends the search
 
+MOST_SAMPLES = 400
+"""Samples up to which the optimum is proved: memory and time grow with their square, of a cycle
+their cube at the first bound."""
+
 MOST_BRANCHES = 4_000  # halves that are looked at before the search gives up
-
-
-def proved_fit(desired: Array, **asked: Any) -> tuple[float, Array]:
-    """Rms error and knots of the optimum, for arguments of ``fit_pwl``, its start."""
-    fit = fit_pwl(desired, **asked)
-    middle = 0.5 * (float(np.max(desired)) + float(np.min(desired)))
-    unit, pins = float(np.max(np.abs(desired - middle))), asked.get("required", {})
-    problem = Problem(
-        desired=(desired - middle) / unit,
-        step=fit.v_max * fit.tick / unit,
-        cyclic=fit.cyclic,
-        required=np.array([*pins], dtype=np.float64),
-        pins=(np.array([*pins.values()]) - middle) / unit,
-    )
-    best = proved_best(problem, Candidate(fit.knots, (fit.values - middle) / unit, math.inf))
-    return unit * math.sqrt(best.error / desired.size), best.knots
 
 
 def proved_best(problem: Problem, start: Candidate) -> Candidate:
@@ -196,7 +173,7 @@ class Relaxation:
         return highest, levels, best
 
     def lines(self, i: Indices, j: Indices, pi_i: Array, pi_j: Array) -> tuple[Array, Array, Array]:
-        """Least costs of segments from ``i`` to ``j`` with multipliers at their ends.
+        """Least costs of segments from ``i`` to ``j`` with multipliers at their ends: (5b).
 
         And the values of these lines at ``i`` and ``j``.
         """
