@@ -47,7 +47,6 @@ from planner.identification.judgement import (
 )
 from planner.identification.least_squares import (
     FULL,
-    SEARCH,
     Fit,
     better,
     sound_rms,
@@ -156,20 +155,21 @@ def identify(
     logs = [replace(log, measured=rows) for log, rows in zip(logs, sound, strict=True)]
     free, stuck_rows = _without(logs, [*map(stuck, logs)])
     timing = timing_of(free, tick=tick, hold=hold)
-    fit = fit_joint(free, timing)
-    even = with_even_rows(free, timing, fit)
+    fits = fit_joint(free, timing, choose_tick=choose_tick)
+    even = with_even_rows(free, timing, fits[-1])
     if even is not None:
         free, timing = even, timing_of(even, tick=tick, hold=hold)
-        fit = fit_joint(free, timing)
-    plain = _with_terms(fit)
-    free, touched = _without_contact(refitted(free, plain))
+        fits = fit_joint(free, timing, choose_tick=choose_tick)
+    plain = [*map(_with_terms, fits)]
+    free, touched = _without_contact(refitted(free, plain[0]))
     if touched:
-        plain = _with_terms(fit_joint(free, timing))
+        plain = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
     pair = _with_motor(free, plain)
+    timing = timing.ticking(pair.joint.grid.tick)
     pair, stopped = _without_stops(pair, timing)
     pair = _weighed(pair)
     coarse, others = _with_best_speed(with_integral(pair.joint))
-    fine = _with_best_ticks(coarse, timing) if choose_tick else coarse
+    fine = _with_shorter_ticks(coarse, timing) if choose_tick else coarse
     coarse = with_observed_speed(coarse)
     every = [
         replace(used, torque_on=log.torque_on)
@@ -262,9 +262,11 @@ def _without_contact(fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
     return free, [joined(parts).finding(log, LEFT_OUT) for log, parts in named if parts]
 
 
-def _with_motor(logs: Sequence[Log], plain: Fit) -> _Pair:
-    """The joint fitted to all rows, with the terms of a motor if they pay."""
-    return _Pair(plain, with_motor(plain)).refitted(logs)
+def _with_motor(logs: Sequence[Log], fits: Sequence[Fit]) -> _Pair:
+    """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
+    pairs = [_Pair(plain, with_motor(plain)) for plain in fits]
+    better_one = len(pairs) > 1 and better(pairs[0].joint, pairs[1].joint)
+    return pairs[better_one].refitted(logs)
 
 
 def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
@@ -276,7 +278,7 @@ def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
     for fit in (joint, *([plain] if pair.motor and has_large_sag(joint) else [])):
         free, stopped = _without(logs, [stops(of, fit.noise) for of in _log_fits(fit)])
         if stopped:
-            rival = _with_motor(free, _with_terms(fit_joint(free, timing)))
+            rival = _with_motor(free, [*map(_with_terms, fit_joint(free, timing))])
             shares = [each.rms / each.grid.signal for each in (rival.joint, joint)]
             if fit is joint or shares[0] < shares[1]:
                 return rival, stopped
@@ -286,36 +288,30 @@ def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
 def _weighed(pair: _Pair) -> _Pair:
     """The joint fitted to rows weighed by the error to expect of them, where it matters.
 
-    The delay of a motor may be divided otherwise there. (Else the lift of an SO-101 misses unseen
-    motions by 10.4 mrad, not 8.4. Of 39 logs none without a motor shows one only there.)
+    A motor may show only there: it is sought again, and the better of the one found so and the same
+    one refitted is kept.
     """
     logs = with_weights(_log_fits(pair.joint), pair.joint.noise)
     if logs is None:
         return pair
     again = pair.refitted(logs)
-    if not pair.motor:
-        return again
-    anew = with_motor(again.plain, again.joint.parameters)
-    return again._replace(joint=anew) if better(again.joint, anew) else again
+    anew = _with_motor(logs, [again.plain])
+    return again if better(anew.joint, again.joint) else anew
 
 
-def _with_best_ticks(fit: Fit, timing: Timing) -> Fit:
-    """The joint with ticks of about 1 ms; with ticks of a row where it moves by these.
+def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:
+    """The joint with ticks of about 1 ms; the same one where it moves by ticks of a row.
 
     A joint without inertia whose rows are as far apart as the ticks of the paper's robot moves by
-    these unless the log tells otherwise; of any other the log has to tell. (Two of 58 recordings,
-    which are fitted up to 9 % better so.)
+    these unless the log tells otherwise; of any other the log has to tell.
     """
     tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
-    logs = fit.grid.logs
-    if timing.hold > 1:
-        fine, by_rows = (refitted(logs, fit, tick=each) for each in (tick, timing.period))
-        return by_rows if pays(fine, by_rows) and better(fit, by_rows) else fine
-    fine = refitted(logs, fit, tick=tick, effort=SEARCH)
+    fine = refitted(fit.grid.logs, fit, tick=tick)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
-    stays = not better(fit, fine) if likely else pays(fine, fit)
-    return fit if fine is fit or stays else fine.again()
+    if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
+        return fit
+    return fine
 
 
 def _with_best_speed(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
@@ -402,12 +398,12 @@ def _held_out(
         fit = with_needed(refitted(known, coarse), (*MOTOR, *ORDER, *INTEGRALS), effort=FULL)
         missed = fit.along(coarse.grid).predicted - grid.angles
         if rms(missed[rows]) > ASTRAY * rms(coarse.residuals[rows]):
-            alone = _with_terms(fit_joint(known, timing))
+            alone = _with_terms(fit_joint(known, timing)[0])
             if pair.motor:
                 alone = with_motor(alone, pair.joint.parameters)
             alone = refitted(known, alone)
             fit = alone if alone.cost <= (1.0 + LOST) * fit.cost else fit
-        fit = refitted(known, fit, tick=grid.tick) if grid.tick != fit.grid.tick else fit.again()
+        fit = refitted(known, fit, tick=grid.tick) if grid.tick < coarse.grid.tick else fit.again()
     except InvalidInput:
         return None
     shown = fit.peak_command

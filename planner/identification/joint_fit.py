@@ -58,10 +58,11 @@ FAR_ABOVE = 4.0
 """Times the fastest motion of a log, a top speed that is hardly reached."""
 
 
-def fit_joint(logs: Sequence[Log], timing: Timing) -> Fit:
+def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False) -> tuple[Fit, ...]:
     """Fit the joint, without the terms of ``terms.py``, to logs: to some stretches of long ones.
 
-    Raises InvalidInput where there is no motion to fit.
+    With ``choose_tick`` ticks of a whole period are tried, too; where they fit better that is
+    another fit after the first. Raises InvalidInput where there is no motion to fit.
     """
     rows = partial(resampled, thinned(logs), reach=timing.reach)
     delay = best_delay(moving(rows(tick=timing.tick, burn_in=0.0)))
@@ -76,7 +77,13 @@ def fit_joint(logs: Sequence[Log], timing: Timing) -> Fit:
         burn_in = min(max(burn_in, 1.2 * window), timing.reach)
         final = moving(rows(tick=timing.tick, burn_in=burn_in, settled=settled))
         best = search(final, best.parameters, scale=best.scale)
-    return _without_saturation(best.again(effort=SEARCH))
+    fits = [best]
+    if choose_tick and timing.hold > 1:
+        grid = rows(tick=timing.period, burn_in=burn_in, settled=settled)
+        simple = search(grid, found.parameters, scale=best.scale)
+        # Where the log does not tell which ticks the joint has, they agree to a tenth of this.
+        fits += [simple] if huber(simple.weighted, best.scale) < 0.995 * best.cost else []
+    return tuple(_without_saturation(fit.again(effort=SEARCH)) for fit in fits)
 
 
 def refitted(

@@ -61,8 +61,8 @@ class Effort(NamedTuple):
     rounds: int = 1  # estimates of the scale
     # Distance to both sides of the window's edges over which derivatives by lag and acceleration
     # time are averaged [ticks]. Rows a whole number of ticks apart put corners into the loss, at
-    # which a search by exact derivatives from afar ends.
-    averaging: float = 0.3
+    # which a search by exact derivatives ends.
+    averaging: tuple[float, ...] = (0.3,)
     # Share of the residuals that the first step may explain: longer steps jump to delays a cycle
     # away. On a pure sine the fit ends in a local optimum at half and twice the value.
     first_step: float = 0.2
@@ -80,7 +80,7 @@ TERM = SEARCH._replace(first_step=0.5)
 PROFILE = Effort(evaluations=15, tolerance=1e-3)
 """Tells whether a value is refuted, from a fit with a value close by."""
 
-FULL = Effort(evaluations=60, tolerance=1e-7, rounds=6, averaging=EDGE_DISTANCE)
+FULL = Effort(evaluations=60, tolerance=1e-7, rounds=6, averaging=(0.3, EDGE_DISTANCE))
 """To the optimum: parameters to a millionth of their standard deviations."""
 
 
@@ -357,21 +357,26 @@ def least_squares(
         starts = grid.measured_starts
     box = box_of(grid)
     begin = Parameters(*np.where(free, np.clip(begin, box.lower, box.upper), begin).tolist())
-    response, slopes = linearised(grid, begin, starts, free, effort.averaging)
+    first, *others = effort.averaging if scale is None else effort.averaging[-1:]
+    response, slopes = linearised(grid, begin, starts, free, first)
     fit = _fit_of(grid, begin, free, starts, response, scale or math.inf)
     if scale is not None:
-        return _minimised(fit, slopes, effort, enough)[0]
-    for number in range(effort.rounds):
-        found = max(floor, sound_rms(fit.weighted, gross=1.0 - TRUSTED))
-        settled = number > 0 and abs(found - fit.scale) <= 1e-3 * found
-        fit = replace(fit, scale=found, cost=huber(fit.weighted, found))
-        if settled:
-            break
-        fit, slopes = _minimised(fit, slopes, effort, enough)
+        return _minimised(fit, slopes, effort, enough, first)[0]
+    for averaging in (first, *others):
+        slopes = slopes if averaging == first else fit.slopes(averaging=averaging)
+        for number in range(effort.rounds):
+            found = max(floor, sound_rms(fit.weighted, gross=1.0 - TRUSTED))
+            settled = number > 0 and abs(found - fit.scale) <= 1e-3 * found
+            fit = replace(fit, scale=found, cost=huber(fit.weighted, found))
+            if settled:
+                break
+            fit, slopes = _minimised(fit, slopes, effort, enough, averaging)
     return fit
 
 
-def _minimised(begin: Fit, slopes: Slopes, effort: Effort, enough: float) -> tuple[Fit, Slopes]:
+def _minimised(
+    begin: Fit, slopes: Slopes, effort: Effort, enough: float, averaging: float
+) -> tuple[Fit, Slopes]:
     """The best fit at a fixed scale, and its slopes, from those at the first."""
     from planner.identification.trust_region import most_reduction, quadratic_of, step_of
 
@@ -406,7 +411,7 @@ def _minimised(begin: Fit, slopes: Slopes, effort: Effort, enough: float) -> tup
             break
         coordinates[free] += step
         at, firsts = parameters_at(grid, coordinates), fit.starts + starts
-        response, by_trial = linearised(grid, at, firsts, free, effort.averaging)
+        response, by_trial = linearised(grid, at, firsts, free, averaging)
         trial = _fit_of(grid, at, free, firsts, response, fit.scale)
         reduced = fit.cost - trial.cost
         if not reduced >= 0.25 * predicted:

@@ -132,7 +132,7 @@ def test_a_top_speed_that_few_rows_reach_is_sought_among_all_speeds(joint, seed,
 def fitted():
     """The fit to a noisy log, and its uncertainty."""
     log = rich_log(noise=NOISE)
-    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
     return fit, uncertainty_of(fit)
 
 
@@ -174,7 +174,7 @@ def test_noise_is_what_differs_from_row_to_row_and_structure_what_does_not(fitte
 def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude, rows):
     """That of a top speed that few rows show. Two halvings end beyond it, by less than as much."""
     log = rich_log(amplitude=amplitude, noise=2.0 * NOISE, rows=rows)
-    fit = with_observed_speed(fit_joint([log], timing_of([log], tick=None, hold=None)))
+    fit = with_observed_speed(*fit_joint([log], timing_of([log], tick=None, hold=None)))
     ends = intervals_of(fit)["v_max"]
     free = fit.free & ~only("v_max")
 

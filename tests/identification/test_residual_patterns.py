@@ -134,7 +134,7 @@ def test_the_dead_band_is_that_of_calm_motion():
     found = planner.identify([replace(holds_log(), name="calm"), shaken], hold_out=False)
     assert found.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
     alike = [holds_log(), holds_log(seed=2)]  # of which one shows a little more, by chance
-    fit = with_terms(fit_joint(alike, timing_of(alike, tick=None, hold=None)))
+    fit = with_terms(*fit_joint(alike, timing_of(alike, tick=None, hold=None)))
     assert fit.parameters.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
     assert with_calm_friction(fit) is fit
 

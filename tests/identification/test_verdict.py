@@ -37,7 +37,7 @@ def test_what_was_held_out_is_predicted_to_the_noise():
 def fitted():
     """A good fit, with what an identification knows of it beside."""
     log = rich_log(noise=NOISE)
-    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
     return fit, intervals_of(fit)
 
 

@@ -115,7 +115,7 @@ def servos(seeds: int) -> Table:
             size = float(np.random.default_rng([seed, 1]).uniform(*sizes_of))
             log = random_servo(seed, **({defect: size} if defect else {}), **settings)
             began = time.process_time()
-            plain = fit_joint([log], timing_of([log], tick=None, hold=None))
+            (plain,) = fit_joint([log], timing_of([log], tick=None, hold=None))
             fit = with_motor(with_terms(plain))
             backlash = backlash_of(with_observed_speed(fit))
             seconds += (time.process_time() - began) / seeds

@@ -112,7 +112,8 @@ def _log_requests(name: str, seed: int) -> Array:
 def four_numbers(logs: list[planner.Log]) -> planner.JointModel:
     """A model of the paper's four numbers and a static offset; identify would find friction."""
     timing = timing_of(logs, tick=None, hold=None)
-    fit = fit_joint(logs, timing)
+    fit = fit_joint(logs, timing, choose_tick=True)[-1]
+    timing = timing.ticking(fit.grid.tick)
     return fit.parameters.model(tick=timing.tick, hold=timing.hold)
 
 
