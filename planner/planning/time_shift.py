@@ -104,9 +104,9 @@ def has_refused(plan: Plan) -> bool:
     return any(model.evidence and model.evidence.verdict == "refused" for model in plan.models)
 
 
-def keeps_steps(plan: Plan, shift: Plan) -> bool:
-    """Whether the steps of a shift are allowed in the plan's task, but for rounding."""
-    return bool(np.all(shift.largest_steps <= plan.task.max_step + 1e-9))
+def shift_allowed(plan: Plan, shift: Plan) -> bool:
+    """Whether the requests of a shift keep what the plan's task allows."""
+    return plan.task.keeps(shift.requests, rounding=1e-9)
 
 
 def shift_recommended(plan: Plan, shift: Plan) -> str:
@@ -115,12 +115,12 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
     A model may be hardly better than a pure delay. Or a joint may move faster, or accelerate more,
     than in its logs, though these do not determine how fast it can be; far more, where the model
     has no limit of the acceleration. Or the errors to expect may differ, as those of robust plans,
-    and of smooth ones for a path that no joint could follow. A shift whose steps are larger than
-    ``max_step`` is not recommended. An error of the model above that of
+    and of smooth ones for a path that no joint could follow. A shift whose requests or steps are
+    beyond what the task allows is not recommended. An error of the model above that of
     the shift is no reason, since the lead is that model's, too: of nine such motions of simulated
     servos the plan was closer in seven. The plan is one by another method for the same task.
     """
-    if has_refused(plan) or not keeps_steps(plan, shift):
+    if has_refused(plan) or not shift_allowed(plan, shift):
         return ""
     evidence, period = [model.evidence for model in plan.models], plan.task.period
     if why := unproven_gains(plan.names, evidence):

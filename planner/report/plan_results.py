@@ -23,8 +23,8 @@ from planner.planning.plan import DEGREE, ErrorsOfModels, FootInversion, Inversi
 from planner.planning.time_shift import (
     CLEARLY,
     has_refused,
-    keeps_steps,
     refining_recommended,
+    shift_allowed,
     shift_recommended,
     shifted,
 )
@@ -393,7 +393,7 @@ class PlanAnswer:
             early["expected_rms"] < CLEARLY * each["expected_rms"]
             for each, early in shifts.values()
         )
-        possible = keeps_steps(self.plan, self.shift) and not has_refused(self.plan)
+        possible = shift_allowed(self.plan, self.shift) and not has_refused(self.plan)
         if better and possible and not self.recommended:
             words += "; on the robot that is better for some joints: see --method shift"
         return words
