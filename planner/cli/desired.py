@@ -137,7 +137,7 @@ def desired_of(run: settings.Run) -> Desired:
         cyclic=cyclic,
         remarks=[*remarks, refused_models(names, models)],
         loads=path.loads,
-        limits=_limits_of(run, names, path, legs.values() if leg is None else (leg,)),
+        limits=_limits_of(run, names, models, path, legs.values() if leg is None else (leg,)),
         starts=starts_of(run.start, names, cyclic=cyclic),
         leg=leg,
         legs=legs,
@@ -281,12 +281,16 @@ def values_by_joint(
 
 
 def _limits_of(
-    run: settings.Run, names: Sequence[str], path: paths.SampledPath, legs: Iterable[Leg]
+    run: settings.Run,
+    names: Sequence[str],
+    models: Sequence[JointModel],
+    path: paths.SampledPath,
+    legs: Iterable[Leg],
 ) -> tuple[Array, Array] | None:
     """Limits of joints [rad]: of the settings, or else common to the servos and the legs.
 
     Joints in shares of a range, about which angles say nothing, have by default the range, or that
-    of the path where it goes beyond.
+    of the path where it goes beyond; and as much more as they sag, so that they reach its ends.
     """
     spans = dict[str, tuple[float, float]]()
     for leg in legs:
@@ -296,9 +300,10 @@ def _limits_of(
     for name in servos.keys() & {*names}:
         (low, high), (lower, upper) = servos[name].limits, spans.get(name, (-math.inf, math.inf))
         spans[name] = max(lower, low), min(upper, high)
-    for name, unit, values in zip(path.names, path.units, path.values.T, strict=True):
+    for name, model, unit, values in zip(names, models, path.units, path.values.T, strict=False):
         if unit in SHARES:
-            spans[name] = min(0.0, np.min(values)), max(SHARES["range"], np.max(values))
+            sag = abs(float(model.sag())) + model.most_pose_sag
+            spans[name] = min(0.0, np.min(values)) - sag, max(SHARES["range"], np.max(values)) + sag
     for name, (low, high) in values_by_joint("limits", run.limits, names).items():
         spans[name] = math.radians(low), math.radians(high)
     own = {name: spans[name] for name in names if name in spans}

@@ -45,7 +45,7 @@ def replay(
         load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics.  "
         "[default: that of the logs]",
         limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.  "
-        "[default: none]",
+        "[default: none; of percent 0 to 100, or as far as the recording goes]",
     ),
     log: Any = options.log_options(),
     output: str = options.output_or_folder,

@@ -158,7 +158,7 @@ def rows_by_request(table: Table, log: SampledPath, period: float) -> Array:
     return np.column_stack([np.interp(due, log.times, column) for column in log.values.T])
 
 
-FORMAT = "request-planner refine 1"  # the value of `format` that identifies such a file
+FORMAT = "request-planner refine 2"  # the value of `format` that identifies such a file
 
 # State of learning of one plan, whose joints may have been identified anew.
 LearningState = tuple[tuple[JointModel, ...], Learning]
@@ -168,7 +168,9 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
     """States of learning of these plans, for a path ``desired`` [rad], (n, k)."""
     content = read_json(path, what="a file that request-planner refine wrote")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InvalidFile(path, "not a file that 'request-planner refine --history' wrote")
+        raise InvalidFile(
+            path, "not a file that 'request-planner refine --history' of this version wrote"
+        )
     try:
         angles, plans = np.array(content["desired"], dtype=np.float64), content["plans"]
         if not set(plans) <= set(names) or len(angles) != len(desired):

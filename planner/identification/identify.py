@@ -349,10 +349,8 @@ def _bounded(
     model = fit.parameters.model(tick=fit.grid.tick, hold=1)
     limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
     most = float(np.max(np.abs(limits))) + model.gain * model.most_pose_sag
-    seen, most = (
-        max(outside),
-        most * (upper / coarse.parameters.v_max),
-    )  # of a joint with that v_max
+    seen = max(outside)
+    most *= upper / coarse.parameters.v_max  # of a joint with that v_max
     refuted, unit = seen - SPEED_NOISE * fit.noise > most, logs[0].unit
     if refuted:
         name = logs[outside.index(seen)].name

@@ -172,15 +172,15 @@ def check_unit(joint: str, evidence: Evidence | None, *, shares: bool) -> None:
     """
     if evidence is None or evidence.unit is None or (evidence.unit == "range") == shares:
         return
-    name = joint or "joint"
+    name, of = joint or "joint", f"the model of {joint}" if joint else "the model"
     got, known, expected = (
         ("shares of its range", "in radians", f"angles: columns {name}_deg or {name}_rad")
         if shares
         else ("angles", "in shares of its range", f"{name}_percent or {name}_range (0 to 1)")
     )
     raise InvalidInput(
-        f"{name}: got {got}, but its model is {known}; expected {expected}, or a model that was "
-        f"identified from logs in {got}"
+        f"{of} is {known}, but the joint's positions are {got}; expected {expected}, or a model "
+        f"that was identified from logs in {got}"
     )
 
 

@@ -276,7 +276,7 @@ class Search:
 
     def check_slowest(self) -> None:
         """Raise Infeasible where the hardest second is far beyond the tolerance even if slow."""
-        path, (replay,) = self.path, self.replays.values()
+        path, replay = self.path, self.replays[1.0]
         worst = replay.moments[np.argmax(self.errors(replay, "planned"))]
         first, last = max(path.first, worst - 0.75), min(path.last, worst + 0.25)
         part, settled = replace(path, first=first, last=last), 0.5 * (worst - first)

@@ -236,8 +236,10 @@ def errors(model: JointModel, log: Log) -> tuple[float, float, float]:
 def changes(model: JointModel, anew: Identification) -> dict[str, float]:
     """Parameters of a model from which a new one differs by more than both intervals allow."""
     intervals = {} if model.evidence is None else model.evidence.intervals
-    changed = {}
-    for name in {"v_max", "theta_0", "lag", "dead_band", "offset"} & {*anew.intervals}:
+    changed: dict[str, float] = {}
+    for name in ("v_max", "theta_0", "lag", "dead_band", "offset"):
+        if name not in anew.intervals:
+            continue
         old, new = getattr(model, name), anew.intervals[name]
         low, high = intervals.get(name, (old - UNKNOWN * abs(old), old + UNKNOWN * abs(old)))
         if new.lower > high or new.upper < low:
@@ -274,7 +276,7 @@ class Candidate(NamedTuple):
     max_error: float  # the largest of them [rad]
     largest_step: float  # largest change between requests [rad]
     expected: float  # the error that the model led one to expect [rad]; NaN without one
-    angles: Array  # the measured angles [rad], shape (n,)
+    angles: Array  # the measured angles [rad], NaN where none was read, shape (n,)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -314,8 +316,11 @@ def calibrate(
     def measured(way: Way, requests: Array) -> Array:
         progress(f"{joint}: test motion, {WORDS[way]}")
         log = moved(requests, f"{joint}_{way}")
-        angles = np.where(log.measured, log.angles, np.nan)[:, None]
-        return by_request(log.times - log.times[0], angles, len(requests), period)[:, 0]
+        angles, since = np.full(len(requests), np.nan), log.times - log.times[0]
+        rows = np.rint(since / period).astype(int)
+        read = log.measured & (rows < len(requests))
+        angles[rows[read]] = log.angles[read]
+        return angles
 
     progress(f"{joint}: excitation, {duration:g} s")
     log = moved(excitation(arm, joint, period=period, duration=duration), joint)
@@ -332,7 +337,8 @@ def compare(
 ) -> Compared:
     """Play the test motion in every way, and recommend the one with the least measured error.
 
-    ``limits`` are those of requests [rad]; ``measure`` plays them, and returns the measured angles.
+    ``limits`` are those of requests [rad]; ``measure`` plays them, and returns the measured angles,
+    NaN where none was read.
     """
     model = identification.model
     desired = test_motion(model, limits)
@@ -351,6 +357,7 @@ def compare(
         expected = np.nan if name in ("direct", "shift") else plans[name].expected.error
         angles = measure(name, allowed)
         errors = (angles - desired)[round(RUN_IN / model.period) :]
+        errors = errors[np.isfinite(errors)]
         step = float(np.max(np.abs(np.diff(allowed))))
         largest = float(np.max(np.abs(errors)))
         candidates.append(Candidate(name, rms(errors), largest, step, expected, angles))
