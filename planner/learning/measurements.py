@@ -133,7 +133,8 @@ def check_trial(
     ``modelled`` and ``before`` are the angles of the models in this and in earlier trials [rad],
     (n, k). From a motion farther from them than a joint at rest learning could not converge.
     """
-    shift = np.mean(cycles.mean(axis=0) - modelled, axis=0)
+    missed = cycles.mean(axis=0) - modelled
+    shift = np.mean(missed, axis=0)
     for j in np.flatnonzero(np.abs(shift) > math.radians(30.0)).tolist():  # more than any sag
         raise InvalidTrajectory(
             f"measured: the angles of {_joint(j, modelled)} are on average "
@@ -141,7 +142,7 @@ def check_trial(
             "explains: is their zero another one, or are they of another joint? give angles from "
             "the zero of the requests"
         )
-    away = np.std(cycles.mean(axis=0) - modelled, axis=0)
+    away = np.std(missed, axis=0)
     resting = np.std(modelled, axis=0)
     should_move = np.ptp(modelled, axis=0) > MOVING
     for j in np.flatnonzero(should_move & (away > resting + STILL)).tolist():
