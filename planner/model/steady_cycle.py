@@ -82,7 +82,7 @@ def _run_steady_cycle(cycle: Cycle, near: float) -> float:
     """Run the cycle that repeats itself, its ends near an angle: see :func:`motion_of`."""
     law = cycle.law
     v_max = law.top if exceeds_drive(law) else law.top - law.friction
-    slower, faster = cycle.faster.min(), cycle.faster.max()
+    slower, faster = ends_of(cycle.faster)
     by_pose = np.hypot(law.sag_sin, law.sag_cos)
     top = v_max + max(-slower, faster) + law.gain * by_pose
     # The joint overshoots a request by at most the difference of v_max and theta_0, and coasts.
@@ -93,8 +93,9 @@ def _run_steady_cycle(cycle: Cycle, near: float) -> float:
     beyond += by_pose
     if law.gain * by_pose >= v_max - max(-slower, faster):
         beyond += 2.0 * np.pi  # no request holds it at some angles: it falls to others
-    low = cycle.history.min() + (law.offset + cycle.sags.min()) - beyond
-    high = cycle.history.max() + (law.offset + cycle.sags.max()) + beyond
+    lowest, highest = ends_of(cycle.history)
+    least, most = ends_of(cycle.sags)
+    low, high = lowest + (law.offset + least) - beyond, highest + (law.offset + most) + beyond
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     if law.friction > 0.0 and not inert:
         # There may be many, which start in one range, and the nearest one is an end of it. With a
@@ -102,6 +103,15 @@ def _run_steady_cycle(cycle: Cycle, near: float) -> float:
         return _closing_start(cycle, State(near, 0.0, 0.0), low, high, tolerance, True)[1]
     size = moving_states(law) if inert else 1
     return _settled_motion(cycle, near, low, high, tolerance, size)
+
+
+@inner
+def ends_of(values: Array) -> tuple[float, float]:
+    """The least and the largest value; NumPy's reductions would take a second to compile."""
+    least, most = np.inf, -np.inf
+    for value in values:
+        least, most = min(least, value), max(most, value)
+    return least, most
 
 
 @inner
@@ -181,7 +191,7 @@ def _settled_motion(
 @inner
 def newton_step(cycle: Cycle, state: State, end: State, step: float, size: int) -> State:
     """The nearest state at which a cycle closes to first order, by difference quotients."""
-    matrix, right = np.eye(size), np.empty(size)
+    matrix, right = np.empty((size, size)), np.empty(size)
     for s in range(size):
         moved = State(
             state.angle + (step if s == 0 else 0.0),
@@ -190,7 +200,7 @@ def newton_step(cycle: Cycle, state: State, end: State, step: float, size: int) 
         )
         further = run(cycle, moved, 0)
         for t in range(size):
-            matrix[t, s] -= (further[t] - end[t]) / step
+            matrix[t, s] = (1.0 if t == s else 0.0) - (further[t] - end[t]) / step
         right[s] = end[s] - state[s]
     turn = shortest_solution(matrix, right)
     speed = state.speed + turn[1] if size > 1 else 0.0
@@ -205,7 +215,9 @@ def shortest_solution(matrix: Array, right: Array) -> Array:
     The columns are made orthogonal by Jacobi rotations (M. R. Hestenes, J. Soc. Indust. Appl. Math.
     6, 1958): LAPACK would take seconds to compile, and its rounding depends on the processor.
     """
-    size, turned, ways = len(right), matrix.copy(), np.eye(len(right))
+    size, turned, ways = len(right), matrix.copy(), np.zeros(matrix.shape)
+    for i in range(size):
+        ways[i, i] = 1.0
     for _ in range(30):  # three columns are orthogonal to rounding after a few
         for p in range(size):
             for q in range(p + 1, size):
@@ -220,11 +232,15 @@ def shortest_solution(matrix: Array, right: Array) -> Array:
                         first, second = columns[i, p], columns[i, q]
                         columns[i, p] = cosine * first - sine * second
                         columns[i, q] = sine * first + cosine * second
-    squares, solution = np.sum(turned**2, axis=0), np.zeros(size)
+    squares, along, solution = np.zeros(size), np.zeros(size), np.zeros(size)
     for j in range(size):
-        if squares[j] > 1e-12 * np.max(squares):
+        for i in range(size):
+            squares[j] += turned[i, j] ** 2
+            along[j] += turned[i, j] * right[i]
+    for j in range(size):
+        if squares[j] > 1e-12 * ends_of(squares)[1]:
             for i in range(size):
-                solution[i] += ways[i, j] * np.sum(turned[:, j] * right) / squares[j]
+                solution[i] += ways[i, j] * along[j] / squares[j]
     return solution
 
 

@@ -582,9 +582,12 @@ def set_step(
     free, stiffness = np.zeros(len(pattern.row)), 1e7 * (point.costs[4] + stage.weight)
     for e in range(len(values)):
         free[places[e]] += values[e]
-    matrix, target = np.empty_like(free), np.empty_like(right)
+    matrix, target = np.empty(len(free)), np.empty(len(right))
     for _ in range(8):
-        matrix[:], target[:] = free, right
+        for e in range(len(free)):
+            matrix[e] = free[e]
+        for e in range(len(right)):
+            target[e] = right[e]
         add_penalties(spec, point, search, stiffness, places, matrix, target)
         if not solved(pattern, matrix, target, step):
             return False, 0.0
