@@ -1,19 +1,17 @@
 """Logs from ROS bags and MCAP files: controllers' states, or joint states and commands.
 
-They are read by rosbags' own readers, one topic at a time, and a damaged or hostile file is one
-error. Its ``AnyReader`` is not used: it refuses a bag for an unreadable definition of a type on any
-topic, or one with another hash, and it supports only one layout of a type that a bag does not
-define.
+They are read by rosbags' own readers, one topic at a time, and a damaged file is one error. Its
+``AnyReader`` is not used: it refuses a bag for an unreadable definition of a type on any topic, or
+one with another hash.
 """
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -35,30 +33,14 @@ NUMBER, NUMBERS = "std_msgs/msg/Float64", "std_msgs/msg/Float64MultiArray"
 ACTUAL_TYPES = (CONTROLLER_STATE, JOINT_STATE)  # types with actual angles
 REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, NUMBER, JOINT_STATE)  # with requested ones
 
-LATEST = 2**63  # stamps from here on [ns] are invalid
 APART = 1_000_000_000  # stamps further from the receipt than this [ns] come from another clock
 
-# Chunks of a bag that is not small unfold to this many times its size at most, counted once for
-# each topic that is read. Names that repeat in every message unfold to some 50 times.
-MOST_TIMES = 1000
-
-# Largest chunk that is unfolded [bytes]: recorders begin a new one after a few megabytes. rosbags
-# has no limit: 33 kB of MCAP take 2 GiB of memory, 5 kB of a bag of ROS 1 take 1 GiB.
-MOST_CHUNK = 256 * 2**20
-
-# Layouts of a controller's state: up to Galactic, in Humble, and since Iron. A bag without
-# definitions of its types, as ROS 2 wrote them before Iron, does not say which one it holds. Only
-# the right one explains all the bytes of a message.
-LAYOUTS = tuple(
-    "std_msgs/Header header\nstring[] joint_names\n"
-    + "".join(f"trajectory_msgs/JointTrajectoryPoint {name}\n" for name in points)
-    + "string[] multi_dof_joint_names\n" * bool(several)
-    + "".join(f"trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_{n}\n" for n in several)
-    for points, several in (
-        (("desired", "actual", "error"), ()),
-        (("reference", "feedback", "error", "output", "desired", "actual"),) * 2,
-        (("reference", "feedback", "error", "output"),) * 2,
-    )
+# A controller's state in Humble, whose bags do not define their types.
+STATE_IN_HUMBLE = "std_msgs/Header header\nstring[] joint_names\nstring[] multi_dof_joint_names\n"
+STATE_IN_HUMBLE += "".join(
+    f"trajectory_msgs/{kind}Point {prefix}{name}\n"
+    for kind, prefix in (("JointTrajectory", ""), ("MultiDOFJointTrajectory", "multi_dof_"))
+    for name in ("reference", "feedback", "error", "output", "desired", "actual")
 )
 
 
@@ -175,8 +157,7 @@ def _gather(
                 values, stamp = tuple(map(float, angles)), 0
                 if hasattr(content, "header"):
                     own = content.header.stamp
-                    stamp = int(own.sec) * 1_000_000_000 + int(own.nanosec)
-                    stamp = stamp if 0 < stamp < LATEST else 0
+                    stamp = max(0, int(own.sec) * 1_000_000_000 + int(own.nanosec))
             except (AttributeError, LookupError, TypeError, ValueError, ArithmeticError) as error:
                 raise InvalidFile(  # the bag's definition of the type may be anything
                     path,
@@ -292,7 +273,7 @@ def _opened(path: Path | str) -> Iterator[tuple[dict[str, str], Messages]]:
     ros1 = place.suffix.lower() == ".bag"
     try:
         of_format: Any = (rosbag1 if ros1 else rosbag2).Reader
-        with _limited(path), of_format(place) as reader:
+        with of_format(place) as reader:
             topics = {connection.topic: connection.msgtype for connection in reader.connections}
             yield topics, partial(_messages, path, reader, "ros1" if ros1 else "cdr")
     except PlannerError:
@@ -306,25 +287,17 @@ def _messages(
     path: Path | str, reader: Any, form: Literal["ros1", "cdr"], topic: str
 ) -> Iterator[tuple[int, Any]]:
     connections = [each for each in reader.connections if each.topic == topic]
-    kind, stores = connections[0].msgtype, _stores(connections)
+    kind, deserialize = connections[0].msgtype, getattr(_store(connections), f"deserialize_{form}")
     for k, (_, when, data) in enumerate(reader.messages(connections=connections)):
-        place = f"topic {topic}, message {k + 1}"
-        if not 0 <= when < LATEST:
-            raise InvalidFile(path, f"{place}: received at {when} ns, expected a time")
-        content = None
-        while content is None:
-            try:
-                content = getattr(stores[0], f"deserialize_{form}")(data, kind)
-            except Exception as error:
-                if len(stores) == 1:
-                    words = f"{place}: no {kind} ({_words(error)}); is the bag damaged?"
-                    raise InvalidFile(path, words) from error
-                del stores[0]  # the bag was recorded with another layout of this type
-        yield when, content
+        try:
+            yield when, deserialize(data, kind)
+        except Exception as error:
+            words = f"message {k + 1}: no {kind} ({_words(error)}); is the bag damaged?"
+            raise InvalidFile(path, f"topic {topic}, {words}") from error
 
 
-def _stores(connections: Sequence[Connection]) -> list[Typestore]:
-    """Stores of types to try, in this order: the bag's own types, or the default ones."""
+def _store(connections: Sequence[Connection]) -> Typestore:
+    """The bag's own types, or the default ones."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -332,85 +305,10 @@ def _stores(connections: Sequence[Connection]) -> list[Typestore]:
     for connection in connections:  # those in IDL are not needed: the default ones are alike
         if connection.msgdef.format == MessageDefinitionFormat.MSG:
             own.update(get_types_from_msg(connection.msgdef.data, connection.msgtype))
-    if own:
-        stores = [get_typestore(Stores.EMPTY)]
-        stores[0].register(own)
-    else:
-        stores = [get_typestore(Stores.LATEST) for _ in LAYOUTS]  # ROS 1 always has its own
-        for store, layout in zip(stores, LAYOUTS, strict=True):
-            store.register(get_types_from_msg(layout, CONTROLLER_STATE))
-        if connections[0].msgtype != CONTROLLER_STATE:
-            del stores[1:]
-    for store in stores:
-        # an array of 2^32 empty messages takes no bytes, and rosbags more than 15 s
-        store.max_sequence_length = 1_000_000
-    return stores
+    store = get_typestore(Stores.EMPTY if own else Stores.LATEST)
+    store.register(own or get_types_from_msg(STATE_IN_HUMBLE, CONTROLLER_STATE))
+    return store
 
 
 def _words(error: BaseException) -> str:
     return " ".join(str(error).split())[:120] or type(error).__name__
-
-
-@contextmanager
-def _limited(path: Path | str) -> Iterator[None]:
-    """Let rosbags refuse what unfolds to too much while this bag is open.
-
-    Each chunk or compressed message unfolds to :data:`MOST_CHUNK` at most, all together, and files
-    that are compressed as a whole, to four times that or :data:`MOST_TIMES` the size of the bag.
-    rosbags finds its decompressors in tables of its modules, which this changes in the block only.
-    """
-    import bz2
-
-    import lz4.frame  # type: ignore[import-untyped]
-    from rosbags.rosbag1 import reader as ros1_reader
-    from rosbags.rosbag2 import reader as ros2_reader
-    from rosbags.rosbag2 import storage_mcap
-
-    zstd = vars(storage_mcap)["zstd"]  # of Python, or before 3.14 the package that stands for it
-    files = [Path(path), *Path(path).glob("*")]
-    most = max(
-        4 * MOST_CHUNK, MOST_TIMES * sum(each.stat().st_size for each in files if each.is_file())
-    )
-    total = 0
-
-    def count(unfolded: bytes) -> bytes:
-        nonlocal total
-        total += len(unfolded)
-        if total > most:
-            words = f"unfolds to more than {most >> 20} MiB; split the bag if it is one"
-            raise InvalidFile(path, words)
-        return unfolded
-
-    def opened(stream: Any, _: str) -> Any:
-        """A compressed file, unfolded a piece at a time."""
-        file = zstd.open(stream)
-        return closing(SimpleNamespace(read=lambda size: count(file.read(size)), close=file.close))
-
-    def limited(begin: Callable[[], Any], what: str = "a chunk") -> Callable[..., bytes]:
-        def unfold(content: bytes, *_: int) -> bytes:
-            whole = b""
-            while content:  # one frame after another
-                frame = begin()
-                whole += frame.decompress(content, MOST_CHUNK + 1 - len(whole))
-                if len(whole) > MOST_CHUNK:
-                    words = f"{what} unfolds to more than {MOST_CHUNK >> 20} MiB; is it a bag?"
-                    raise InvalidFile(path, words)
-                if not frame.eof:
-                    raise ValueError(f"{what} ends too soon")
-                content = frame.unused_data
-            return count(whole)
-
-        return unfold
-
-    lz4_frames = limited(lz4.frame.LZ4FrameDecompressor)
-    messages = limited(zstd.ZstdDecompressor, "a message")
-    tables: tuple[tuple[dict[str, Any], dict[str, Any]], ...] = (
-        (ros1_reader.decompressors, {"lz4": lz4_frames, "bz2": limited(bz2.BZ2Decompressor)}),
-        (storage_mcap.DECOMPRESSORS, {"lz4": lz4_frames, "zstd": limited(zstd.ZstdDecompressor)}),
-        (vars(ros2_reader), {"zstd": SimpleNamespace(open=opened, decompress=messages)}),
-    )
-    with ExitStack() as before:
-        for table, entries in tables:
-            before.callback(table.update, {key: table[key] for key in entries})
-            table.update(entries)
-        yield

@@ -7,14 +7,25 @@ from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from planner.files.logs.bag import CONTROLLER_STATE, LAYOUTS
+from planner.files.logs.bag import CONTROLLER_STATE, STATE_IN_HUMBLE
 
 START = 1_732_104_192_123_456_789
 """Time of the first message since the epoch [ns]; no float64 holds it."""
 
 PERIOD = 10_000_000  # time between messages [ns]
 JOINTS = ("hip", "knee")
-OLD, HUMBLE, NEW = LAYOUTS  # layouts of a controller's state: up to Galactic, Humble, since Iron
+
+HEAD = "std_msgs/Header header\nstring[] joint_names\n"
+POINTS = {
+    "old": ("desired", "actual", "error"),
+    "new": ("reference", "feedback", "error", "output"),
+}
+OLD, NEW = (
+    HEAD + "".join(f"trajectory_msgs/JointTrajectoryPoint {name}\n" for name in names)
+    for names in POINTS.values()
+)
+LAYOUTS = {"old": OLD, "humble": STATE_IN_HUMBLE, "new": NEW}
+"""A controller's state up to Galactic, in Humble, and since Iron (without its last fields)."""
 
 
 def store(layout=NEW, *, ros1=False):
