@@ -11,7 +11,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
 import numpy as np
 
 from planner.arrays import Array, error_norm
@@ -26,7 +25,7 @@ from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, find_dataset
 from planner.files.results import Results, Task, digest_of, made_from
-from planner.files.staging import check_writable, claimed
+from planner.files.staging import check_folder, check_writable
 from planner.files.text import to_json
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
@@ -235,8 +234,8 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 
 
 def check_writing(form: str, recordings: Sequence[Recording], output: str) -> None:
-    """Refuse outputs that cannot be written, before anything is computed; claim those that can."""
-    if form in FOLDERS:  # which with the results beside it is this command's
+    """Refuse outputs that cannot be written, before anything is computed."""
+    if form in FOLDERS:
         check_place("replay.write_as", form, output)
     if form != "lerobot" and len(recordings) > 1:
         raise BadSetting(
@@ -247,7 +246,7 @@ def check_writing(form: str, recordings: Sequence[Recording], output: str) -> No
     if form not in ("csv", "joints"):
         check_installed(form)
     if form in FOLDERS:
-        click.get_current_context().with_resource(claimed(output))
+        check_folder(output)
     else:
         check_writable(output)
 

@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import subprocess
 import sys
 from contextlib import suppress
@@ -128,75 +127,22 @@ def test_what_only_looks_like_the_results_of_a_run_is_the_users(tmp_path, conten
     assert (out / "results.json").read_text() == content
 
 
-def test_a_killed_run_leaves_the_last_good_one_and_the_next_good_one_nothing_of_it(tmp_path):
+def test_a_killed_run_leaves_the_last_good_one(tmp_path):
     out = tmp_path / "out"
     _run(out)
-    for _ in range(3):
-        with at_work_on(out):
-            pass
-    assert len(list(tmp_path.glob(".out.new-*"))) == 1
-    (tmp_path / ".out.old-run").mkdir()
-    others = {".out.new-mine", ".outer.new-run", "out.new-run"}
-    for name in others:
-        (tmp_path / name).mkdir()
-    assert list_files(out) == ["a.csv", "results.json"]
-    _run(out, "b.csv")
-    assert list_files(out) == ["b.csv", "results.json"]
-    assert {file.name for file in tmp_path.iterdir()} == {"out", *others}
-
-
-def test_what_a_failed_run_finds_moved_away_stays(tmp_path):
-    """A process that is killed between two renames leaves the last good run beside."""
-    moved = tmp_path / ".out.old-run"
-    _run(tmp_path / "out")
-    (tmp_path / "out").rename(moved)
-    with pytest.raises(KeyboardInterrupt), output_folder(tmp_path / "out"):
-        raise KeyboardInterrupt
-    assert list_files(tmp_path) == [f"{moved.name}/a.csv", f"{moved.name}/results.json"]
-
-
-def test_a_run_at_work_is_left_alone_by_a_second_one_on_the_same_folder(tmp_path):
-    out, link = tmp_path / "out", tmp_path / "link"
-    link.symlink_to(out)
-    _run(out)
     with at_work_on(out):
-        before = list_files(tmp_path)
-        for name in (out, link):
-            with pytest.raises(InvalidFile, match="another command is at work on it; wait until"):
-                _run(name, "b.csv")
-        assert list_files(tmp_path) == before
-        _run(tmp_path / "other")
-    _run(out, "b.csv")
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["link", "other", "out"]
+        pass
+    assert len(list(tmp_path.glob(".out.new-*"))) == 1
+    assert list_files(out) == ["a.csv", "results.json"]
 
 
-def test_everything_is_on_the_disk_before_a_rename_makes_it_an_output(tmp_path, monkeypatch):
-    flushed, renamed = [], []
-    fsync, replace = os.fsync, os.replace
-
-    def noted(descriptor):
-        state = os.fstat(descriptor)
-        flushed.append((state.st_ino, state.st_size))
-        fsync(descriptor)
-
-    def checked(source, target):
-        for file in [Path(source), *Path(source).rglob("*")]:
-            state = file.stat()
-            assert (state.st_ino, state.st_size) in flushed, f"{file} would be lost"
-        renamed.append(Path(target).name)
-        flushed.clear()
-        replace(source, target)
-
-    monkeypatch.setattr("os.fsync", noted)
-    monkeypatch.setattr("os.replace", checked)
-    write_text(tmp_path / "a.csv", "text")
-    assert tmp_path.stat().st_ino in {inode for inode, _ in flushed}, "the name is not on the disk"
-    with output_folder(tmp_path / "out", export="test") as new:
-        (new / "deep").mkdir()
-        write_text(new / "deep" / "a.csv", "text")
-        (new / "b.csv").write_text("more")
-    assert tmp_path.stat().st_ino in {inode for inode, _ in flushed}, "the name is not on the disk"
-    assert renamed == ["a.csv", "out"]
+def test_two_runs_on_one_folder_leave_one_of_them_whole(tmp_path):
+    out = tmp_path / "out"
+    with output_folder(out) as new:
+        (new / "half").touch()
+        _run(out, "b.csv")
+        (new / "results.json").write_text('{"files": ["half"]}')
+    assert list_files(tmp_path) == ["out/half", "out/results.json"]
 
 
 def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch):
