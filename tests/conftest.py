@@ -52,7 +52,6 @@ SLOWEST = (
     "tests/planning/foot/test_bound.py",
     "tests/identification/test_verdict.py",
     "tests/cli/test_replay.py",
-    "tests/robustness/test_hostile_sizes.py",
     "tests/planning/bounds/test_certify.py",
     "tests/planning/test_friction.py",
     "tests/identification/test_answers.py",

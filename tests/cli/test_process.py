@@ -54,25 +54,6 @@ def test_every_command_has_a_worked_example_that_works(command, tmp_path, desire
         shell.run(line)
 
 
-def test_the_commands_are_programs_for_pipes(tmp_path):
-    script = tmp_path / "request-planner"
-    script.write_text(
-        f"#!{sys.executable} -P\nfrom planner.cli import main\n\nmain()\n", encoding="utf-8"
-    )
-    script.chmod(0o755)
-    piped = "request-planner excite --limits-deg -9:9 | request-planner simulate - > angles.csv"
-    done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", piped],
-        cwd=tmp_path,
-        env={**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "angles.csv").read_text().startswith("t_s,")
-
-
 @pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])
 @pytest.mark.parametrize("form", [[], ["--json"]], ids=["CSV", "JSON"])
 def test_a_reader_that_leaves_early_gets_no_complaint(unbuffered, form):

@@ -27,8 +27,6 @@ UNBOUNDED = ("any_leg.md",)  # pages that tell no bound of a foot: it is not com
 MEASURED = re.compile(r"(\d+\.\d+)(?:,? (?:and |to |instead of )?\d+\.\d+)* (?:deg(?:rees)?|cm)\b")
 """An error as programs print them: with decimals, in degrees or centimetres."""
 
-PRINTED = "leg\nfoot 1\nfoot 2\nin all\n"
-
 
 @pytest.fixture
 def empty_folder(tmp_path, monkeypatch):
@@ -121,20 +119,3 @@ def test_errors_that_the_text_of_a_page_names_are_printed_by_one_of_its_blocks(p
         for number in re.findall(r"\d+\.\d+", match[0])
     }
     assert named <= told
-
-
-@pytest.mark.parametrize(
-    ("told", "differs"),
-    [
-        (PRINTED, None),
-        ("...\nfoot 1\n...\nin all\n", None),
-        ("leg\nfoot 1\n...\n", None),
-        ("foot 1\nfoot 2\nin all\n", "printed, and neither told nor omitted by a line '...': leg"),
-        ("leg\nfoot 1\nin all\n", "printed, and neither told nor omitted by a line '...': foot 2"),
-        ("leg\n...\nfoot 1\n", "printed, and neither told nor omitted by a line '...': foot 2"),
-        ("leg\n...\nfoot 3\n...\n", "not printed: foot 3"),
-        ("...\nfoot 2\nfoot 1\n...\n", "not printed: foot 1"),
-    ],
-)
-def test_a_page_tells_all_lines_that_are_printed_or_says_where_it_leaves_out_some(told, differs):
-    assert difference(told, PRINTED) == differs

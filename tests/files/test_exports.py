@@ -29,7 +29,6 @@ from planner.robot.arm import Servo
 
 ROUNDING = 1e-10  # twelve decimals of a degree are written [rad]
 SHORT = Schedule(("knee",), np.zeros((3, 1)), 0.02)
-SINGLE = 1e-7  # half a step of float32 at angles below 1.5 rad, rounded up [rad]
 
 
 def _numbered(rows, period):

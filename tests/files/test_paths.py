@@ -2,7 +2,6 @@
 
 import io
 import json
-import math
 import sys
 
 import numpy as np
@@ -28,10 +27,8 @@ from planner.files.paths import (
 )
 from planner.files.table import read_table, write_table
 
-PHASE = 2.0 * np.pi * np.arange(100) / 100
 WRITTEN = 1e-12  # a written number is off by half of its last decimal at most [deg, m]
 MODEL = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
-PATH = "t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,4\n"
 
 
 def _written(file, column, values, times=None):
@@ -187,19 +184,6 @@ def test_a_dash_is_standard_input_and_standard_output(monkeypatch, capsys):
     assert out == "t_s,knee_deg\n0.0,57.295779513082\n0.5,114.591559026165\n"
 
 
-@pytest.mark.parametrize(
-    "name", ["=1+2", "+knee", "-knee", "@SUM(A1)", "'=knee", "'knee", "\tknee"]
-)
-def test_a_title_that_a_spreadsheet_takes_as_a_formula_is_written_as_text_and_read_back(
-    tmp_path, name
-):
-    angles = np.linspace(0.0, 0.1, 12).reshape(6, 2)
-    write_joint_path(tmp_path / "path.csv", [name, "hip"], angles, period=0.02)
-    titles = (tmp_path / "path.csv").read_text().splitlines()[0].split(",")
-    assert not any(title.startswith(("=", "+", "-", "@")) for title in titles)
-    assert read_joint_path(tmp_path / "path.csv").names == (name, "hip")
-
-
 JOINT_PATHS = {
     "empty": b"",
     "only blank lines": b"\n\n  \n",
@@ -290,29 +274,6 @@ def test_every_bad_file_says_what_is_wrong(tmp_path, snapshot):
         for name, content in contents.items()
     }
     snapshot.refusals("bad_input", read, cases, FILE=file)
-
-
-LIMITS = {
-    "columns": ("table.MOST_COLUMNS", 3, "3 columns, expected at most 2; leave out"),
-    "cells": ("table.MOST_CELLS", 6, "more than 1 rows of 3 columns; split the file"),
-    "rows": ("paths.MOST_SAMPLES", 2, "more than 1 rows of 3 columns; split the file"),
-    "joints": ("paths.MOST_JOINTS", 2, "2 joints, expected at most 1; choose some with --joint"),
-    "characters": ("text.MOST_BYTES", len(PATH), "longer than 0 MiB; is it the right file?"),
-    "size": ("columns.LARGEST", math.radians(4.0), "'hip_deg': got 4, expected at most 3.99"),
-}
-"""The constant of a limit, what the path has, and the message of one that has more."""
-
-
-@pytest.mark.parametrize("limit", LIMITS)
-def test_a_path_may_be_as_large_as_a_limit_and_no_larger(tmp_path, monkeypatch, limit):
-    place, has, message = LIMITS[limit]
-    file = tmp_path / "path.csv"
-    file.write_text(PATH)
-    monkeypatch.setattr(f"planner.files.{place}", has)
-    assert read_joint_path(file).names == ("knee", "hip")
-    monkeypatch.setattr(f"planner.files.{place}", has - 1 if has >= 1 else 0.999 * has)
-    with pytest.raises(InvalidFile, match=message):
-        read_joint_path(file)
 
 
 def test_a_joint_without_a_model_and_a_misspelt_table_are_refused(tmp_path):

@@ -2,8 +2,6 @@
 
 import logging
 import os
-import signal
-import subprocess
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
@@ -130,21 +128,6 @@ def test_the_tasks_handed_over_at_once_do_not_grow_with_their_number(monkeypatch
     finished = parallel.outcomes(work.square, work.tasks(50), executor)
     assert all(executor.ran - done <= 4 for done, _ in enumerate(finished))
     assert executor.ran == 50
-
-
-@pytest.mark.parametrize("finished", [1, 7])
-def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, tmp_path, results):
-    """Kill -9 once some results are there. Its workers hold the pipe that is read to its end."""
-    output, folder = tmp_path / "killed", tmp_path / ".killed.results"
-    command = [sys.executable, "-P", "-m", "tests.parallel.work", output]
-    killed = subprocess.run([*command, str(finished)], capture_output=True, check=False)
-    assert killed.returncode == -signal.SIGKILL
-    before = {name: (folder / name).stat().st_mtime_ns for name in work.held(folder)}
-    assert finished <= len(before) < 8 or finished == 7
-    run(work.square, work.tasks(), Results(output, {"power": 2}, resume=True), workers=2)
-    run(work.square, work.tasks(), results, workers=2)
-    assert work.held(folder) == work.held(results.folder)
-    assert all((folder / name).stat().st_mtime_ns == time for name, time in before.items())
 
 
 WORKERS = {

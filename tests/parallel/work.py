@@ -1,4 +1,4 @@
-"""Tasks for tests of the engine, and commands that are killed; other processes import them."""
+"""Tasks for tests of the engine, which other processes import."""
 
 import math
 import os
@@ -14,8 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from planner.exceptions import InvalidInput, UnsupportedLeg, about, angle_text
-from planner.files.results import Results, Task
-from planner.parallel import carry_out, executor_of
+from planner.files.results import Task
 
 
 def square(number):
@@ -106,18 +105,6 @@ def in_this_process(*_):
     yield InThisProcess()
 
 
-def run_and_die_after(output, finished):
-    """Carry out tasks, resuming, and kill the whole command once some have a result."""
-    results = Results(output, {"power": 2}, resume=True)
-
-    def progress(_):
-        if len(held(results.folder)) >= finished:
-            os.kill(os.getpid(), signal.SIGKILL)
-
-    with executor_of(workers=2) as executor:
-        carry_out(square, tasks(), results, executor, progress=progress)
-
-
 @contextmanager
 def dask_cluster(folder, **settings):
     """A Dask scheduler and two workers on the loopback interface: its address and its process."""
@@ -170,7 +157,3 @@ def held(folder):
         for file in Path(folder).glob("??/*")
         if not file.name.startswith(".")
     }
-
-
-if __name__ == "__main__":
-    run_and_die_after(sys.argv[1], int(sys.argv[2]))

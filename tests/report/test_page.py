@@ -2,16 +2,11 @@
 
 import html
 import re
-import shutil
-import subprocess
 from urllib.parse import unquote, urljoin, urlsplit
 
-import numpy as np
 import pytest
 
-from planner.report.figure import DIRECT, Axis, Curve, Figure, Panel
-from planner.report.page import live_scripts, plot, sources_of
-from tests.browser import ARGUMENTS
+from planner.report.page import sources_of
 
 PICTURES = (
     "figure1_foot_direct",
@@ -27,9 +22,6 @@ PICTURES = (
     "optimised_trajectories",
 )
 
-BUDGET = 10_000  # time that passes in the page before its picture is taken, on its own clock [ms]
-FAR = 5_000  # how far below the screen the last figure stands [px]
-
 
 def test_pictures_are_drawn_and_not_dated(reproduced):
     folder = reproduced.folder / "figures"
@@ -38,38 +30,6 @@ def test_pictures_are_drawn_and_not_dated(reproduced):
         assert svg.startswith("<?xml")
         assert "<dc:date>" not in svg
         assert (folder / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
-
-
-@pytest.fixture
-def page(tmp_path):
-    """A page with a plot on the screen and one far below it."""
-    times = np.arange(11.0)
-    panel = Panel(Axis("angle", "deg"), (Curve(DIRECT, times, times),))
-    figure = Figure("hip", "", "", Axis("time", "ms"), (panel,), over_time=True)
-    plots = {name: plot(figure) for name in ("near", "far")}
-    figures = f'<div style="height: {FAR}px"></div>'.join(
-        f'<figure id="{name}"><div class="live"></div></figure>' for name in plots
-    )
-    file = tmp_path / "page.html"
-    file.write_text(f"<!doctype html>{figures}{live_scripts(plots)}")
-    return file
-
-
-def test_a_browser_that_shows_no_frame_before_its_picture_finds_the_page_alive(page, tmp_path):
-    executable = shutil.which("chromium") or shutil.which("chromium-browser")
-    if executable is None:
-        pytest.skip("Chromium is not installed")
-    done = subprocess.run(
-        [executable, *ARGUMENTS, "--enable-logging=stderr", "--dump-dom",
-         f"--user-data-dir={tmp_path / 'profile'}", f"--virtual-time-budget={BUDGET}",
-         page.as_uri()],
-        capture_output=True,
-        text=True,
-        check=True,
-    )  # fmt: skip
-    for name in ("near", "far"):
-        assert f'<figure id="{name}" class="alive" data-drawn="">' in done.stdout
-    assert "CONSOLE" not in done.stderr
 
 
 def links_of(page, files):

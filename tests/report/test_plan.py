@@ -128,16 +128,6 @@ def test_requests_at_a_limit_are_counted_and_those_beyond_it_told_by_how_much(ou
         assert ("Requests at a limit" in said) != beyond
 
 
-def test_every_name_is_escaped_and_every_request_shown(outcome):
-    page = page_of(asked(outcome, names=("a<b>", "c&d", "e")))
-    assert "a<b>" not in page
-    assert "leg &lt;1&gt;" in page
-    assert "&lt;x&gt;.csv" in page
-    assert page.count("<td>") > 3 * len(outcome.requests)
-    assert "a&lt;b&gt;" in page
-    assert f"{np.degrees(outcome.requests[5, 2]):.3f}" in page
-
-
 def test_the_foot_is_drawn_where_it_should_be_though_the_leg_does_not_reach(outcome):
     far = WALK.desired_foot + np.array([0.0, 0.0, -0.1])
     desired, direct, planned = leg_figure(asked(outcome, foot=far), FOOT_OPTIMAL).live["motions"]

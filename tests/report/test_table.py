@@ -1,12 +1,10 @@
 """A table is one description: a page and a terminal have the same cells, escaped on the page."""
 
-import math
 import re
 
 import pytest
 
 from planner.report.wording import NOTHING, Column, Row, Table, environment, fitted_to
-from planner.report.wording import table as of_template
 
 PARTS = ("ours", "paper", "diff.")
 WIDE = ["joint", *(f"column{k}" for k in range(12))]
@@ -50,21 +48,6 @@ def test_a_page_has_every_part_in_a_cell_and_every_subject_once():
     assert '<th scope="col" class="words">&lt;words&gt;</th>' in html
     rows = [re.findall(r"<t[hd]", row) for row in re.findall(r"<tr.*?</tr>", html, re.DOTALL)]
     assert [len(row) for row in rows] == [3, 5, 6, 5, 6]
-
-
-def test_names_with_separators_of_the_template_of_tables_stay_as_they_are():
-    name = "< a | b / c ;; d >> e :: f = g #h\u2028i"
-    each = {"unit": "deg", "trials": 1, "errors": [1.0], "best_trial": 1, "noise": math.nan}
-    each |= {"predicted": 0.5, "lower_bound": 0.25}
-    made = of_template("trials", progress={name: each, "knee": each}, short=lambda value, _: value)
-    assert [column.title for column in made.columns] == [f"{name} [deg]", "knee [deg]"]
-    assert (made.about, made.label) == ("trial", "Errors of the trials, rms")
-    assert [(row.about, *row.cells, row.kind) for row in made.rows] == [
-        ("1", "1.0\nbest", "1.0\nbest", ""),
-        ("predicted next", "0.5", "0.5", ""),
-        ("lower bound", "0.25", "0.25", "bound"),
-        ("noise of a cycle", NOTHING, NOTHING, ""),
-    ]
 
 
 def test_a_page_writes_minus_signs_and_leaves_names_alone():

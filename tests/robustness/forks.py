@@ -1,8 +1,8 @@
 """The program in forks of a process that has imported it, so that its imports are paid for once.
 
 A script and its client. Each line that the script reads is a run as JSON: the arguments, the folder
-and the environment to run in, limits on memory and processor time, and whether an audit hook tells
-what it does to files, and what code it makes of data. It answers with the exit status.
+and the environment to run in, a limit on the length of files, and whether an audit hook tells what
+it does to files. It answers with the exit status.
 """
 
 import contextlib
@@ -22,19 +22,14 @@ CHANGES = {
 }
 """Events that change files or folders."""
 
-FORBIDDEN = {"os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect"}
-"""Events that no input may lead to."""
-
-MARK = "hacked"  # what the code in hostile files holds, and no other code
-
 
 class Run(NamedTuple):
-    """What a run left behind; ``report`` is what was watched, None where the run died."""
+    """What a run left behind; ``changes`` is what was watched, None where the run died."""
 
     returncode: int
     stdout: str
     stderr: str
-    report: dict[str, Any] | None
+    changes: list[list[str]] | None
 
 
 class Forks:
@@ -55,15 +50,14 @@ class Forks:
     def run(self, folder: Path, *arguments: str, **asked: Any) -> Run:
         """Run the program in a folder.
 
-        It may be asked for an ``environment``, to ``watch`` what is done, for so much ``memory``
-        [bytes], so many ``seconds`` of processor time, and for files of at most so much ``room``
-        [bytes].
+        It may be asked for an ``environment``, to ``watch`` what is done, and for files of at most
+        so much ``room`` [bytes].
         """
         with tempfile.TemporaryDirectory() as kept:
             status = self._order(folder=str(folder), arguments=arguments, kept=kept, **asked)
             said = [(Path(kept) / name).read_text() for name in ("stdout", "stderr")]
-            report = Path(kept) / "report"
-            return Run(status, *said, json.loads(report.read_text()) if report.exists() else None)
+            watched = Path(kept) / "changes"
+            return Run(status, *said, json.loads(watched.read_text()) if watched.exists() else None)
 
     def _order(self, **order: Any) -> int:
         print(json.dumps(order), file=self._process.stdin, flush=True)
@@ -79,7 +73,6 @@ class Watch:
 
     def __init__(self) -> None:
         self.changes: list[list[str]] = []
-        self.others: list[str] = []
         self.on = False
 
     def __call__(self, event: str, arguments: tuple[object, ...]) -> None:
@@ -92,13 +85,6 @@ class Watch:
                 self.changes.append(["open", str(path)])
         elif event in CHANGES:
             self.changes.append([event, *map(str, arguments[:2])])
-        elif event == "compile" and MARK in str(arguments[0]):
-            self.others.append("compile")
-        elif event in FORBIDDEN or event.startswith("pickle.") or event == "marshal.loads":
-            self.others.append(event)
-
-    def report(self) -> str:
-        return json.dumps({"changes": self.changes, "others": self.others})
 
 
 def main() -> None:
@@ -129,13 +115,8 @@ def _run(order: dict[str, Any]) -> NoReturn:
         os.dup2(opened, descriptor)
         os.close(opened)
     sys.stdin = open(0, closefd=False)  # noqa: SIM115
-    for kind, name in (
-        (resource.RLIMIT_AS, "memory"),
-        (resource.RLIMIT_CPU, "seconds"),
-        (resource.RLIMIT_FSIZE, "room"),
-    ):
-        if name in order:
-            resource.setrlimit(kind, (order[name], order[name]))
+    if room := order.get("room"):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
     sys.argv = ["request-planner", *order["arguments"]]
     watch, watched = Watch(), "watch" in order
     if watched:
@@ -155,7 +136,7 @@ def _run(order: dict[str, Any]) -> NoReturn:
         with contextlib.suppress(OSError):
             stream.flush()
     if watched:
-        (kept / "report").write_text(watch.report())
+        (kept / "changes").write_text(json.dumps(watch.changes))
     os._exit(status)
 
 

@@ -1,7 +1,6 @@
 """Whatever happened to a file on its way, it is read or refused with one line that names it."""
 
 import json
-from contextlib import suppress
 
 import click
 import numpy as np
@@ -145,22 +144,3 @@ def test_a_whole_file_is_read_and_a_damaged_one_read_or_refused(kept, accidents)
         assert len(message) < 2000, message
     except click.UsageError:
         pass  # options that the run file's keys stand for
-
-
-VALUES = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=3)),
-    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(), inner)),
-    max_leaves=8,
-)
-
-
-@settings(max_examples=40)
-@given(described=VALUES, names=VALUES)
-def test_any_description_of_a_dataset_is_read_or_refused(described, names, tmp_path_factory):
-    root = tmp_path_factory.mktemp("any") / "set"
-    file = v21(root) / "meta" / "info.json"
-    features = {"action": {"names": names}, "observation.state": {"names": names}}
-    for content in (described, {"codebase_version": "v3.0", "features": features}):
-        file.write_text(json.dumps(content))
-        with suppress(InvalidInput):
-            read_logs(root, options=LogOptions(joint="all", unit="deg", episodes="1"))

@@ -1,4 +1,4 @@
-"""Commands write only to the outputs that are named, and never run what they read."""
+"""Commands write only to the outputs that are named, the same bytes every time."""
 
 import os
 from pathlib import Path
@@ -8,7 +8,6 @@ import pytest
 import planner
 from tests.robustness.forks import Forks
 
-EVIL = "__import__('os').system('touch hacked')"  # what a file of data may hold, and nobody may run
 LOG = "t_s,requested_deg,actual_deg\n" + "".join(
     f"{0.01 * k:.2f},{20 * (k // 30 % 2)},{18 * (k // 30 % 2)}\n" for k in range(180)
 )
@@ -29,37 +28,6 @@ WRITING = {
 }
 NEEDED = {"mcap": "rosbags", "lerobot": "pyarrow"}  # packages of formats
 
-HOSTILE = {
-    "a column": ("desired.csv", f"t_s,{EVIL}_deg\n0,1\n0.008,2\n", ["plan", "desired.csv"]),
-    "a model": ("m.toml", f'v_max = "{EVIL}"\n', ["simulate", "desired.csv", "--model", "m.toml"]),
-    "a run file's output": (
-        "run.toml",
-        RUN.replace("r.html", "../hacked"),
-        ["run", "run.toml", "--out", "out"],
-    ),
-    "a pickle called CSV": (
-        "log.csv",
-        "cos\nsystem\n(S'touch hacked'\ntR.",
-        ["identify", "log.csv"],
-    ),
-    "a pickle called Parquet": (
-        "log.parquet",
-        "cos\nsystem\n(S'touch hacked'\ntR.",
-        ["identify", "log.parquet"],
-    ),
-    "a robot": (
-        "r.urdf",
-        f'<robot name="{EVIL}"><link name="{EVIL}"/></robot>',
-        ["gait", "--leg", "r.urdf", "--base", "a", "--foot", "b"],
-    ),
-    "a bag's description": (
-        "bag/metadata.yaml",
-        "!!python/object/apply:os.system ['touch hacked']\n",
-        ["identify", "bag"],
-    ),
-}
-"""A file, what it holds, and who reads it."""
-
 
 @pytest.fixture
 def folder(folder):
@@ -78,7 +46,7 @@ def watched(forks, folder):
         temporary = folder / "temporary"
         own = {"TMPDIR": str(temporary), "MPLCONFIGDIR": str(temporary / "matplotlib")}
         done = forks.run(folder, *arguments, environment=own, watch=True)
-        return done.returncode, done.stderr.splitlines(), done.report
+        return done.returncode, done.stderr.splitlines(), done.changes
 
     return watched
 
@@ -106,39 +74,24 @@ def test_nothing_is_written_but_where_it_was_said_and_outputs_by_renames(name, f
     if name in NEEDED:
         pytest.importorskip(NEEDED[name])
     before = _names(folder)
-    status, said, report = watched(*WRITING[name])
+    status, said, changes = watched(*WRITING[name])
     assert status in (0, 1), said
     assert list((folder / "out").iterdir()), said
     compiled = f"{Path(planner.__file__).parent}{os.sep}"  # Numba's cache, beside the code
     allowed = (str(folder / "out"), "out/", str(folder / "temporary"), os.devnull, compiled)
-    for event, *paths in report["changes"]:
+    for event, *paths in changes:
         written = [path for path in paths if "/" in path]
         assert written, (event, paths)
         for path in written:
             assert path.startswith(allowed), (event, path)
     assert _names(folder) == before
-    again = watched(*WRITING[name])[2]["changes"]
+    again = watched(*WRITING[name])[2]
     for out in (word for word in WRITING[name] if word.startswith("out/")):
-        assert steps(report["changes"], folder, out) == ["os.rename"]
+        assert steps(changes, folder, out) == ["os.rename"]
         # A new folder takes the place of the last one, which is moved away first.
         assert steps(again, folder, out) == ["os.rename"] * (1 + (folder / out).is_dir())
     left = {file.name for file in (folder / "temporary").iterdir()}
     assert left <= {"matplotlib"}, "temporary files are left"
-
-
-@pytest.mark.parametrize("name", HOSTILE)
-def test_no_data_is_ever_run(name, folder, watched):
-    file, content, arguments = HOSTILE[name]
-    (folder / file).parent.mkdir(exist_ok=True)
-    (folder / file).write_text(content)
-    before = _names(folder)
-    status, said, report = watched(*arguments)
-    assert status == 2, said
-    assert len(said) == 1, said
-    run = [event for event in report["others"] if event != "marshal.loads"]  # imports
-    assert run == []
-    assert _names(folder) == before
-    assert list((folder / "out").iterdir()) == []
 
 
 COMMANDS = {
