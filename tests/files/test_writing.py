@@ -53,8 +53,6 @@ def test_a_written_file_keeps_its_permissions_and_its_link(tmp_path):
     assert file.read_text() == "new"
 
 
-
-
 def test_several_files_appear_or_none_where_one_cannot(tmp_path):
     with pytest.raises(InvalidFile, match="is a directory"), staged(tmp_path, b"text"):
         write_text(tmp_path / "other", "text")
@@ -92,8 +90,6 @@ def test_a_users_files_are_kept_and_a_folder_with_some_is_never_replaced(tmp_pat
         "or an earlier run's; choose another folder or move them away"
     )
     assert (out / "notes.txt").read_text() == "mine"
-
-
 
 
 def test_a_killed_run_leaves_the_last_good_one(tmp_path):
