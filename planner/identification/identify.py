@@ -24,7 +24,6 @@ from planner.identification.grid import (
 from planner.identification.intervals import (
     all_intervals,
     correlations_of,
-    covariance_of,
     intervals_of,
     over_top_speeds,
     speed_bounded,
@@ -477,13 +476,11 @@ def _answer(
         rms=fit.rms,
         held_out_rms=None if held is None else held.rms,
         noise=fit.noise,
-        unexplained=math.sqrt(max(fit.scale**2 - fit.noise**2, 0.0)),
         fastest=fit.grid.fastest,
         heaviest=float(np.max(np.abs(fit.grid.loads), initial=0.0)),
         signal=fit.grid.signal,
         intervals=intervals,
         gain_interval=gain,
-        covariance=covariance_of(fit, intervals | {"gain": gain}),
         correlations=correlations_of(fit),
         alternatives=tuple(
             Alternative(

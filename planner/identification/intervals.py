@@ -389,15 +389,6 @@ def model_interval(fit: Fit, name: str) -> Interval:
     return Interval(max(value - half, open_end), value + half)
 
 
-def covariance_of(fit: Fit, intervals: Mapping[str, Interval]) -> Array | None:
-    """Covariance of what was fitted of :data:`PARAMETERS`, in SI units, shape (p, p)."""
-    fitted = np.flatnonzero(fit.free)
-    known = np.isfinite(np.diag(uncertainty_of(fit).covariance)[fitted]).all()
-    if not (known and all(each.bounded for each in intervals.values())):
-        return None
-    return uncertainty_of(fit).of_model[np.ix_(fitted, fitted)]
-
-
 def correlations_of(fit: Fit) -> tuple[tuple[float, ...], ...]:
     """Correlations of the fitted :data:`PARAMETERS`, the gain instead of theta_0."""
     rows, of_gain = np.flatnonzero(fit.free), -1  # the last one of the covariance

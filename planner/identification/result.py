@@ -156,16 +156,12 @@ class Term:
     Attributes:
         name: As an attribute of the model.
         kept: Whether it reduces the loss enough; if not, it is exactly 0 in the model.
-        rms_without: Error over all rows without it, and with the terms that were kept before [rad].
-        rms_with: Error with it [rad].
         interval: Where it lies with 95 % confidence, whether kept or not; infinite where the logs
             do not separate it from other parameters.
     """
 
     name: str
     kept: bool
-    rms_without: float
-    rms_with: float
     interval: Interval
 
 
@@ -315,17 +311,14 @@ class Identification(ReadOnly, Summarised):
             None where nothing was held out.
         noise: Standard deviation of what changes from row to row at random, by the differences of
             neighbouring residuals, without outliers [rad].
-        unexplained: Standard deviation of what the model leaves unexplained beside it [rad].
         signal: Standard deviation of the actual angles about their mean in each log [rad].
         intervals: 95 % interval of v_max [rad/s], theta_0 [rad], lag [s], acceleration_time [s],
             offset [rad] and every term that is kept; infinite where the data does not determine
             the parameter.
         gain_interval: 95 % interval of v_max / theta_0 [1/s], known even if the joint never
             saturates.
-        covariance: Of the parameters in the order of ``intervals``, SI units, shape (p, p); None
-            where one of them is not determined.
-        correlations: The same as correlations, v_max / theta_0 instead of theta_0 and 0 where
-            they are not known, shape (p, p); empty where none is.
+        correlations: Of the parameters in the order of ``intervals``, v_max / theta_0 instead of
+            theta_0 and 0 where they are not known, shape (p, p); empty where none is.
         alternatives: Simpler descriptions of the same rows.
         terms: What dry friction, asymmetry and load would bring, those that were tried.
         findings: What to know before the model is used, the most important first.
@@ -345,11 +338,9 @@ class Identification(ReadOnly, Summarised):
     signal: float
     intervals: dict[str, Interval]
     gain_interval: Interval
-    covariance: Array | None
     alternatives: tuple[Alternative, ...]
     findings: tuple[Finding, ...]
     terms: tuple[Term, ...] = ()
-    unexplained: float = 0.0
     fastest: float = math.nan
     heaviest: float = 0.0
     verdict: Verdict = "holds"
@@ -357,11 +348,10 @@ class Identification(ReadOnly, Summarised):
     correlations: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
-        """Freeze the array, order the findings, and let the model carry what it was tested on."""
+        """Order the findings, and let the model carry what it was tested on."""
         topics = get_args(Topic)
         found = sorted(self.findings, key=lambda each: topics.index(each.topic))
         object.__setattr__(self, "findings", tuple(found))
-        freeze(self.covariance)
         object.__setattr__(self, "model", self.model.with_evidence(self.tested))
 
     def _summarised(self) -> Summary:
@@ -472,12 +462,10 @@ class Identification(ReadOnly, Summarised):
             "rms": self.rms,
             "held_out_rms": self.held_out_rms,
             "noise": self.noise,
-            "unexplained": self.unexplained,
             "signal": self.signal,
             "intervals": {name: [*map(finite, of)] for name, of in self.intervals.items()},
             "gain": self.gain,
             "gain_interval": [*map(finite, self.gain_interval)],
-            "covariance": None if self.covariance is None else self.covariance.tolist(),
             "alternatives": [asdict(other) for other in self.alternatives],
             "terms": [
                 vars(term) | {"interval": [*map(finite, term.interval)]} for term in self.terms

@@ -210,12 +210,12 @@ def told(found):
     for term in found.terms:
         assert not term.kept or term.interval == found.intervals[term.name]
         kept = "kept" if term.kept else "not kept"
-        lines.append(f"{term.name} {kept} {numbers([term.rms_without, *term.interval])}")
+        lines.append(f"{term.name} {kept} {numbers(term.interval)}")
     for each in found.alternatives:
         held_out = numbers([] if each.held_out_rms is None else [each.held_out_rms])
         known = numbers(each.parameters.values())
         lines.append(f"{each.name} {each.rms:.3g} held out {held_out} {known}")
-    errors = found.rms, found.expected_error, found.noise, found.unexplained, found.signal
+    errors = found.rms, found.expected_error, found.noise, found.signal
     lines.append(f"errors {numbers(errors)}")
     seen = found.tested
     lines.append(f"seen {numbers([found.fastest, found.heaviest, seen.speed, seen.load])}")
@@ -223,8 +223,6 @@ def told(found):
     pairs = (value for pair in seen.by_acceleration for value in pair)
     lines.append(f"errors by motion {numbers([*pairs, *seen.spread, seen.over_delay])}")
     lines.append(f"correlations {' '.join(f'{each[0]:.2f}' for each in found.correlations)}")
-    if found.covariance is not None:
-        lines.append(f"deviations {numbers(np.sqrt(np.diag(found.covariance)))}")
     for fit in found.fits:
         held_out = np.flatnonzero(fit.held_out)
         out = f"{held_out[0]} to {held_out[-1]}" if len(held_out) else "none"

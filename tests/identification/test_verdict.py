@@ -136,14 +136,10 @@ def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
 
 def test_the_delay_after_steps_is_as_uncertain_as_the_covariance_of_its_parameters_says():
     found, model = identified_steps(), identified_steps().model
-    ways = {
-        "v_max": -model.theta_0 / model.v_max**2,
-        "theta_0": 1.0 / model.v_max,
-        "lag": 1.0,
-        "acceleration_time": 0.5,
-    }
-    way = np.array([ways.get(name, 0.0) for name in found.intervals])
-    half = 1.96 * np.sqrt(way @ found.covariance @ way)
+    ways = {"theta_0": -1.0 / model.gain**2, "lag": 1.0, "acceleration_time": 0.5}
+    ends = found.intervals | {"theta_0": found.gain_interval}
+    way = [ways.get(name, 0.0) * (high - low) / 2.0 for name, (low, high) in ends.items()]
+    half = np.sqrt(way @ np.array(found.correlations) @ way)
     # Intervals follow the loss where it is no parabola, by a few percent here.
     assert found.tested.delay_error == pytest.approx(half, rel=0.1)
 

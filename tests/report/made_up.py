@@ -68,7 +68,6 @@ def made_up(*logs, **changes):
             for name, by in half.items()
         },
         "gain_interval": Interval(43.1, 46.2),
-        "covariance": np.diag([(by / 1.96) ** 2 for by in half.values()]),
         "alternatives": (
             Alternative(
                 name="raw",
@@ -104,7 +103,6 @@ def never_saturated():
             "v_max": Interval(3.0, math.inf),
             "theta_0": Interval(0.07, math.inf),
         },
-        covariance=None,
         findings=(
             Finding(
                 "top speed",

@@ -29,7 +29,6 @@ def test_a_page_on_data_that_says_nothing_can_still_be_drawn():
     unknown = made_up(
         intervals=dict.fromkeys(PARAMETERS, nothing),
         gain_interval=nothing,
-        covariance=None,
         held_out_rms=None,
         alternatives=(),
         verdict="refused",

@@ -49,7 +49,7 @@ HOSTILE = {"number": NUMBERS, "other": OTHERS, "array": ARRAYS}
 UNBOUNDED = {"lower", "upper", "max_step", "intervals", "gain_interval", "gap"}
 """Fields in which infinity says that there is no limit."""
 CALLED = {"progress", "on_stop", "report", "send", "measure"}  # arguments that are functions
-OPEN = {"speeds", "predicted", "held_out_predicted", "covariance"}
+OPEN = {"speeds", "predicted", "held_out_predicted"}
 """Fields in which NaN says that nothing is known."""
 
 
