@@ -205,9 +205,7 @@ def identified(arguments: Any) -> bytes:
     return pickle.dumps(run(logs, **options))
 
 
-Kind = Literal[
-    "combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle"
-]
+Kind = Literal["combined", "steps", "multisine", "random-steps", "slow-triangle"]
 
 UNNAMED = "requested"  # the joint of a signal without a name, whose column is requested_deg
 
@@ -238,7 +236,7 @@ def excite(
         "Cycles of each step test.", otherwise="3; 1 in each half of combined"
     ),
     highest_hz: float | None = option(
-        "Highest frequency of sines and chirp.", otherwise="a tenth of the rate, at most 5"
+        "Highest frequency of the sines.", otherwise="a tenth of the rate, at most 5"
     ),
     seed: Seed = option("Another number draws other random steps and noise.", default=0),
     joint: str = option("Name of the joint, for the column.", default=UNNAMED, form="NAME"),
@@ -283,7 +281,7 @@ def excite(
     for name, value, kinds in (
         ("--amplitude-deg", amplitude_deg, ("combined", "steps")),
         ("--cycles", cycles, ("combined", "steps")),
-        ("--highest-hz", highest_hz, ("combined", "multisine", "chirp")),
+        ("--highest-hz", highest_hz, ("combined", "multisine")),
     ):
         if value not in (None, ()) and kind not in kinds:
             raise click.UsageError(f"{name} has no effect with --kind {kind}.")

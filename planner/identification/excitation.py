@@ -25,7 +25,7 @@ PARTS = (
 """Of each half of the combined signal: kinds, their shares, what each makes identifiable."""
 
 SWELL = 0.08
-"""Share of a sum of sines, or of a chirp, in which it, or one of its sines, swells."""
+"""Share of a sum of sines in which it, or one of its sines, swells."""
 
 
 class Part(NamedTuple):
@@ -105,9 +105,9 @@ def excite(
     It deflects as far to one side of the centre as to the other. ``combined`` (slow triangle, sum
     of sines, steps) and ``steps`` (Equation 1, about the centre) have amplitudes, by default an
     eighth, half and the whole of what the limits allow, and cycles, by default 1 in each half and
-    3: steps that follow too soon shake a servo out of step, which no model foretells. ``combined``,
-    ``multisine`` and ``chirp`` have a highest frequency, by default a tenth of the rate of the
-    requests, at most 5 Hz. Other kinds are ``random_steps``, ``triangle`` and ``slow_triangle``.
+    3: steps that follow too soon shake a servo out of step, which no model foretells. ``combined``
+    and ``multisine`` have a highest frequency, by default a tenth of the rate of the requests, at
+    most 5 Hz. Other kinds are ``random_steps`` and ``slow_triangle``.
 
     Raises InvalidInput where limits, centre or amplitudes contradict each other, or nothing fits
     into the duration.
@@ -157,10 +157,8 @@ def excite(
     make: Mapping[str, Callable[[int, int], Array]] = {  # of a length, with a seed
         "steps": lambda n, _: _steps(n, tests, cycles),
         "multisine": lambda n, own: _multisine(n, period, fastest, own, quickens=both),
-        "chirp": lambda n, _: _chirp(n, period, fastest),
         "random_steps": lambda n, own: _random_steps(n, period, own),
-        "triangle": lambda n, _: _triangle(n, (1, 2, 4, 8)),  # the speed doubles from part to part
-        "slow_triangle": lambda n, _: _triangle(n, 2 * ((1,) if both else (2,)), (1.0, 0.25)),
+        "slow_triangle": lambda n, _: _slow_triangle(n, 1 if both else 2),
     }
     if kind not in make and not both:
         raise InvalidInput(f"kind: got '{kind}', expected combined or one of {', '.join(make)}")
@@ -234,16 +232,6 @@ def _multisine(
     return scaled
 
 
-def _chirp(samples: int, period: float, highest: float) -> Array:
-    """A sine whose frequency grows by equal factors in equal times, up to ``highest`` [Hz]."""
-    duration = samples * period
-    lowest = min(1.0 / duration, highest / 2.0)
-    rate = np.log(highest / lowest) / duration
-    times = np.arange(samples) * period
-    made: Array = _swell(samples) * np.sin(2.0 * np.pi * lowest * np.expm1(rate * times) / rate)
-    return made
-
-
 def _random_steps(samples: int, period: float, seed: int) -> Array:
     """Levels drawn evenly between -1 and 1.
 
@@ -261,12 +249,11 @@ def _random_steps(samples: int, period: float, seed: int) -> Array:
     return made
 
 
-def _triangle(samples: int, cycles: Sequence[int], heights: Sequence[float] | None = None) -> Array:
-    """To and fro at constant speeds, so many cycles in each of equal parts, of these heights."""
+def _slow_triangle(samples: int, cycles: int) -> Array:
+    """To and fro at constant speeds, so many cycles far in one half, and near in the other."""
     parts = []
-    lengths = map(len, np.array_split(np.empty(samples), len(cycles)))
-    for often, height, length in zip(cycles, heights or len(cycles) * [1.0], lengths, strict=True):
-        phase = np.mod(often * np.arange(length) / length + 0.75, 1.0)
+    for height, part in zip((1.0, 0.25), np.array_split(np.empty(samples), 2), strict=True):
+        phase = np.mod(cycles * np.arange(len(part)) / len(part) + 0.75, 1.0)
         parts.append(height * (4.0 * np.abs(phase - 0.5) - 1.0))
     return np.concatenate(parts)
 

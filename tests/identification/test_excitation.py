@@ -9,7 +9,7 @@ from planner.identification.excitation import excite, expect, step_test
 from planner.model.joint import JointModel
 
 EQUAL = 1e-12  # two ways to the same request differ by rounding only [rad]
-CONTINUOUS = ("multisine", "chirp", "triangle", "slow_triangle")
+CONTINUOUS = ("multisine", "slow_triangle")
 KINDS = ("combined", "steps", "random_steps", *CONTINUOUS)
 
 
@@ -65,15 +65,6 @@ def test_steps_are_those_of_equation_1_about_the_centre():
     np.testing.assert_allclose(played, 0.1 + expected, atol=EQUAL)
 
 
-def test_a_triangle_doubles_its_speed_three_times():
-    made = signal("triangle", duration=41.0)
-    speeds = np.abs(np.diff(made.requests)) / made.period
-    parts = np.array_split(speeds[25:-25], 4)
-    found = [np.median(part) for part in parts]
-    np.testing.assert_allclose(found, found[0] * np.array([1.0, 2.0, 4.0, 8.0]), rtol=1e-6)
-    assert found[0] == pytest.approx(4.0 * made.reach / 10.0)
-
-
 def test_a_slow_triangle_tells_friction_and_no_jump_hides_it():
     sticky = JointModel(v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, dead_band=0.03)
     made = signal("slow_triangle", duration=20.0)
@@ -84,9 +75,8 @@ def test_a_slow_triangle_tells_friction_and_no_jump_hides_it():
     assert (found.model.tick, found.model.hold) == (pytest.approx(0.02 / 3.0), 3)
 
 
-@pytest.mark.parametrize("kind", ["multisine", "chirp"])
-def test_a_sine_is_never_faster_than_its_highest_frequency(kind):
-    made = signal(kind, highest=1.0)
+def test_a_sum_of_sines_is_never_faster_than_its_highest_frequency():
+    made = signal("multisine", highest=1.0)
     fastest = 2.0 * np.pi * 1.0 * made.reach  # Bernstein's bound, which the swell hardly adds to
     assert made.largest_jump <= 1.1 * fastest * made.period
 
