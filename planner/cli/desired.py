@@ -21,7 +21,7 @@ from planner.files.joint_model import LegPlace, read_legs, read_model_file, read
 from planner.files.text import STANDARD_STREAM
 from planner.model.evidence import check_unit, refusal
 from planner.model.joint import JointModel
-from planner.planning.task import limits_of_each
+from planner.planning.task import limits_in_shares, limits_of_each
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -117,7 +117,8 @@ def desired_of(run: settings.Run) -> Desired:
     path, leg = _path_of(run)
     of_foot = path.names == paths.AXES
     names = leg.joint_names if of_foot and leg is not None else path.names
-    models = models_of(run, names, leg, units=path.units)
+    units = ("deg",) * len(names) if of_foot else path.units
+    models = models_of(run, names, leg, units=units)
     path, cyclic, remarks = _in_step(path, run, models[0].period)
     if leg is not None and (foreign := [name for name in names if name not in leg.joint_names]):
         raise BadSetting(
@@ -133,7 +134,7 @@ def desired_of(run: settings.Run) -> Desired:
         names,
         path.values,
         models,
-        units=("deg",) * len(names) if of_foot else path.units,
+        units=units,
         cyclic=cyclic,
         remarks=[*remarks, refused_models(names, models)],
         loads=path.loads,
@@ -289,8 +290,7 @@ def _limits_of(
 ) -> tuple[Array, Array] | None:
     """Limits of joints [rad]: of the settings, or else common to the servos and the legs.
 
-    Joints in shares of a range, about which angles say nothing, have by default the range, or that
-    of the path where it goes beyond; and as much more as they sag, so that they reach its ends.
+    Angles say nothing about joints in shares of a range; what their servos take is the range.
     """
     spans = dict[str, tuple[float, float]]()
     for leg in legs:
@@ -301,9 +301,10 @@ def _limits_of(
         (low, high), (lower, upper) = servos[name].limits, spans.get(name, (-math.inf, math.inf))
         spans[name] = max(lower, low), min(upper, high)
     for name, model, unit, values in zip(names, models, path.units, path.values.T, strict=False):
-        if unit in SHARES:
-            sag = abs(float(model.sag())) + model.most_pose_sag
-            spans[name] = min(0.0, np.min(values)) - sag, max(SHARES["range"], np.max(values)) + sag
+        if unit in SHARES and name in servos:
+            spans[name] = 0.0, SHARES["range"]
+        elif unit in SHARES:
+            spans[name] = limits_in_shares(model, values, SHARES["range"])
     for name, (low, high) in values_by_joint("limits", run.limits, names).items():
         spans[name] = math.radians(low), math.radians(high)
     own = {name: spans[name] for name in names if name in spans}
@@ -434,7 +435,8 @@ def models_of(
 ) -> tuple[JointModel, ...]:
     """One model per joint, all with the same time between requests, by default the models' own.
 
-    Of joints whose ``units`` are shares of their range, a percent becomes a degree.
+    Of joints whose ``units`` are shares of their range, a percent becomes a degree; by default the
+    joints have angles.
     """
     file, rate = run.model.file, run.path.rate_hz
     models = _by_file(run, joints, leg)
@@ -452,8 +454,8 @@ def models_of(
                 f"'{name}' takes a request every {each.period:g} s and '{joints[0]}' every "
                 f"{period:g} s, expected one rate; plan them one by one",
             )
-    shares = [unit in SHARES for unit in units]
-    for name, each, share in zip(joints, models, shares, strict=False):
+    shares = [unit in SHARES for unit in units or ["deg"] * len(joints)]
+    for name, each, share in zip(joints, models, shares, strict=True):
         check_unit(name, each.evidence, shares=share)
     if not any(shares):
         return models

@@ -59,6 +59,13 @@ SHARES: Mapping[str, float] = {"percent": math.pi / 180.0, "range": 100.0 * math
 JOINT_UNITS = {**ANGLES, **SHARES}
 LENGTHS: Mapping[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 
+MOST_SHARE = 2.0  # largest magnitude of a share of the range
+IN_SHARES = {  # by unit, what is expected of numbers beyond
+    "range": "a share of the range, 0 to 1; if these are percent, call the unit percent",
+    "percent": "percent of the range, 0 to 100; check the unit",
+    "range_m100_100": "the range from -100 to 100; check the unit",
+}
+
 # Words in the names of columns: for times, for the roles of an angle, for what is no angle.
 TIME = "t_s"  # the column of times [s]; it takes precedence over other columns
 WORDS = _words("t time times timestamp stamp clock seconds")

@@ -289,11 +289,15 @@ def models_text(
         values |= {name: getattr(model, name) for name in model.parameters() | inherited}
         if model.evidence is not None:
             values |= _evidence(model.evidence)
-        lines += _lines(values, ABOVE, comments)
+        units = {key: each.comment for key, each in ABOVE.items()} | {**comments}
+        if model.evidence is not None and model.evidence.unit == "range":
+            units = {key: words.replace("rad", "1") for key, words in units.items()}
+        lines += _lines(values, units)
         if joint in servos:
             own = vars(servos[joint])
             values = {name: own[name] for name in SERVO_KEYS} | own["settings"]
-            lines += ["", f"[{key_name((joint,))}.servo]", *_lines(values, SERVO_KEYS)]
+            units = {key: each.comment for key, each in SERVO_KEYS.items()}
+            lines += ["", f"[{key_name((joint,))}.servo]", *_lines(values, units)]
         blocks.append(lines)
     blocks += [[f"[leg.{key_name((name,))}]", *_lines(table)] for name, table in legs.items()]
     return "\n\n".join("\n".join(lines) for lines in blocks if lines) + "\n"
@@ -309,14 +313,12 @@ def _comment(text: str) -> str:
     return "# " + "".join(mark if mark.isprintable() else " " for mark in text)
 
 
-def _lines(
-    values: Mapping[str, Any], keys: Mapping[str, Key] = BUS, own: Mapping[str, str] = {}
-) -> list[str]:
-    """Keys and their values, with comments: their own, or as declared."""
-    comments = {key: each.comment for key, each in keys.items() if each.comment} | {**own}
+def _lines(values: Mapping[str, Any], comments: Mapping[str, str] = {}) -> list[str]:
+    """Keys and their values, with their comments."""
     return [
-        f"{key} = {toml_value(value)}" + (f"  {_comment(comments[key])}" if key in comments else "")
+        f"{key} = {toml_value(value)}" + (f"  {_comment(words)}" if words else "")
         for key, value in values.items()
+        for words in [comments.get(key, "")]
     ]
 
 

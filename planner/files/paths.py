@@ -22,8 +22,10 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.arrays import MOST_SAMPLES, Array, read_only
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import (
+    IN_SHARES,
     JOINT_UNITS,
     LENGTHS,
+    MOST_SHARE,
     SHARES,
     TIME,
     check_increasing,
@@ -153,6 +155,9 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
     for column, name, unit, angles in zip(columns, names, units, values.T, strict=True):
         if unit == "rad":
             check_radians(table, column, angles, f"rename it {name}_deg")
+        for k in np.flatnonzero((unit in SHARES) & (np.abs(angles) > MOST_SHARE * SHARES["range"])):
+            words = f"got {angles[k] / SHARES[unit]:g}, expected {IN_SHARES[unit]}"
+            raise table.fault(f"column '{column}': {words}", int(k))
     loaded = [name.removesuffix(LOAD) for name in table.names if name.endswith(LOAD)]
     for name in [name for name in loaded if not joints and name not in names]:
         words = f"no joint '{name}'{nearest(name, names)}; joints: {', '.join(names)}"

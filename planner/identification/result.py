@@ -118,12 +118,11 @@ def _sentences() -> jinja2.Environment:
 
 
 def angle_in(unit: str, value: float, per: str = "", *, digits: int = 3) -> str:
-    """An angle of a log [rad or share of a range], or what it is ``per`` second, in degrees."""
+    """An angle of a log [rad or share of a range], or what it is ``per`` second, with its unit."""
     if math.isinf(value):
         return "any amount"
-    if unit == "rad":
-        unit, value = "deg", math.degrees(value)
-    return f"{plain(value, digits)} {'' if unit == '1' else unit}{per}".rstrip()
+    factor, unit = (100.0, "% of range") if unit == "1" else (math.degrees(1.0), "deg")
+    return f"{plain(factor * value, digits)} {unit.removesuffix(' of range' * bool(per))}{per}"
 
 
 def plain(value: float, digits: int = 3) -> str:

@@ -598,6 +598,17 @@ def of_each(
         raise InvalidInput(f"{what}: got {shown(value)}, expected {expected}") from error
 
 
+def limits_in_shares(
+    model: JointModel | None, values: Array, whole: float = 1.0
+) -> tuple[float, float]:
+    """Limits of a joint in shares of its range: the ``whole``, and what the ``values`` are beyond.
+
+    They are as much wider as the joint sags by its model, so that it reaches its ends.
+    """
+    sag = 0.0 if model is None else abs(float(model.sag())) + model.most_pose_sag
+    return min(0.0, float(np.min(values))) - sag, max(whole, float(np.max(values))) + sag
+
+
 def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Array, Array]:
     """Smallest and largest request of every joint [rad], each of shape (k,), checked."""
     pairs: Iterable[Any]

@@ -20,7 +20,7 @@ from planner.identification.grid import sound_rows, timing_of
 from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
 from planner.model.evidence import check_unit, with_reasons
 from planner.model.joint import JointModel
-from planner.planning.task import JointLimits, LoadOfPose, limits_of_each
+from planner.planning.task import JointLimits, LoadOfPose, limits_in_shares, limits_of_each
 
 if TYPE_CHECKING:
     from planner.files.logs import Recording
@@ -312,8 +312,8 @@ def _limits(
         spans = {name: span for name, span in spans.items() if limits and name in limits}
     for each in paths:
         if each.unit == "1":
-            values = np.concatenate([each.angles, each.requests, [0.0, 1.0]])
-            spans.setdefault(each.name, (float(np.min(values)), float(np.max(values))))
+            values = np.concatenate([each.angles, each.requests])
+            spans.setdefault(each.name, limits_in_shares(each.model, values))
     return spans
 
 

@@ -382,9 +382,8 @@ def model_comments(identifications: Mapping[str, Identification]) -> dict[str, d
     """The comments on every joint's model: on its keys, and under "" above them."""
     comments = {}
     for joint, each in identifications.items():
-        share = each.unit != "rad"
         lines = [verdict(each)]
-        if share:
+        if each.unit != "rad":
             lines.append("Angles are shares of the joint's range, not radians:")
             lines.append("plan with columns <joint>_range (0 to 1) or <joint>_percent.")
         lines += [f"Warning: {warning}" for warning in each.warnings]
@@ -394,5 +393,5 @@ def model_comments(identifications: Mapping[str, Identification]) -> dict[str, d
         for key, unit in PARAMETER_UNITS.items():
             interval = each.intervals.get(key)
             known = f", {between(interval).replace('−', '-')}" if interval else ""
-            comments[joint][key] = f"[{unit.replace('rad', '1') if share else unit}]{known}"
+            comments[joint][key] = f"[{unit}]{known}"
     return comments

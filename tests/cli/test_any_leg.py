@@ -161,6 +161,16 @@ def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
     }
 
 
+def test_a_leg_has_no_joints_in_shares_of_their_range(run, tmp_path):
+    JointModel.ers210a().with_evidence(Evidence(unit="range")).to_toml(tmp_path / "shares.toml")
+    search = ("--model", "shares.toml", "--fastest", "--tolerance-cm", 0.2)
+    for command in ((*walk(), *search), ("plan", "foot.csv", *walk()[1:3], *search[:2])):
+        run(*walk(), "-o", "foot.csv")
+        result = run(*command, "-o", "-")
+        assert result.exit_code == 2
+        assert "the model of front_left_rotator is in shares of its range" in result.stderr
+
+
 def test_a_cycle_that_is_proved_too_short_is_told_with_what_the_proof_holds_for(fastest):
     proof = (12, 0.0022)
     evidence = Evidence(0.01, intervals={"v_max": (5.0, 5.5)})

@@ -216,6 +216,8 @@ JOINT_PATHS = {
     "more names than can be shown": ",".join(f"joint_{k}_deg" for k in range(20)) + "\n1\n2\n",
     "beyond belief": b"t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,-1e300\n",
     "degrees in radians": b"pan_rad\n0\n45\n20\n",
+    "percent called range": b"jaw_range\n0\n45\n20\n",
+    "percent far beyond the range": b"pan_deg,jaw_percent\n0,0\n1,45\n2,-201\n",
     "a log": b"t_s,requested_deg,actual_deg\n0,1,0\n1,2,1\n",
     "a log of a joint": b"t_s,goal_hip_deg,present_hip_deg\n0,1,0\n1,2,1\n",
     "only time": b"t_s,index\n0,0\n1,1\n",

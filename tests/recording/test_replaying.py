@@ -91,6 +91,8 @@ def test_shares_of_a_range_stay_inside_it():
     beyond = recorded("jaw", requests=asked(size=1.3) - 0.1, unit="1")
     assert np.max(beyond.angles) < 1.198
     assert recorded_path(beyond, SERVO).limits == {"jaw": pytest.approx((-0.1, 1.2), abs=1e-3)}
+    sags = replace(SERVO, offset=-0.05)
+    assert recorded_path(log, sags).limits == {"jaw": pytest.approx((-0.05, 1.05))}
     both = recorded_path([recorded("elbow"), log], SERVO, limits={"elbow": (-0.5, 0.7)})
     assert both.limits == {"elbow": (-0.5, 0.7), "jaw": (0.0, 1.0)}
 

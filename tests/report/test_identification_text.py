@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from planner.files.joint_model import models_text
-from planner.identification.result import Alternative, Finding, Interval
+from planner.identification.result import Alternative, Finding, Interval, told
+from planner.model.evidence import Evidence
 from planner.report.identification_text import (
     REMARKS,
     identification_text,
@@ -98,6 +99,26 @@ def test_no_name_of_a_log_can_break_the_model_file():
     found = {"": made_up(made_up_log(name="a\nv_max = 1\r\x00\udcff.csv", unit="1"))}
     text = models_text({"": found[""].model}, remarks=REMARKS, about=model_comments(found))
     assert tomllib.loads(text)["v_max"] == found[""].model.v_max
-    assert "shares of the joint's range" in text
-    assert "# [1/s], " in text
     text.encode()
+
+
+def test_comments_of_a_model_in_shares_have_shares_for_radians():
+    found = {"jaw": made_up(made_up_log(unit="1")), "hip": made_up()}
+    units = {"jaw": Evidence(error=0.01, unit="range"), "hip": Evidence(error=0.01, unit="rad")}
+    models = {name: each.model.with_evidence(units[name]) for name, each in found.items()}
+    texts = [models_text(models, about=about) for about in (model_comments(found), {})]
+    for jaw, hip in (text.split("[hip]") for text in texts):
+        assert "rad" not in jaw.replace("not radians", "")
+        assert "# [1/s]" in jaw
+        assert "# [1] rms error" in jaw
+        assert "# [rad/s]" in hip
+        assert "# [rad] rms error" in hip
+    assert "shares of the joint's range" in texts[0]
+
+
+def test_sizes_in_findings_have_their_units():
+    rows = {"log": "a.csv", "change": 0.25, "first": 0, "last": 9}
+    ends = [told("pattern", "drift", unit, **rows).words for unit in ("1", "rad")]
+    assert [" ".join(each.split()[9:-6]) for each in ends] == ["by 25 % of range", "by 14.3 deg"]
+    speeds = {"up": 0.5, "down": 0.25}
+    assert "reaches 50 %/s upwards" in told("pattern", "asymmetry", "1", **speeds).words

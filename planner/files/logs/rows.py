@@ -16,8 +16,10 @@ from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import (
     ANGLE_NAMES,
     COUNTS,
+    IN_SHARES,
     LARGEST,
     LEAST_DEG,
+    MOST_SHARE,
     Scale,
     check_increasing,
 )
@@ -33,8 +35,6 @@ SPARSE = 0.5  # rows so far apart [s] hardly show a joint's motion: their times 
 # then lags by its delay and friction only, to both sides. For a scale to be fitted they must span
 # this share of the range of all.
 SLOW_TIME, SLOW_SHARE, SLOW_RANGE = 1.0, 0.4, 0.5
-
-MOST_SHARE = 2.0  # largest magnitude of a share of the range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -343,8 +343,8 @@ def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
     values: Array = scale.factor * numbers + scale.shift
     largest = {"1": MOST_SHARE, "rad": LARGEST}.get(scale.unit, math.inf)
     for k in np.flatnonzero(np.abs(values) > largest)[:1].tolist():
-        expected = f"{'a share of the range' if scale.unit == '1' else 'an angle'} in {scale.name}"
-        raise rows.fault(f"{what}: got {numbers[k]:g}, expected {expected}; check the unit", k)
+        expected = IN_SHARES.get(scale.name, f"an angle in {scale.name}; check the unit")
+        raise rows.fault(f"{what}: got {numbers[k]:g}, expected {expected}", k)
     return values
 
 
