@@ -423,14 +423,22 @@ def put(content: dict[str, Any], key: str, value: Any) -> None:
     for part in place:
         table = table.setdefault(part, {})
     if declared.by_joint:
-        joints = [joint for joint, _ in value]
-        if twice := next((joint for joint in joints if joints.count(joint) > 1), None):
-            key = ".".join([*place, declared.by_joint, twice])
-            raise BadSetting(f"{marked(key)}: got it twice, expected once")
-        for joint, each in value:
-            if joint:
-                table.setdefault(declared.by_joint, {})[joint] = each
-            else:
-                table[name] = each
+        by_joint = by_name(marked(key), value)
+        if "" in by_joint:
+            table[name] = by_joint.pop("")
+        if by_joint:
+            table[declared.by_joint] = by_joint
     else:
-        table[name] = dict(value) if declared.kind.origin is dict else value
+        is_free = declared.kind.origin is dict
+        table[name] = by_name(marked(key), value) if is_free else value
+
+
+def by_name(option: str, pairs: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
+    """Values of an option that is repeated, by name; of each name one."""
+    values = dict[Any, Any]()
+    for name, value in pairs:
+        if name in values:
+            which = "all joints" if name == "" else name
+            raise BadSetting(f"{option}: got two values for {which}, expected one")
+        values[name] = value
+    return values

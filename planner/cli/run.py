@@ -216,7 +216,7 @@ def sweep(
     if at:
         if out is None:
             raise click.UsageError("--at: name a folder for its results with --out.")
-        chosen, names = dict(at), list(space.values)
+        chosen, names = options.by_name("--at", at), list(space.values)
         if {*chosen} != {*names}:
             got, expected = ", ".join(chosen) or "nothing", ", ".join(names)
             raise click.UsageError(f"--at: got {got}, expected a value for each of {expected}.")
