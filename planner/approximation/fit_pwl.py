@@ -62,12 +62,17 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
         v_max: The bound that its slopes keep [rad/s].
         fewest_segments: Where a largest error was given, a lower bound on the segments of any curve
             that keeps it: the number of segments itself for a path, unless there are requirements
-            that only some knots meet, and that or one less for a cycle; else None.
+            that only some knots meet, and that or one less for a cycle. With ``exact`` and a
+            largest rms error the number of segments itself, of all curves with knots on samples;
+            else None.
+        proved: Whether it is proved, by ``exact``, that no other curve of as many segments and with
+            knots on samples has a smaller rms error.
     """
 
     desired: Array
     v_max: float
     fewest_segments: int | None = None
+    proved: bool = False
 
     def _summarised(self) -> Summary:
         """Segments and errors."""
@@ -75,6 +80,7 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
             f"Fit of {self.segments} segments to {self.samples} samples, one every "
             f"{1e3 * self.tick:.4g} ms, {'cyclic' if self.cyclic else 'with two ends'}: "
             f"{self.rms:.4g} rad rms, {self.max_error:.4g} rad at most"
+            f"{'; proved best of knots on samples' if self.proved else ''}"
         )
 
     @cached_property
@@ -183,6 +189,7 @@ def fit_pwl(
         desired=samples,
         v_max=v_max,
         fewest_segments=fewest,
+        proved=exact and knots is None,
     )
     _certify(fit, question)
     return fit
@@ -228,11 +235,12 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     angles = np.append(problem.desired, problem.pins[np.isfinite(problem.pins)])
     middle = 0.5 * (float(angles.max()) + float(angles.min()))
     unit = float(np.max(np.abs(angles - middle)))
+    bounded = question.max_error is not None or question.max_rms is not None
     if unit <= SMALLEST:
-        segments = question.segments if question.max_error is None else None
-        knots = even_knots(problem, segments or 1) if question.knots is None else question.knots
-        constant = Candidate(knots, np.full(knots.size, middle), 0.0)
-        return constant, None if question.max_error is None else 1
+        fewest = 1 if bounded else None
+        segments = fewest or question.segments or 1
+        knots = even_knots(problem, segments) if question.knots is None else question.knots
+        return Candidate(knots, np.full(knots.size, middle), 0.0), fewest
     scaled = problem._replace(
         desired=(problem.desired - middle) / unit,
         # Where samples span 2 no line is as steep; beyond, rounding is all that is left of them.
@@ -246,6 +254,8 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
         search, most = KnotSearch(scaled), question.segments
         if question.max_error is None:
             curve = _search_curve(search, question, unit)
+            if question.exact and bounded:
+                fewest = curve.knots.size - (not problem.cyclic)
         else:
             bound = question.max_error / unit
             curve, fewest = within_largest_error(search.unrounded, bound, most, unit)

@@ -67,7 +67,7 @@ def fit(
     from planner.cli.desired import check_angles, load_joints, model_words
     from planner.cli.planning import inputs_of, origins_of
     from planner.files.paths import write_curve
-    from planner.report.fit_page import fit_page, fit_results, fits_table
+    from planner.report.fit_page import fit_page, fit_results, fits_table, proof_words
 
     path = load_joints(run)
     options.warn_of(path.remarks)
@@ -82,7 +82,10 @@ def fit(
         "max_error": None if max_error is None else math.radians(max_error),
         "max_rms": None if max_rms is None else math.radians(max_rms),
         "knots": [_samples(time, path.period) for time in knot_s] or None,
-        "required": {_samples(time, path.period): angle for time, angle in required_s},
+        "required": {
+            _samples(time, path.period): angle
+            for time, angle in options.by_name("--required-s", required_s).items()
+        },
         "exact": exact,
     }
     fits = {}
@@ -98,12 +101,14 @@ def fit(
         "period_s": path.period,
         "joints": {name: fit_results(curve) for name, curve in fits.items()},
     }
+    words = f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits).text()}"
+    words += f"\nproved: {proof}" if (proof := proof_words(fits)) else ""
     angles = np.column_stack([curve.angles for curve in fits.values()])
     if knots is not None:
         write_curve(knots, next(iter(fits.values())))
     return Answer(
         document,
-        f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits).text()}",
+        words,
         lambda file: path.write(file, angles),
         lambda: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}),
         origins_of(run),

@@ -37,13 +37,30 @@ def fit_page(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choic
         name: [fit_figure(name, fit, k), choices_figure(choices[name], fit, k)]
         for k, (name, fit) in enumerate(fits.items(), 1)
     }
-    return Page("fit", joints=joints, errors=fits_table(fits), worst=worst, rms=rms, most=most)
+    return Page(
+        "fit",
+        joints=joints,
+        errors=fits_table(fits),
+        worst=worst,
+        rms=rms,
+        most=most,
+        proof=proof_words(fits),
+    )
+
+
+def proof_words(fits: Mapping[str, PiecewiseLinearFit]) -> str:
+    """What ``exact`` has proved, in a sentence; nothing without it."""
+    if not all(fit.proved for fit in fits.values()):
+        return ""
+    return "no curve of as many lines, with knots on samples, has a smaller rms error"
 
 
 def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
     """An approximation for machines."""
     return {
         "segments": len(curve.slopes),
+        "fewest_segments": curve.fewest_segments,
+        "proved": curve.proved,
         "rms_deg": float(np.degrees(curve.rms)),
         "max_deg": float(np.degrees(curve.max_error)),
         "knots": curve.knots.tolist(),
@@ -55,8 +72,10 @@ def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
 
 def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:
     """The number of lines of every joint, and its errors."""
+    bounded = any(fit.fewest_segments is not None for fit in fits.values())
     columns = {
         "lines": "segments",
+        **({"fewest possible": "fewest_segments"} if bounded else {}),
         "rms [deg]": "rms_deg .3f",
         "max [deg]": "max_deg .3f",
     }

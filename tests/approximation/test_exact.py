@@ -86,6 +86,8 @@ def test_the_fewest_segments_for_an_rms_error_are_proved_fewest():
     fit = fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, exact=True)
     fewer = fit_pwl(desired, v_max=1.0, tick=1.0, segments=fit.segments - 1, exact=True)
     assert fit.rms <= 0.2 < fewer.rms
+    assert (fit.fewest_segments, fit.proved) == (fit.segments, True)
+    assert (fewer.fewest_segments, fewer.proved) == (None, True)
     with pytest.raises(Infeasible, match="segments and knots on samples the smallest"):
         fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, segments=2, exact=True)
 
