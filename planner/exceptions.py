@@ -23,6 +23,7 @@ The command line turns ``InvalidInput`` into exit status 2 and the others into e
 
 from __future__ import annotations
 
+import copyreg
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -42,6 +43,10 @@ class PlannerError(Exception):
 
     def __str__(self) -> str:
         return printable(super().__str__())
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle it without its constructor, which composes the message, for other processes."""
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
 
 
 class InvalidInput(PlannerError, ValueError):

@@ -70,6 +70,20 @@ def test_copies_of_values_cannot_be_written_to(name, copied):
     assert not any(array.flags.writeable for array in arrays)
 
 
+@pytest.mark.parametrize(
+    "error",
+    [
+        planner.InvalidFile("log.csv", "is empty", line=3),
+        planner.UnreachableFoot(np.array([2]), np.array([0.1]), of=9),
+        planner.SolverFailed("fit", "stopped", violation=0.5),
+    ],
+)
+def test_an_error_comes_whole_from_another_process(error):
+    error.add_note("knee")
+    back = pickle.loads(pickle.dumps(error))
+    assert (type(back), str(back), vars(back)) == (type(error), str(error), vars(error))
+
+
 def _examples():
     for package in (planner, kinematics):
         for name in package.__all__:

@@ -94,7 +94,8 @@ class Answer(NamedTuple):
     linked: Written = ()  # files to which it links
     files: Sequence[tuple[str | None, str]] = ()  # other files, by name, and their text
     warnings: Sequence[str] = ()  # said after the summary
-    failure: str = ""  # why the exit status is 1
+    failure: str = ""  # why the exit status is not 0
+    status: int = 1  # the exit status of a failure
 
     def deliver(self, output: str, report: str | None, *, as_json: bool) -> None:
         """Write all files or none, and print; as ``output``, ``-`` is taken by JSON alone."""
@@ -119,7 +120,9 @@ class Answer(NamedTuple):
         for words in self.warnings:
             warn(words)
         if self.failure:
-            raise click.ClickException(self.failure)
+            failure: Any = click.ClickException(self.failure)
+            failure.exit_code = self.status
+            raise failure
 
 
 def detail(message: str) -> None:

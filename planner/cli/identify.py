@@ -13,7 +13,7 @@ from planner.cli import options
 from planner.cli.console import Answer, Progress, remark, warn
 from planner.cli.declared import Count, Positive, Source, Span, argument, option
 from planner.cli.settings import Run, Seed
-from planner.exceptions import InvalidFile, PlannerError, about
+from planner.exceptions import InvalidFile, InvalidInput, PlannerError, about, in_degrees
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def identify(
         raise InvalidFile(output, f"is no valid model file ({error}); {words}") from error
     by_joint = _by_joint(logs, log)
     choices = {"tick": tick_ms and 1e-3 * tick_ms, "hold": hold, "hold_out": hold_out}
-    identifications = _identify_joints(by_joint, choices)
+    identifications, left_out = _identify_joints(by_joint, choices)
     tables, of_joint = identifications, ""
     document: dict[str, Any]
     if log.joint == "all":
@@ -115,7 +115,7 @@ def identify(
 
     refused = {name: each.reason for name, each in identifications.items() if not each.accepted}
     failure = ""
-    if left_out := [name for name in by_joint if name not in identifications]:
+    if left_out:
         failure = f"no model of {', '.join(left_out)}; the others are written"
     elif refused:
         reasons = {name or "the joint": reason for name, reason in refused.items()}
@@ -128,6 +128,7 @@ def identify(
         page,
         linked=[*(("log", file) for file in logs), ("model", output)],
         failure=failure,
+        status=2 if any(isinstance(each, InvalidInput) for each in left_out.values()) else 1,
     )
 
 
@@ -161,8 +162,8 @@ def _by_joint(paths: Sequence[str], choices: LogOptions) -> dict[str, list[Log]]
 
 def _identify_joints(
     logs: Mapping[str, Sequence[Log]], choices: Mapping[str, Any]
-) -> dict[str, Identification]:
-    """The identification of each joint; of several joints, failed ones are left out."""
+) -> tuple[dict[str, Identification], dict[str, PlannerError]]:
+    """The identification of each joint, and the errors of those of several that are left out."""
     from planner.files.results import Task
 
     tasks = [Task(joint or "the joint", (tuple(own), choices)) for joint, own in logs.items()]
@@ -175,34 +176,33 @@ def _identify_joints(
 
             with executor_of() as executor:
                 for task, outcome in outcomes(identified, tasks, executor):
-                    result = outcome.result  # of our own process
-                    found[task.name] = (
-                        pickle.loads(result) if result else PlannerError(outcome.reason)
-                    )
+                    own = outcome.result  # of our own process
+                    found[task.name] = pickle.loads(own) if own else PlannerError(outcome.reason)
                     progress(task.name)
         else:
             for task in tasks:
                 progress(f"identifying {task.name}")
-                try:
-                    found[task.name] = pickle.loads(identified(task.argument))
-                except PlannerError as error:
-                    found[task.name] = error
+                found[task.name] = pickle.loads(identified(task.argument))
     by_joint = {joint: found[joint or "the joint"] for joint in logs}
     left_out = {name: each for name, each in by_joint.items() if isinstance(each, PlannerError)}
     if len(left_out) == len(by_joint):  # the only joint, or the first of as many as there are
         with about(next(iter(left_out))):
             raise next(iter(left_out.values()))
     for joint, reason in left_out.items():
-        warn(f"{joint} is left out: {reason}")
-    return {name: each for name, each in by_joint.items() if not isinstance(each, PlannerError)}
+        warn(f"{joint} is left out: {in_degrees(reason)}")
+    rest = {name: each for name, each in by_joint.items() if not isinstance(each, PlannerError)}
+    return rest, left_out
 
 
 def identified(arguments: Any) -> bytes:
-    """The identification by logs and options, pickled: a task of :mod:`planner.parallel`."""
+    """The identification by logs and options, or its error: a task of :mod:`planner.parallel`."""
     from planner.identification.identify import identify as run
 
     logs, options = arguments
-    return pickle.dumps(run(logs, **options))
+    try:
+        return pickle.dumps(run(logs, **options))
+    except PlannerError as error:
+        return pickle.dumps(error)
 
 
 Kind = Literal["combined", "steps", "multisine", "random-steps", "slow-triangle"]
