@@ -27,8 +27,9 @@ from planner.cli.planning import plan_of, prepare
 from planner.cli.settings import SWEPT, Run, Samples, Sweep
 from planner.evaluation.pareto_front import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
-from planner.files.paths import is_foot_path, path_table
+from planner.files.paths import is_foot_path
 from planner.files.results import Results, Task, digest_of
+from planner.files.table import read_table
 from planner.files.text import Kind, read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
@@ -125,7 +126,7 @@ def read_sweep(path: str) -> Space:
         search.check_effect("sweep", "method")
         values = _values(run, kind)
         leg, period, requirement = leg_of(run), math.nan, None
-        of_foot = gait or is_foot_path(path_table(run.place(str(run.path.file))))
+        of_foot = gait or is_foot_path(read_table(run.place(str(run.path.file))))
         required = [name for name in REQUIRED if getattr(search, name) is not None]
         if len(required) > 1:
             first, second, *_ = required

@@ -13,6 +13,7 @@ import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -193,7 +194,8 @@ def _replaceable(path: Path | str) -> Path:
     if not target.is_dir():
         raise InvalidFile(path, "is a file, expected a folder; choose another name")
     own = _files_of_run(target)
-    if foreign := next((name for name in _files_in(target) if name not in own), ""):
+    others = (name for name in _files_in(target) if name not in own)
+    if foreign := min(islice(others, 1000), default=""):
         words = f"holds files that no earlier run made ({foreign}), expected a new or empty folder"
         advice = "choose another folder or move them away"
         raise InvalidFile(path, f"{words} or an earlier run's; {advice}")

@@ -18,8 +18,6 @@ from planner.arrays import Array, read_only
 from planner.exceptions import InvalidFile, nearest
 from planner.files.text import read_text, write_text
 
-MOST_COLUMNS = 10_000  # columns of a table: a robot that records everything has some thousands
-MOST_CELLS = 10_000_000  # cells of a table: some 70 bytes of memory each
 DECIMALS = 12  # that are written: beyond any sensor, and short for numbers that were short before
 DELIMITERS = ",;\t"  # possible delimiters of cells
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
@@ -90,7 +88,7 @@ class Table(Source):
         return read_only(values)
 
 
-def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
+def read_table(path: Path | str) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
     Lines that begin with ``#`` are comments; where numbers follow at once, the last of these lines
@@ -116,7 +114,6 @@ def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
     rows, numbers = list[tuple[str, ...]](), list[int]()
     try:
         names = _names_in(path, next(reader), content[0][0])
-        most = min(most_rows, MOST_CELLS // len(names))
         for row in reader:
             numbers.append(content[reader.line_num - 1][0])
             if len(row) != len(names):
@@ -126,9 +123,6 @@ def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
                 expected = f"expected {len(names)} ({_shortened(', '.join(names))})"
                 raise InvalidFile(path, f"{got}, {expected}; {advice}", line=numbers[-1])
             rows.append(tuple(row) if delimiter == "," else tuple(map(_with_point, row)))
-            if len(rows) > most:
-                advice = "split the file, leave columns out, or take fewer samples a second"
-                raise InvalidFile(path, f"more than {most} rows of {len(names)} columns; {advice}")
     except csv.Error as error:
         words, line = f"not CSV ({error}); expected comma-separated numbers", reader.line_num - 1
         raise InvalidFile(path, words, line=content[line][0]) from error
@@ -150,27 +144,17 @@ def table_text(names: Sequence[str], values: Array) -> str:
 
 
 def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A header and rows as CSV; texts that spreadsheets take as formulas get an apostrophe."""
+    """A header and rows as CSV."""
     stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    for row in (names, *rows):
-        writer.writerow(["'" + each if _is_formula(each) else each for each in row])
+    csv.writer(stream, lineterminator="\n").writerows([names, *rows])
     return stream.getvalue()
 
 
-def _is_formula(cell: object) -> bool:
-    return isinstance(cell, str) and cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
-
-
 def _names_in(path: Path | str, titles: Sequence[str], line: int) -> tuple[str, ...]:
-    """The names in a header, as they were before :func:`csv_text` wrote them."""
+    """The names in a header."""
     names = [cell.strip() for cell in titles]
-    names = [each[1:] if each.startswith("'") and _is_formula(each) else each for each in names]
     (name, count), problem = Counter(names).most_common(1)[0], ""
-    if len(names) > MOST_COLUMNS:
-        most = f"expected at most {MOST_COLUMNS}; leave out what is not needed"
-        problem = f"{len(names)} columns, {most}"
-    elif "" in names:
+    if "" in names:
         problem = f"column {names.index('') + 1} has no name; name or remove it"
     elif all(map(_is_number, names)):
         advice = "expected names; put a line of column names above them"

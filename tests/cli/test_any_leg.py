@@ -11,7 +11,8 @@ from kinematics import urdf_path
 from planner import JointModel
 from planner.cli import settings
 from planner.cli.desired import find_leg
-from planner.files.paths import foot_path, path_table, read_joint_path
+from planner.files.paths import foot_path, read_joint_path
+from planner.files.table import read_table
 from planner.gait import stride
 from planner.model.evidence import OPEN_TOP_SPEED, Evidence
 from tests.docs.blocks import ROOT
@@ -66,7 +67,7 @@ def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     millimetres = 10.0 * float(re.search(r"foot: ([\d.]+) cm rms", planned.stderr)[1])
     assert millimetres < 1.2  # an encoder's step in each joint moves the largest foot as far
     requests = read_joint_path(tmp_path / f"{name}_requests.csv")
-    assert requests.values.shape == (len(foot_path(path_table(tmp_path / f"{name}.csv")).values), 3)
+    assert requests.values.shape == (len(foot_path(read_table(tmp_path / f"{name}.csv")).values), 3)
     page = (tmp_path / f"{name}.html").read_text()
     assert "By the model the foot stays within" in page
     assert all(joint in page for joint in requests.names)
@@ -144,7 +145,7 @@ def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
     asked = ("--leg", "front-left", "--model", "joint.toml", "--method", "foot-optimal")
     plan = json.loads(run("plan", "foot.csv", *asked, "--norm", "max", "--json").stdout)
     document = json.loads(fastest(TESTED, None, "--json").stdout)
-    found, count = document["fastest"], len(foot_path(path_table("foot.csv")).values)
+    found, count = document["fastest"], len(foot_path(read_table("foot.csv")).values)
     assert plan["foot"]["max_cm"] == pytest.approx(found.pop("max_cm"), rel=1e-3)
     assert plan["foot"]["max_cm"] < 0.2
     whole = json.loads(run(*walk(), "--json").stdout)["stride"]

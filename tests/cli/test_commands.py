@@ -22,7 +22,8 @@ from planner.exceptions import (
     PlannerError,
     SolverFailed,
 )
-from planner.files.paths import foot_path, path_table, read_joint_path, write_joint_path
+from planner.files.paths import foot_path, read_joint_path, write_joint_path
+from planner.files.table import read_table
 from planner.report import meshcat_scene as report
 from tests.cli.test_servos import ARM
 
@@ -251,7 +252,7 @@ def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
         for j in range(3):
             answer = planner.simulate(planner.JointModel.ers210a(), sent[:, j])
             assert np.max(np.abs(motion.angles[:, j] - answer)) <= SAME
-    assert np.max(np.abs(desired.foot - foot_path(path_table(foot)).values)) <= SAME
+    assert np.max(np.abs(desired.foot - foot_path(read_table(foot)).values)) <= SAME
     assert np.max(np.abs(other.angles - planned.angles)) > 1e-3
 
 
