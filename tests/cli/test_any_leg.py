@@ -1,7 +1,6 @@
-"""From a URDF to a report at the command line, public robots, and ``gait --fastest``."""
+"""A leg of one's own at the command line, and ``gait --fastest``."""
 
 import json
-import re
 import shutil
 
 import numpy as np
@@ -11,14 +10,11 @@ from kinematics import urdf_path
 from planner import JointModel
 from planner.cli import settings
 from planner.cli.desired import find_leg
-from planner.files.paths import foot_path, read_joint_path
+from planner.files.paths import foot_path
 from planner.files.table import read_table
 from planner.gait import stride
-from planner.model.evidence import OPEN_TOP_SPEED, Evidence
-from tests.docs.blocks import ROOT
-from tests.docs.shell import commands
+from planner.model.evidence import Evidence
 
-PAGE = ROOT / "docs" / "any_leg.md"
 FRONT = ("--base", "body", "--foot", "front_left_ball")
 TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))  # of a joint whose logs were slow
 
@@ -27,51 +23,6 @@ TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))  # of a joint whose logs were slo
 def robot(tmp_path):
     """A robot of one's own: the shipped one under another name."""
     return shutil.copy(urdf_path("ers210a.urdf"), tmp_path / "robot.urdf")
-
-
-def blocks(language):
-    text = PAGE.read_text(encoding="utf-8")
-    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
-
-
-@pytest.fixture
-def console(run, robots, tmp_path):
-    """What the page's commands for public robots answer, those with a word in them."""
-    (servo,) = blocks("toml")
-    (tmp_path / "servo.toml").write_text(servo)
-    lines = [line for block in blocks("console") for line in commands(block)]
-
-    def console(word):
-        chosen = [line for line in lines if word in line and "request-planner " in line]
-        assert chosen, f"{PAGE} has no command with {word}"
-        results = []
-        for line in chosen:
-            assert line.startswith("$ request-planner ")
-            arguments = line.replace("$ROBOTS", str(robots)).split()[2:]
-            result = run(*arguments)
-            assert result.exit_code == 0, result.stderr
-            results.append(result)
-        return results
-
-    return console
-
-
-@pytest.mark.usefixtures("no_foot_bound")
-@pytest.mark.parametrize("name", ["solo", "arm"])
-def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
-    word = {"arm": "ur5", "solo": "solo12"}[name]
-    if name == "solo":
-        pytest.importorskip("meshcat", reason="needs the extra meshcat")
-    step, planned, *_ = console(word)
-    assert "half stroke" in step.stderr
-    millimetres = 10.0 * float(re.search(r"foot: ([\d.]+) cm rms", planned.stderr)[1])
-    assert millimetres < 1.2  # an encoder's step in each joint moves the largest foot as far
-    requests = read_joint_path(tmp_path / f"{name}_requests.csv")
-    assert requests.values.shape == (len(foot_path(read_table(tmp_path / f"{name}.csv")).values), 3)
-    page = (tmp_path / f"{name}.html").read_text()
-    assert "By the model the foot stays within" in page
-    assert all(joint in page for joint in requests.names)
-    assert ("the rest of their models is assumed" in page) == (name != "solo")
 
 
 def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
@@ -117,17 +68,9 @@ def fastest(run, tmp_path, monkeypatch):
     """Seek the shortest cycle of a small walk, without the bounds that take seconds."""
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
     monkeypatch.setattr(stride, "PROOFS", 0)
-    found = stride.ShortestCycle
+    JointModel.ers210a().with_evidence(TESTED).to_toml(tmp_path / "joint.toml")
 
-    def fastest(evidence, proof, *more, of_knee=""):
-        monkeypatch.setattr(
-            stride,
-            "ShortestCycle",
-            lambda plan, too_short: found(plan=plan, too_short=proof or too_short),
-        )
-        model = JointModel.ers210a().with_evidence(evidence)
-        model.to_toml(tmp_path / "all.toml")
-        (tmp_path / "joint.toml").write_text((tmp_path / "all.toml").read_text() + of_knee)
+    def fastest(*more):
         search = ("--fastest", "--tolerance-cm", 0.2, "-o", "foot.csv")
         result = run(*walk(), "--model", "joint.toml", *search, *more)
         assert result.exit_code == 0, result.output
@@ -137,14 +80,14 @@ def fastest(run, tmp_path, monkeypatch):
 
 
 def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
-    said = fastest(TESTED, None).stderr
+    said = fastest().stderr
     assert "s, is the shortest at which the planned foot stays within 0.2 cm by the model; " in said
     assert "; no shorter one is proved impossible\nplan it with --method foot-optimal" in said
     assert "outside what the models were tested on" in said
     assert "front_left_knee (speed)" in said
     asked = ("--leg", "front-left", "--model", "joint.toml", "--method", "foot-optimal")
     plan = json.loads(run("plan", "foot.csv", *asked, "--norm", "max", "--json").stdout)
-    document = json.loads(fastest(TESTED, None, "--json").stdout)
+    document = json.loads(fastest("--json").stdout)
     found, count = document["fastest"], len(foot_path(read_table("foot.csv")).values)
     assert plan["foot"]["max_cm"] == pytest.approx(found.pop("max_cm"), rel=1e-3)
     assert plan["foot"]["max_cm"] < 0.2
@@ -170,19 +113,3 @@ def test_a_leg_has_no_joints_in_shares_of_their_range(run, tmp_path):
         result = run(*command, "-o", "-")
         assert result.exit_code == 2
         assert "the model of front_left_rotator is in shares of its range" in result.stderr
-
-
-def test_a_cycle_that_is_proved_too_short_is_told_with_what_the_proof_holds_for(fastest):
-    proof = (12, 0.0022)
-    evidence = Evidence(0.01, intervals={"v_max": (5.0, 5.5)})
-    knee = "[front_left_knee]\nv_max_interval = [5.0, inf]\n"
-    said = fastest(evidence, proof, of_knee=knee).stderr
-    assert "by the model; in 0.096 s no requests keep it there" in said
-    assert f"holds for the models only: {OPEN_TOP_SPEED}\n" in said
-    document = json.loads(fastest(evidence, proof, "--json", of_knee=knee).stdout)
-    assert document["fastest"]["too_short"] == {
-        "samples": 12,
-        "cycle_s": pytest.approx(0.096),
-        "lower_bound_cm": pytest.approx(0.22),
-        "of_model_only": True,
-    }

@@ -6,15 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import InvalidInput, JointModel
 from planner.cli.reproduce import STEPS
 from planner.evaluation import cross_check as cross_check_module
-from planner.files.joint_model import models_text, read_model_file
-from planner.files.paths import foot_path, read_joint_path, write_joint_path
+from planner.files.joint_model import read_model_file
+from planner.files.paths import foot_path, read_joint_path
 from planner.files.table import read_table
 from planner.report.paper_results import joint_paths
 
-JOINT = JointModel.ers210a()
 WRITTEN = 1e-9  # rounding of 12 decimals [deg, m]
 
 
@@ -30,32 +28,6 @@ def sabotage(monkeypatch):
         return replace(plan, requests=np.roll(plan.requests, 3, axis=0))
 
     monkeypatch.setattr(cross_check_module, "planned", late)
-
-
-def test_joints_of_a_leg_are_compared_in_its_order_each_with_its_own_limits_and_load(
-    run, tmp_path, monkeypatch
-):
-    given = {}
-
-    def compared(models, angles, **arguments):
-        given.update(arguments, angles=angles, speeds=[each.v_max for each in models])
-        raise InvalidInput("enough")
-
-    monkeypatch.setattr("planner.evaluation.cross_check.cross_check", compared)
-    names = ("knee", "rotator", "abductor")
-    rows = np.radians([30.0, 10.0, 20.0]) + np.linspace(0.0, 0.1, 6)[:, np.newaxis]
-    write_joint_path(tmp_path / "leg.csv", names, rows, period=0.008, loads=10.0 * rows)
-    slow = [replace(JOINT, v_max=3.0 + j, compliance=0.1) for j in range(3)]
-    (tmp_path / "leg.toml").write_text(models_text(dict(zip(names, slow, strict=True))))
-    ask = ("compare", "leg.csv", "--leg", "reference", "--model", "leg.toml", "--load", "column")
-    run(*ask, "--limits-deg", "knee=-20:140", "--segments", 3)
-    order = [1, 2, 0]
-    assert given["names"] == ("rotator", "abductor", "knee")
-    assert given["speeds"] == [4.0, 5.0, 3.0]
-    np.testing.assert_allclose(given["angles"], rows[:, order], atol=1e-12)
-    np.testing.assert_allclose(given["load"], 10.0 * rows[:, order], atol=1e-11)
-    np.testing.assert_allclose(np.degrees(given["limits"][0]), [-117.0, -11.0, -20.0])
-    assert (given["segments"], given["cyclic"]) == (3, False)
 
 
 @pytest.mark.usefixtures("sabotage")

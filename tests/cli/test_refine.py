@@ -69,22 +69,6 @@ def test_a_sensor_delay_of_0_is_not_replaced_by_an_estimate(run, desired, option
     assert learning["knee"]["sensor_delay_ms"] == pytest.approx([removed], abs=1.0)
 
 
-def test_the_same_recording_twice_is_refused_before_anything_is_written(
-    run, desired, execute, tmp_path
-):
-    run("plan", desired, "-o", "requests.csv")
-    execute()
-    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "-o", "requests.csv")
-    line = (*line, "--history", "all.json")
-    assert run(*line).exit_code == 0
-    written = {name: (tmp_path / name).read_text() for name in ("requests.csv", "all.json")}
-    result = run(*line)
-    assert result.exit_code == 2
-    said = "request-planner: hip: measured: the same angles as in trial 1"
-    assert said in result.stderr, "the joint is named once"
-    assert written == {name: (tmp_path / name).read_text() for name in written}
-
-
 @pytest.fixture
 def late(run, desired, execute):
     """A line that refines from three cycles whose rows come early or late and are lost."""

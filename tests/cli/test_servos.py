@@ -175,17 +175,6 @@ def interrupted(monkeypatch):
     return interrupted
 
 
-def test_ctrl_c_ends_it_in_one_line_and_keeps_every_row(run, tmp_path, interrupted):
-    interrupted(2000)
-    result = run("-q", "calibrate", *BRIEF, "--ids", "1")
-    assert result.exit_code == 130
-    assert result.stderr == (
-        "request-planner: stopped by Ctrl-C: the joints stay where they are, torque as before; "
-        "what was measured is in arm_logs; go on with --resume\n"
-    )
-    assert len((tmp_path / "arm_logs" / "joint_1.csv.part").read_text().splitlines()) > 500
-
-
 def test_an_angle_that_was_not_read_is_warned_of_though_every_request_was_sent(
     run, arm, requests, monkeypatch
 ):

@@ -15,12 +15,10 @@ from planner.identification.grid import MOST_ROWS, glitches, resampled, thinned
 from planner.identification.least_squares import (
     USUAL,
     least_squares,
-    linearised,
     respond,
 )
 from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, only
-from planner.identification.trust_region import most_reduction, quadratic_of, step_of
 from tests.identification.made import (
     AIBO,
     NOISE,
@@ -110,42 +108,6 @@ def test_a_parameter_at_its_bound_leaves_the_others_free():
     assert fit.parameters.dead_band >= 0.0
     assert fit.rms <= free.rms * (1.0 + 1e-6)
     assert fit.parameters.gain == pytest.approx(free.parameters.gain, rel=0.05)
-
-
-def test_the_normal_equations_are_those_of_the_derivatives():
-    """Two logs, so that each first angle acts on the rows of its own run alone."""
-    grid = grid_of(step_logs())
-    at = Parameters.of(AIBO)._replace(gain=30.0)
-    _, slopes = linearised(grid, at, grid.measured_starts, USUAL)
-    residuals = respond(grid, at, grid.measured_starts).predicted - grid.angles
-    corner = float(np.median(np.abs(residuals)))  # half of them are outliers
-    weights = corner / np.maximum(np.abs(residuals), corner)
-    assert np.any(weights < 1.0)
-    runs = len(grid.starts)
-    own = (grid.run[:, np.newaxis] == np.arange(runs)) * slopes.by_start[:, np.newaxis]
-    dense = np.column_stack([slopes.by_parameter, own])
-    expected = dense.T @ (weights[:, np.newaxis] * dense)
-    near = quadratic_of(
-        slopes.of_law, slopes.change, residuals, grid.weights, corner, grid.run, np.zeros(runs)
-    )
-    found = np.block([[near.whole, near.beside.T], [near.beside, np.diag(near.squares)]])
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.max(np.abs(expected)))
-    slope = dense.T @ (weights * residuals)
-    both = np.append(near.by_parameter, near.by_start)
-    np.testing.assert_allclose(both, slope, rtol=0.0, atol=1e-10 * np.max(np.abs(slope)))
-
-    # An unbounded step of an ample radius is that of the whole system.
-    count = len(near.gradient)
-    free = np.full(count, np.inf)
-    step, starts, reduction, length = step_of(near, near.sizes, 1e6, -free, free)
-    whole = np.linalg.solve(expected, -slope)
-    np.testing.assert_allclose(np.append(step, starts), whole, rtol=1e-6)
-    assert reduction == pytest.approx(-0.5 * slope @ whole, rel=1e-6)
-    assert most_reduction(near) == pytest.approx(reduction, rel=1e-6)
-    # A small one ends the step there, up to a tenth.
-    step, _, shorter, length = step_of(near, near.sizes, 1e-3 * length, -free, free)
-    assert np.linalg.norm(near.sizes * step) <= 1.1e-3 * np.linalg.norm(near.sizes * whole[:count])
-    assert 0.0 < shorter < reduction
 
 
 def test_rows_count_by_their_weights():

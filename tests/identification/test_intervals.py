@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +9,7 @@ import pytest
 import planner
 from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
-    correlation_time,
     intervals_of,
-    over_ticks,
     over_top_speeds,
     rise_allowed,
     uncertainty_of,
@@ -20,7 +17,6 @@ from planner.identification.intervals import (
 from planner.identification.joint_fit import fit_joint, with_observed_speed
 from planner.identification.least_squares import least_squares
 from planner.identification.parameters import Parameters, only
-from planner.identification.result import Interval
 from tests.identification.made import AIBO, NOISE, logged, measured, rich_log, step_logs
 from tests.instances import joint_of
 
@@ -73,18 +69,6 @@ def test_an_interval_holds_what_other_intervals_leave_open(seed):
     found = planner.identify((times, requests, angles), hold_out=False)
     assert hits(AIBO, found.intervals["lag"], "lag")
     assert found.intervals["acceleration_time"].lower <= 1.1 * AIBO.acceleration_time
-
-
-def test_correlated_rows_count_for_fewer():
-    rng = np.random.default_rng(0)
-    white = rng.normal(size=4000)
-    assert 1.0 <= correlation_time(white) <= 1.3
-    kept, drifting = 0.9, [0.0]
-    for step in white:
-        drifting.append(kept * drifting[-1] + step)
-    expected = (1.0 + kept) / (1.0 - kept)
-    assert abs(correlation_time(np.array(drifting)) / expected - 1.0) <= 0.35
-    assert correlation_time(np.zeros(10)) == 1.0
 
 
 @pytest.mark.parametrize(
@@ -152,24 +136,6 @@ def test_white_noise_is_told_by_the_deviations_of_the_slopes(fitted):
     assert math.isinf(uncertainty.covariance[-1, -1])  # of what was not fitted
 
 
-def test_noise_is_what_differs_from_row_to_row_and_structure_what_does_not(fitted):
-    fit, _ = fitted
-    rng = np.random.default_rng(0)
-    rows = len(fit.residuals)
-    white = 0.01 * rng.standard_normal(rows)
-    smooth = 0.02 * np.sin(0.05 * np.arange(rows))
-    size = float(np.sqrt(np.mean((white + smooth) ** 2)))
-    for residuals, scale in ((white, 0.01), (white + smooth, size)):
-        made = replace(fit, residuals=residuals, scale=scale)
-        assert made.noise == pytest.approx(0.01, rel=0.1)
-        expected = 1.0 - (made.noise / scale) ** 2 - 2.0 / math.sqrt(rows)
-        assert made.structure == pytest.approx(max(expected, 0.0))
-    assert replace(fit, residuals=white + smooth, scale=size).structure > 0.5
-    outliers = white.copy()
-    outliers[100] = 5.0
-    assert replace(fit, residuals=outliers, scale=0.01).noise == pytest.approx(0.01, rel=0.1)
-
-
 @pytest.mark.parametrize(("amplitude", "rows"), [(0.13, 250), (0.14, 120)])
 def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude, rows):
     """That of a top speed that few rows show. Two halvings end beyond it, by less than as much."""
@@ -186,23 +152,3 @@ def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude
     for end in ends:
         assert 0.95 < rise(end) < 2.0
         assert rise((end + fit.parameters.v_max) / 2.0) < 0.6
-
-
-def test_intervals_reach_as_far_as_ticks_move_a_parameter_and_a_rough_loss_hides_it():
-    fine = Parameters(20.0, 5.0, 0.021, 0.03, 0.0, dead_band=0.018, time_constant=0.03)
-    coarse = fine._replace(lag=0.02, dead_band=0.02)
-    ends = {"v_max": (4.0, math.inf), "lag": (0.018, 0.022), "acceleration_time": (0.001, 0.06)}
-    ends = {name: Interval(*each) for name, each in (ends | {"dead_band": (0.018, 0.022)}).items()}
-    for motor, expected in (
-        (0.03, ((0.016, 0.026), (0.0, 0.09), (0.0136, 0.0224))),
-        (0.0, ((0.018, 0.024), (0.001, 0.06), (0.014, 0.022))),
-    ):
-        longer, fit = (
-            SimpleNamespace(
-                parameters=each._replace(time_constant=motor), grid=SimpleNamespace(tick=tick)
-            )
-            for each, tick in ((coarse, 0.002), (fine, 0.001))
-        )
-        found = over_ticks(ends, longer, fit)
-        assert found.pop("v_max") == ends["v_max"]
-        np.testing.assert_allclose(list(found.values()), expected, atol=1e-12)

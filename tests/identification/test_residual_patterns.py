@@ -10,21 +10,16 @@ from planner.identification.excitation import excite, expect
 from planner.identification.grid import timing_of
 from planner.identification.joint_fit import fit_joint
 from planner.identification.residual_patterns import (
-    Held,
     _contradiction,
     _drift,
-    contacts,
-    joined,
     patterns,
     stops,
-    with_weights,
 )
 from planner.identification.result import Interval, LogFit
 from planner.identification.terms import with_calm_friction, with_terms
 from tests.identification.made import (
     AIBO,
     STICKY,
-    changed,
     holds_log,
     identified_rich,
     identified_steps,
@@ -97,37 +92,6 @@ def test_a_stop_is_met_twice_for_long_by_a_model_that_goes_beyond_it(wave, limit
         )
 
 
-@pytest.mark.parametrize(
-    ("count", "touching", "found"), [(12, 3, 3), (12, 4, 0), (12, 0, 0), (9, 2, 0), (10, 2, 2)]
-)
-def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places(
-    count, touching, found
-):
-    places = np.arange(count)
-    levels, friction = 0.2 * places, 0.001 * (-1.0) ** places
-    pushed = 0.05 * (places % 3 == 1) * (places < 3 * touching)
-    angles, predicted = (np.repeat(each, 50) for each in (levels + friction + pushed, levels))
-    free = seen(predicted[:10], predicted[:10], name="free")
-    contact = contacts([free, seen(angles, predicted)], 0.001)
-    if not found:
-        assert contact == [[], []]
-        return
-    none, (held,) = contact
-    assert none == []
-    assert held.rows.tolist() == np.flatnonzero(np.repeat(pushed, 50)).tolist()
-    assert held.known == {"places": found, "most": pytest.approx(0.05, abs=0.003)}
-    again = Held(held.rows[:5], "contact", {"places": 1, "most": 0.01})
-    assert joined([held, again]).known == held.known | {"places": found + 1}
-    fate = "these rows are left out"
-    most = np.degrees(held.known["most"])
-    words = f"in {found} places of rest the joint is up to {most:.2g} deg beside"
-    said = joined([held]).finding(free.log, fate).words
-    assert words in said
-    first, last = held.rows[[0, -1]]
-    assert said.endswith(f": {50 * found} rows between {first} and {last}; {fate}")
-    assert "in 1 place of rest the" in again.finding(free.log, fate).words
-
-
 def test_the_dead_band_is_that_of_calm_motion():
     """A log whose joint is shaken shows half of it."""
     shaken = replace(holds_log(replace(STICKY, dead_band=0.01), seed=1), name="shaken")
@@ -137,37 +101,6 @@ def test_the_dead_band_is_that_of_calm_motion():
     fit = with_terms(*fit_joint(alike, timing_of(alike, tick=None, hold=None)))
     assert fit.parameters.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
     assert with_calm_friction(fit) is fit
-
-
-def uneven(share, *, calm=1e-3, scale=1.0):
-    """A slow and then a fast sine, missed by ``calm`` and by so many times that [rad]."""
-    times = 0.01 * np.arange(2400)
-    phase = np.where(times < 12.0, times, 12.0 + 5.0 * (times - 12.0))
-    predicted = scale * 0.3 * np.sin(phase)
-    noise = calm * np.random.default_rng(0).normal(size=2400)
-    angles = predicted + scale * np.where(times < 12.0, 1.0, share) * noise
-    return seen(angles, predicted, period=0.01)
-
-
-def test_rows_weigh_by_the_error_to_expect_of_their_acceleration():
-    (log,) = with_weights([uneven(8.0)], 1e-5)
-    slow, fast = log.weights[:1100], log.weights[1300:]
-    assert np.max(log.weights) <= 1.0
-    assert np.min(slow) >= 0.6
-    assert 0.8 <= 8.0 * np.median(fast) <= 1.4
-    (wider,) = with_weights([uneven(8.0, scale=3.0)], 3e-5)
-    np.testing.assert_allclose(wider.weights, log.weights, rtol=1e-3)
-    # Noise of the sensor hides what calm motion is missed by; the line reaches the error of the
-    # fast sine at its fastest parts, so that the others weigh a little more.
-    (noisy,) = with_weights([uneven(8.0)], 4e-3)
-    assert np.median(noisy.weights[1300:]) == pytest.approx(0.5, rel=0.25)
-    assert np.min(noisy.weights[:1100]) >= 0.9
-    halved = replace(uneven(8.0), log=changed(uneven(8.0).log, weights=np.full(2400, 0.5)))
-    (own,) = with_weights([halved], 1e-5)
-    np.testing.assert_allclose(own.weights, 0.5 * log.weights)
-    for share in (0.5, 1.0, 1.1):
-        assert with_weights([uneven(share)], 1e-5) is None
-    assert with_weights([uneven(8.0)], 1.0) is None
 
 
 @pytest.mark.parametrize(

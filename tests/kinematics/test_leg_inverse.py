@@ -171,19 +171,6 @@ def test_a_path_of_endless_joints_starts_within_half_a_turn_of_the_pose_asked_fo
     np.testing.assert_allclose(found, [pose], atol=SAME_POSE)
 
 
-def test_a_joint_of_several_turns_stays_within_its_limits(tmp_path):
-    joints = [replace(SHAPES[CLOSED[0]][0][0], lower=-9.0, upper=9.0), *SHAPES[CLOSED[0]][0][1:]]
-    leg = made_up_leg(tmp_path, joints, SHAPES[CLOSED[0]][1])
-    angles = np.linspace([-20.0, 0.3, 1.0], [20.0, 0.5, 1.3], 600)
-    foot = leg.foot_positions(angles)
-    found = leg.joint_angles(foot)
-    assert (np.abs(found[:, 0]) <= 9.0).all()
-    backward = np.diff(found[:, 0]) < -0.1
-    assert backward.sum() == 5  # 40 rad in a range of 18, a full turn back at each end
-    assert (found[:-1, 0][backward] > 8.9).all()
-    np.testing.assert_allclose(leg.foot_positions(found), foot, atol=EXACT)
-
-
 @pytest.mark.parametrize("knee", [0.0, 1e-9, 1e-7, 1e-5, -1e-6])
 def test_the_fully_stretched_leg_is_within_reach(knee):
     leg = reference_leg()
@@ -249,15 +236,3 @@ def test_the_error_lists_which_points_are_out_of_reach_and_by_how_much(name, tmp
     np.testing.assert_allclose(error.value.distances, nearest.distance[[4, 17]], atol=EXACT)
     assert not error.value.indices.flags.writeable
     assert not error.value.distances.flags.writeable
-
-
-def test_limits_of_many_turns_hide_no_pose(tmp_path):
-    joints, tip = SHAPES["no two axes meet"]
-    narrow = made_up_leg(tmp_path, [replace(j, lower=-np.pi, upper=np.pi) for j in joints], tip)
-    wide = made_up_leg(tmp_path, [replace(j, lower=-40.0, upper=40.0) for j in joints], tip)
-    points = around(narrow, 50, seed=6)
-    expected = narrow.inverse(points, unreachable="nearest").distance
-    found = wide.inverse(points[:1], unreachable="nearest")
-    assert np.abs(found.angles).max() < 2 * np.pi  # not wound up for nothing
-    found = wide.inverse(points, unreachable="nearest")
-    np.testing.assert_allclose(found.distance, expected, atol=EXACT)

@@ -3,14 +3,12 @@
 import math
 from typing import NamedTuple
 
-import coal
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinematics import Leg, urdf_path
-from kinematics.scene import Scene
 from planner.gait.stride import standing_pose
 from tests.kinematics.made_up_robots import LEGS, ers210a_leg, reference_leg
 
@@ -41,14 +39,6 @@ def test_the_ball_is_where_the_published_vectors_have_it(name):
     degrees, millimetres = zip(*VECTORS[name], strict=True)
     found = ers210a_leg(name).foot_positions(np.radians(degrees))
     assert np.abs(found - 1e-3 * np.array(millimetres)).max() < DRAWING
-
-
-@pytest.mark.parametrize(
-    ("name", "paw"), [("front_left", (53.42, 59.7, -130.0)), ("hind_left", (-42.94, 59.7, -134.88))]
-)
-def test_the_paw_is_where_the_drawing_has_it(name, paw):
-    found = ers210a_leg(name, "paw").foot_positions([[0.0, 0.0, 0.0]])
-    np.testing.assert_allclose(found, [1e-3 * np.array(paw)], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", LEGS)
@@ -143,17 +133,6 @@ def test_the_leg_has_the_joints_that_are_left(chosen, robots):
     leg = Leg.from_urdf(robots / urdf, base=base, foot=foot, locked=locked)
     assert len(leg.joint_names) == chosen.joints
     assert not set(leg.joint_names) & set(chosen.locked)
-
-
-def test_the_robot_can_be_seen(robots):
-    urdf, base, foot, locked, _ = PUBLIC["Solo12"]
-    scene = Scene.from_urdf(robots / urdf, base=base, foot=foot, locked=locked)
-    assert scene.moving.ngeoms
-    shapes = [*scene.still.geometryObjects, *scene.moving.geometryObjects]
-    assert any(isinstance(shape.geometry, coal.BVHModelBase) for shape in shapes)
-    leg = Leg.from_urdf(robots / urdf, base=base, foot=foot, locked=locked)
-    assert np.isfinite(scene.places(np.mean(leg.limits.central, axis=0))).all()
-    assert scene.robot.joint_names == leg.joint_names
 
 
 @pytest.mark.parametrize("name", ["Solo12", "ANYmal B"])

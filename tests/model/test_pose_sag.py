@@ -9,10 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
-from planner.arrays import rms
 from planner.model.joint import MOST_POSE_SAG, JointModel
 from planner.model.response import load_columns, path_speeds, rest_angles, rest_requests, simulate
-from planner.planning.line_inverse import line_offset
 from tests.strategies import INTEGRALS, models
 
 PAPER = JointModel.ers210a()
@@ -90,18 +88,6 @@ def test_a_joint_that_gravity_overcomes_falls_and_no_speed_lifts_it():
     assert planner.certify(model, 1.4 + 0.1 * PATH).bound > 0.1
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("inertia", [{}, {"time_constant": 0.03, "dead_band": 0.01}])
-def test_plans_compensate_for_the_sag(inertia, cyclic):
-    model = replace(HANGING, **inertia)
-    bare = replace(model, sag_sin=0.0, sag_cos=0.0)
-    for invert in (planner.invert_optimal, planner.invert_closed_form):
-        made = invert(model, PATH, cyclic=cyclic)
-        unaware = simulate(model, invert(bare, PATH, cyclic=cyclic).requests, cyclic=cyclic)
-        assert made.rms <= invert(bare, PATH, cyclic=cyclic).rms + math.radians(0.1)
-        assert made.rms <= 0.25 * rms(unaware - PATH)
-
-
 @pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
 def test_the_largest_sag_has_an_angle_at_rest_for_every_request(share):
     turned = 0.5 * math.pi * share
@@ -111,7 +97,3 @@ def test_the_largest_sag_has_an_angle_at_rest_for_every_request(share):
     angles = model.rest(requests)
     np.testing.assert_allclose(requests + model.pose_sag(angles), angles, rtol=0.0, atol=1e-12)
     assert np.all(np.diff(angles) > 0.0)
-
-
-def test_lines_are_inverted_without_it():
-    assert line_offset(HANGING, 1.0) == line_offset(PAPER, 1.0)

@@ -1,15 +1,13 @@
 """Tasks in parallel: the same results however they are run, and none lost whatever dies."""
 
-import logging
 import os
 import sys
-from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
-from planner import InvalidInput, MissingExtra, PlannerError, __version__, parallel
+from planner import InvalidInput, MissingExtra, parallel
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
 from tests.parallel import work
@@ -128,66 +126,6 @@ def test_the_tasks_handed_over_at_once_do_not_grow_with_their_number(monkeypatch
     finished = parallel.outcomes(work.square, work.tasks(50), executor)
     assert all(executor.ran - done <= 4 for done, _ in enumerate(finished))
     assert executor.ran == 50
-
-
-WORKERS = {
-    "none": (
-        TimeoutError(),
-        "tcp://a:1: the scheduler has no workers; start some with `dask worker tcp://a:1 "
-        "--nthreads 1`",
-    ),
-    "without the package": (
-        ImportError("no planner"),
-        "--scheduler: a worker of tcp://a:1 cannot import request-planner (no planner); install "
-        "it there",
-    ),
-    "of an older version": (
-        {"one": __version__, "two": "0.0.1"},
-        f"--scheduler: worker two has request-planner 0.0.1, expected {__version__} as here",
-    ),
-    "fit": ({"one": __version__}, ""),
-}
-"""What the workers of a cluster answer when they are asked for their version, and what is said."""
-
-
-@pytest.mark.parametrize(("answer", "said"), WORKERS.values(), ids=WORKERS)
-def test_workers_that_cannot_do_the_tasks_are_refused_before_and_while_they_run(
-    answer, said, monkeypatch
-):
-    class Client:
-        def __init__(self, address, timeout):
-            assert (address, timeout) == ("tcp://a:1", parallel.PATIENCE)
-            assert logging.root.manager.disable >= logging.CRITICAL
-
-        def wait_for_workers(self, count, timeout):
-            assert (count, timeout) == (1, parallel.ARRIVAL)
-
-        def run(self, _):
-            if isinstance(answer, Exception):
-                raise answer
-            return answer
-
-        def get_executor(self, *, pure):
-            assert not pure
-            return SimpleNamespace()
-
-        def close(self, timeout):
-            assert timeout == parallel.PATIENCE
-            raise TimeoutError
-
-    async def close():
-        pass
-
-    async def connect(*_, **__):
-        return SimpleNamespace(close=close)
-
-    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=Client))
-    monkeypatch.setitem(sys.modules, "distributed.comm", SimpleNamespace(connect=connect))
-    refused = pytest.raises(PlannerError) if said else nullcontext()
-    with refused as caught, executor_of(scheduler="tcp://a:1") as executor:
-        executor.check_workers()
-    assert said == (str(caught.value) if said else "")
-    assert logging.root.manager.disable == logging.NOTSET
 
 
 def test_a_cluster_needs_its_extra(monkeypatch):

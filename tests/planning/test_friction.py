@@ -152,15 +152,6 @@ def test_a_plan_with_inertia_is_better_than_the_closed_form_and_keeps_the_bound(
         assert bound <= min(plan.rms, form.rms) + 1e-12
 
 
-@pytest.mark.parametrize("model", [INERT, STARTING_SLOWLY], ids=["T", "A"])
-def test_a_plan_for_the_window_of_the_same_delay_misses_what_the_inertia_does(model):
-    delay = model.time_constant if model is INERT else 0.02
-    window = replace(PAPER, acceleration_time=model.acceleration_time + 2.0 * delay)
-    plan = planner.invert_optimal(model, SWING, smoothness=0.0)
-    blind = planner.invert_optimal(window, SWING, smoothness=0.0)
-    assert plan.rms <= 0.5 * rms(planner.simulate(model, blind.requests) - SWING)
-
-
 def test_no_closed_form_does_better_on_a_square_that_an_acceleration_limit_keeps_out_of_reach():
     model = joint_of(6.6, 0.1, 0.012, 0.027, hold=2, max_acceleration=81.0)
     square = 0.8 * np.repeat([1.0, -1.0], 20)

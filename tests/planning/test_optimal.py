@@ -6,7 +6,6 @@ from dataclasses import replace
 import cvxpy as cp
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from planner import (
     JointModel,
@@ -30,7 +29,6 @@ from tests.instances import (
     saturating,
 )
 
-GAP = 0.005  # most by which a plan may exceed that of a general solver
 GAP_ON_THE_WALK = 0.002  # most by which a plan may exceed the exact bound on the reference walk
 ATTAINED = math.radians(0.01)  # largest rms error on what the joint can do [rad]
 NO_WORSE = 1e-12  # rounding between two simulations of the same requests [rad]
@@ -97,26 +95,6 @@ def test_no_closed_form_does_better_for_a_joint_at_top_speed_throughout(cyclic):
         desired = rng.normal(size=17 + 9 * (seed % 3))
         plan = invert_optimal(model, desired, cyclic=cyclic, smoothness=0.0)
         closed_forms_do_no_better(plan)
-
-
-@CYCLIC
-@pytest.mark.parametrize("seed", range(3))
-def test_within_tight_limits_no_general_least_squares_does_better(seed, cyclic):
-    rng = np.random.default_rng(seed)
-    model = random_model(rng)
-    desired = saturating(rng, model, samples=40)
-    lower, upper = _barely_around(desired)
-    plan = invert_optimal(model, desired, cyclic=cyclic, limits=(lower, upper))
-    start = None if cyclic else desired[0]
-    movable = slice(0 if cyclic else 1, None)
-
-    def residuals(free):
-        requests = np.append(desired[: movable.start], free)
-        return simulate(model, requests, cyclic=cyclic, start=start) - desired
-
-    inside = np.clip(plan.requests[movable], lower + 1e-9, upper - 1e-9)
-    improved = least_squares(residuals, inside, bounds=(lower, upper), max_nfev=30)
-    assert plan.rms <= math.sqrt(2.0 * improved.cost / len(desired)) * (1.0 + GAP)
 
 
 @pytest.mark.parametrize(

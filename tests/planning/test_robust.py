@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import InvalidInput, JointModel, Log, identify, invert_optimal, plan, simulate
+from planner import InvalidInput, Log, identify, invert_optimal, plan, simulate
 from planner.arrays import error_norm
 from planner.model.evidence import Evidence
 from planner.planning.candidate_models import drawn_models
@@ -159,15 +159,6 @@ def test_a_plan_for_an_open_top_speed_bears_joints_that_are_faster_than_the_mode
     ]
     before, after = (errors(others, each.requests, too_fast) for each in (made.nominal, made))
     assert np.max(after) <= 0.6 * np.max(before)
-
-
-def test_a_model_file_gives_the_plan_that_its_identification_gave(identified, tmp_path):
-    identified.model.to_toml(tmp_path / "joint.toml")
-    read = JointModel.from_toml(tmp_path / "joint.toml")
-    assert read.evidence == identified.model.evidence
-    assert drawn_models(read) == drawn_models(identified.model)
-    made = plan(read, SINE, robust="mean")
-    np.testing.assert_array_equal(made.requests[:, 0], invert_optimal(identified, SINE).requests)
 
 
 def test_plan_takes_several_models_of_one_joint_or_of_each(identified):

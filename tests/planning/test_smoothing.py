@@ -9,11 +9,8 @@ import pytest
 from planner import invert_foot, invert_optimal, reference_walk
 from planner.model.evidence import ENCODER_STEP, UNFORESEEN, Evidence
 from planner.planning import search
-from planner.planning.problem import problem_of
 from planner.planning.search import (
     NARROW,
-    allowed,
-    judged,
     known_errors,
     minimise,
     smoothed,
@@ -192,15 +189,6 @@ def test_requests_at_rest_are_not_bought_with_steps_of_the_others():
     assert np.ptp(plan.requests[150:180]) <= 2e-5
 
 
-def foot_problem(models=ERS210A, **options):
-    """The reference walk's foot, every fourth sample, and a motion beside its desired angles."""
-    walk = reference_walk()
-    task = Task.of(models, walk.desired_foot[::4], leg=walk.leg, **options)
-    problem = problem_of(task)
-    beside = 0.05 * np.random.default_rng(0).normal(size=problem.desired.shape)
-    return problem, np.tile(problem.desired + beside, len(problem.drives) // 3)
-
-
 def test_the_weights_of_the_worst_models_grow_until_their_errors_are_equal():
     """Sags of 0, 0.1 and 0.3 rad: requests of -0.15 miss two of them by 0.15 each, none by more."""
     models = [replace(ERS210A, offset=sag) for sag in (0.0, 0.1, 0.3)]
@@ -208,34 +196,6 @@ def test_the_weights_of_the_worst_models_grow_until_their_errors_are_equal():
     assert made.over_models.worst == pytest.approx(0.15, rel=0.02)  # six rounds leave 1 %
     mean = invert_optimal(models, np.zeros(20), robust="mean")
     np.testing.assert_allclose(mean.requests, -0.4 / 3.0, rtol=0.0, atol=1e-3)
-
-
-@pytest.mark.parametrize("weights", [(0.5, 0.5), (0.2, 0.8)])
-def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenario(weights):
-    """Root mean squares over samples and axes, the scenarios by their weights."""
-    noise = (0.01, 0.02, 0.03)
-    models = [ERS210A.with_evidence(Evidence(each)) for each in noise]
-    nominal, _ = foot_problem(models)
-    drawn = (ERS210A,) * 3  # those that were drawn were not tested
-    candidates = tuple(zip(models, drawn, strict=True))
-    both = replace(nominal, models=candidates, robust="mean", shares=weights)
-    rng = np.random.default_rng(1)
-    angles = np.tile(nominal.desired, 2) + 0.05 * rng.normal(size=(22, 6))
-    found = judged(both, both.resting, angles)
-    squares = np.zeros(3)
-    for scenario, weight in enumerate(weights):
-        values, jacobians = nominal.errors(angles[:, 3 * scenario : 3 * scenario + 3])
-        moved = jacobians[:, 0]  # (n, 3 axes, J)
-        squares += weight * np.array(
-            [
-                np.mean(np.sum(values[:, 0] ** 2, axis=1)),
-                np.mean(np.sum((moved * noise) ** 2, axis=(1, 2))),
-                np.mean(np.sum((moved * ENCODER_STEP) ** 2, axis=(1, 2))),
-            ]
-        )
-    expected = np.sqrt(squares)
-    assert [found.mean, found.model_error, found.unseen] == pytest.approx(expected, rel=ROUNDING)
-    assert found.error == both.errors_of_models(angles)[0]
 
 
 def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion():
@@ -299,19 +259,3 @@ def test_the_first_request_leaves_the_middle_of_the_band_for_the_side_of_the_mot
     first = float(made[0, 0])
     assert abs(first) < 0.03
     assert first == 0.0 if several else way * first == pytest.approx(0.03, rel=1e-6)
-
-
-def test_no_more_is_allowed_than_the_share_but_where_many_requests_lead_to_one_motion():
-    """The share is of the shown error; for a foot and dry friction an encoder's step is."""
-    sticky = track(replace(ERS210A, dead_band=0.01), np.zeros(5), cyclic=True)
-    for problem in (track(ERS210A, np.zeros(5), cyclic=True), sticky, foot_problem()[0]):
-        smooth, plan = replace(problem, smoothness=0.1), replace(problem, smoothness=0.0)
-        motion = judged(problem, problem.resting)
-        many = problem.goal == "foot" or problem is sticky
-        assert motion.negligible == (motion.unseen if many else 0.0)
-        best = motion._replace(error=0.3, model_error=0.4, negligible=0.05 if many else 0.0)
-        assert allowed(smooth, best._replace(error=0.37), best)  # hypot(0.37, 0.4) is 0.545
-        assert not allowed(smooth, best._replace(error=0.39), best)
-        assert allowed(smooth, best._replace(error=0.04, model_error=2.0), best) == many
-        assert allowed(plan, best, best)
-        assert not allowed(plan, best._replace(error=0.3001), best)

@@ -133,19 +133,6 @@ def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(virtu
     assert sum(trial.cycles for trial in last.trials) == 20
 
 
-PICTURES = {
-    *("foot_paths", "step_tests", "joints_direct", "trajectories", "learning", "joints_by_method"),
-    "foot_optimised_trajectories",
-}
-
-
-def test_every_figure_comes_to_life_without_a_complaint_or_a_request(virtually_reproduced, browser):
-    page = virtually_reproduced.folder / "report.html"
-    assert set(browser.read_through(page, dark=True)) == PICTURES
-    title = browser.ask("document.querySelector('h1').textContent")
-    assert title == "The paper’s experiment on a virtual robot"
-
-
 def test_without_mujoco_the_extra_that_brings_it_is_named(command_line, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtra, match="the virtual robot needs the extra 'mujoco'"):

@@ -9,8 +9,8 @@ import pytest
 
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus, SerialPort
-from planner.robot.protocols import BROADCAST, FEETECH, WRITE
-from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos, serve, terminal
+from planner.robot.protocols import BROADCAST, WRITE
+from planner.virtual.servo_bus import KINDS, VirtualServos, serve, terminal
 from tests.docs.blocks import ROOT
 
 STEP = 0.01
@@ -128,17 +128,6 @@ def test_our_driver_measures_the_same_on_the_terminal_at_every_run(kind):
         runs.append(np.array(angles))
     assert np.array_equal(*runs)
     assert np.ptp(runs[0][:, 0]) > 0.3
-
-
-def test_a_servo_that_is_held_gives_up_as_real_ones_do():
-    bus = Bus(VirtualPort(VirtualServos(1, faults=Faults(stall={1: 0.1}))), FEETECH)
-    bus.write(1, "torque", 1)
-    bus.write(1, "goal", 3500)
-    bus.port.sleep(4.0)
-    reading = bus.sync_read([1])[1]
-    assert FEETECH.error_words(reading["error"]) == "overload"
-    assert abs(reading["load"]) <= 200
-    assert reading["temperature"] > 25
 
 
 @pytest.mark.parametrize("kind", ["sts3215", "xl430", "xl-320"])

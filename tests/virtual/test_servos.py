@@ -101,20 +101,6 @@ def test_every_kind_moves_as_it_did(snapshot):
     snapshot.check("kinds", "\n".join(lines) + "\n")
 
 
-def test_a_profile_of_an_acceleration_is_fastest_half_way():
-    kind = KINDS["sts3215"]
-    bus = Bus(VirtualPort(VirtualServos(1, kind)), kind.protocol)
-    for name, value in {"profile_acceleration": 20, "torque": 1}.items():
-        bus.write(1, name, value)
-    bus.sync_write("goal", {1: 2048 + 1024})
-    counts = []
-    for _ in range(200):
-        bus.port.sleep(0.01)
-        counts.append(bus.sync_read([1])[1]["position"] - 2048)
-    assert counts[int(np.argmax(np.diff(counts)))] == pytest.approx(512, abs=150)
-    assert counts[-1] == pytest.approx(1024, abs=50)
-
-
 def test_the_fastest_acceleration_of_a_feetech_limits_nothing():
     most = {"profile_acceleration": 254}
     for name, same in (("sts3215", True), ("xl430", False)):
