@@ -6,7 +6,6 @@ knots and values descend together, with a penalty on what exceeds the bound.
 
 from __future__ import annotations
 
-import math
 from functools import partial
 
 import numpy as np
@@ -18,7 +17,6 @@ from planner.approximation.fit_problem import (
     Candidate,
     Problem,
     candidate,
-    error_at_pins,
     residuals,
 )
 from planner.approximation.values import attainable_error, by_windows
@@ -60,8 +58,7 @@ def within_largest_error(
             f"{most} segments, but the fewest {word} are {count}; allow more error or more "
             "segments"
         )
-    least = float(np.max(error_at_pins(problem), initial=attainable))
-    low, high, spare = least * (1.0 + TIE) + 1e-15, widest, bound * (1.0 - BARELY)
+    low, high, spare = attainable * (1.0 + TIE) + 1e-15, widest, bound * (1.0 - BARELY)
     for turn in range(HALVINGS + 1):
         middle = spare if turn == 0 else 0.5 * (low + high)
         trial = minimum_link(problem, middle)[0] if middle > low else None
@@ -80,63 +77,41 @@ def within_largest_error(
 def minimum_link(problem: Problem, bound: float) -> tuple[Candidate, int]:
     """The curve of fewest segments with no error above ``bound``, and a lower bound on them; O(n).
 
-    A cycle with required knots has at most one more. All segments of a path are a sample long or
-    longer if required knots lie on samples, and those of a cycle nearly always.
+    All segments of a path are a sample long or longer, and those of a cycle nearly always.
     """
-    gates, breaks = gates_of(problem, bound)
+    places = [float(k) for k in range(problem.samples)]
+    ends = problem.desired - bound, problem.desired + bound
+    gates = Gates(places, ends[0].tolist(), ends[1].tolist(), problem.step)
     least, most = max(gates.lower), min(gates.upper)
     curve: tuple[Array, Array] | None
     if not problem.cyclic:
-        curve = fewest_links(gates, breaks)
-    elif problem.required.size:
-        return _cut(problem, bound, float(problem.required[0]))
+        curve = fewest_links(gates)
     elif least <= most:
         curve = np.zeros(1), np.array([0.5 * (least + most)])
     else:
         curve = fewest_links_around(gates)
     if curve is None:
-        return _cut(problem, bound, 0.0)
+        return _cut(problem, gates)
     return candidate(problem, *curve), problem.segments(curve[0])
 
 
-def gates_of(problem: Problem, bound: float, start: float | None = None) -> tuple[Gates, list[int]]:
-    """Gates at samples and required knots, and the numbers of the latter, ends left out.
+def _cut(problem: Problem, gates: Gates) -> tuple[Candidate, int]:
+    """A cycle with a knot at its first sample, as a path from there back to it.
 
-    A cycle with a ``start`` is cut there to be a path; the last gate is a turn later.
+    One whose ends are free has at most one segment more than a cycle, so that it bounds their
+    number; one that comes back to where it began takes at most one more.
     """
-    n, ends = problem.samples, list[float]()
-    places, required = np.arange(n), problem.required
-    if start is not None:
-        ends = [start, start + n]
-        places = np.arange(math.ceil(start), math.floor(start + n) + 1)
-        required = np.where(required > start, required, required + n)
-    every = np.unique(np.concatenate([places, required, ends]))
-    lower, upper = np.full(every.size, -np.inf), np.full(every.size, np.inf)
-    samples, knots = np.searchsorted(every, places), np.searchsorted(every, required)
-    desired = problem.desired[places % n]
-    lower[samples], upper[samples] = desired - bound, desired + bound
-    pinned = np.isfinite(problem.pins)
-    lower[knots[pinned]] = upper[knots[pinned]] = problem.pins[pinned]
-    gates = Gates(every.tolist(), lower.tolist(), upper.tolist(), problem.step)
-    return gates, sorted(k for k in knots.tolist() if 0 < k < every.size - 1)
-
-
-def _cut(problem: Problem, bound: float, place: float) -> tuple[Candidate, int]:
-    """A cycle with a knot at a place, as a path from there back to it.
-
-    A path whose ends are free needs no more segments, so that its number bounds that of a cycle;
-    one that comes back to where it began takes at most one more.
-    """
-    gates, breaks = gates_of(problem, bound, place)
+    own = [*gates.lower, gates.lower[0]], [*gates.upper, gates.upper[0]]
+    gates = Gates([*gates.places, float(problem.samples)], *own, problem.step)
     low, high = gates.reachable()
     least, most = max(low[0], low[-1]), min(high[0], high[-1])
 
     def path(low: float, high: float) -> tuple[Array, Array]:
         lower, upper = [low, *gates.lower[1:-1], low], [high, *gates.upper[1:-1], high]
-        return fewest_links(gates._replace(lower=lower, upper=upper), breaks)
+        return fewest_links(gates._replace(lower=lower, upper=upper))
 
     knots, values = path(float(least), float(most))
-    fewest = knots.size - 1 - (place not in problem.required)
+    fewest = knots.size - 2
     first, last = np.clip(values[[0, -1]], least, most)
     starts = [first, last, 0.5 * (first + last), *np.linspace(least, most, 5)[1:-1]]
     cycles = [path(float(value), float(value)) for value in starts]

@@ -125,22 +125,6 @@ def test_the_fewest_segments_are_the_same_shifted_mirrored_and_reversed(given, s
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
-def test_a_required_knot_costs_one_segment_at_most_and_a_required_angle_two(cyclic):
-    for seed in range(0, 10, 2):
-        problem, bound = instance(seed, 30, 90, cyclic=cyclic)
-        desired, settings = problem.desired, {"v_max": problem.step, "tick": 1.0, "cyclic": cyclic}
-        bound = 1.2 * bound
-        free = fit_pwl(desired, **settings, max_error=bound)
-        place = desired.size // 3
-        knot = fit_pwl(desired, **settings, max_error=bound, required=[place])
-        pin = fit_pwl(desired, **settings, max_error=bound, required={place: float(free(place))})
-        assert free.segments <= knot.segments <= free.segments + 1 + cyclic
-        assert knot.segments <= pin.segments <= free.segments + 2
-        assert place in knot.knots
-        assert pin(place) == pytest.approx(float(free(place)), abs=1e-12)
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("kind", KINDS)
 def test_least_squares_keep_the_number_of_segments_and_lower_the_error(kind, cyclic):
     desired = samples_of(kind, 150, np.random.default_rng(3))

@@ -55,9 +55,9 @@ ENDS = {
         "or simulate from rest (--no-cyclic)",
     ),
     "arguments": (
-        InvalidInput("segments and max error, knots, required and limits: 3, 2"),
+        InvalidInput("segments and max error, max_rms, cyclic and limits: 3, 2"),
         2,
-        "hip: --segments and --max-error, --knot-s, --required-s and limits: 3, 2",
+        "hip: --segments and --max-error, --max-rms, --cyclic and limits: 3, 2",
     ),
     "advice": (
         InvalidInput("give max_error, max_rms or unreachable='nearest'; x-max_error, max_errors"),

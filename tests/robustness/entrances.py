@@ -179,7 +179,7 @@ ENTRANCES: Mapping[str, tuple[Callable[[], dict[str, Any]], str]] = {
     ),
     "fit_pwl": (
         lambda: {"desired": ANGLES, "v_max": 4.0, "tick": 0.01, "segments": 3},
-        "cyclic max_error max_rms knots required exact",
+        "cyclic max_error max_rms exact",
     ),
     "half_ellipse": (
         dict,
