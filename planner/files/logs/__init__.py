@@ -70,12 +70,17 @@ def read_logs(
     if not every:
         raise InvalidInput("no log; give at least one file")
     logs: list[Log] = []
-    names: dict[str, None] = {}
+    names, units = dict[str, None](), dict[str, None]()
     for path in every:
         for recorded in format_of(path, chosen).read(path, chosen):
             names |= dict.fromkeys(recorded)
-            joints = chosen_joints(path, [*recorded], chosen.joint)
-            logs += [make_log(recorded[joint]()) for joint in joints]
+            for joint in chosen_joints(path, [*recorded], chosen.joint):
+                rows = recorded[joint]()
+                units |= dict.fromkeys(scale.name for scale in rows.scales)
+                logs.append(make_log(rows))
+    if chosen.ticks_per_turn is not None and not units.keys() & {"ticks", "us"}:
+        words = f"has no effect on angles in {' and '.join(units)}, only on ticks and us"
+        raise InvalidInput(f"--ticks-per-turn {words}; leave it out, or name the unit with --unit")
     for joint in sorted(set(chosen.units()) - {"", *ROLES, *names}):
         known = ", ".join(each or "(one without a name)" for each in names)
         hint = nearest(joint, list(names))
