@@ -284,9 +284,13 @@ def error_norm(errors: Array, norm: Literal["rms", "max"]) -> float:
     return rms(errors) if norm == "rms" else float(np.max(np.abs(errors)))
 
 
+NO_BOUND = 0.01
+"""Share of an error up to which a lower bound is as good as zero: many times it says nothing."""
+
+
 def relative_gap(error: float, bound: float) -> float:
-    """``error / bound - 1`` [-]; inf where only the bound is zero, 0 where both are."""
-    if bound > 0.0:
+    """``error / bound - 1`` [-]; inf of a bound up to :data:`NO_BOUND` of the error; 0 of zeros."""
+    if bound > NO_BOUND * error:
         return error / bound - 1.0
     return math.inf if error > 0.0 else 0.0
 

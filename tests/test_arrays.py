@@ -32,8 +32,9 @@ def test_angles_beyond_two_turns_are_those_of_a_joint_that_winds_or_in_degrees(a
 def test_errors_and_bounds_are_compared_by_their_size():
     errors = np.array([1.0, -3.0, 1.0, 1.0])
     assert (error_norm(errors, "max"), error_norm(errors, "rms")) == (3.0, np.sqrt(3.0))
-    gaps = [relative_gap(*each) for each in ((0.3, 0.2), (0.3, 0.0), (0.0, 0.0), (0.0, 0.2))]
-    assert gaps == pytest.approx([0.5, np.inf, 0.0, -1.0])
+    pairs = (0.3, 0.2), (0.3, 0.002), (0.3, 0.0), (0.0, 0.0), (0.0, 0.2)
+    gaps = [relative_gap(*each) for each in pairs]
+    assert gaps == pytest.approx([0.5, np.inf, np.inf, 0.0, -1.0])
     assert index_of_largest(np.array([-2.0, -1.0 - 1e-9, -1.0])) == 1
     assert steps(errors, cyclic=False).tolist() == [-4.0, 4.0, 0.0]
     assert steps(errors, cyclic=True).tolist() == [-4.0, 4.0, 0.0, 0.0]

@@ -322,7 +322,7 @@ class Plan(ReadOnly, Summarised):
 
     @property
     def gaps(self) -> Array:
-        """Relative distances of the errors from the bounds; inf where only the bound is zero."""
+        """Relative distances of the errors from the bounds; inf where they are over 100 times."""
         pairs = zip(self.error.tolist(), self.lower_bounds.tolist(), strict=True)
         return np.array([relative_gap(error, bound) for error, bound in pairs])
 
@@ -531,7 +531,7 @@ class _View(Summarised):
 
     @property
     def gap(self) -> float:
-        """Relative distance from the lower bound; inf where only the bound is zero."""
+        """Relative distance from the lower bound; inf where the error is over 100 times it."""
         return float(self.plan.gaps[self.column])
 
     @property

@@ -50,9 +50,11 @@ def comparison_page(
         for joint in joints
         if joint.limits is not None
     }
-    gaps: dict[str, dict[str, Any]] = {}  # from smallest to largest, or the error of a bound of 0
-    for method in (each for each in (SHOWN, "optimal", SECOND) if each in check.methods):
-        errors = [joint.plans[method].error for joint in joints if not joint.bound]
+    shown = [each for each in (SHOWN, "optimal", SECOND) if each in check.methods]
+    far = [joint for joint in joints if any(math.isinf(joint.gap(each)) for each in shown)]
+    gaps: dict[str, dict[str, Any]] = {}  # from smallest to largest, or errors over a bound near 0
+    for method in shown:
+        errors = [joint.plans[method].error for joint in far]
         ends = [percent(end(joint.gap(method) for joint in joints)) for end in (min, max)]
         gap = ends[0] if ends[0] == ends[1] else f"{ends[0].removesuffix(' %')} – {ends[1]}"
         gaps[method] = {"degrees": math.degrees(max(errors)) if errors else None, "gap": gap}
@@ -64,7 +66,7 @@ def comparison_page(
         title=title or ", ".join(names),
         leg=leg,
         good=check.passed,
-        zero=not all(joint.bound for joint in joints),
+        zero=bool(far),
         gaps=gaps,
         apart=max(math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in joints),
         failures=[*map(failure_words, check.failures)],

@@ -332,10 +332,9 @@ class PlanAnswer:
             if plan.of_foot is not None and plan.foot_bound:
                 norm = "rms" if task.norm == "rms" else "at most"
                 weighted = " as weighted" if len(set(task.weights)) > 1 else ""
-                lines.append(
-                    f"no requests within the limits bring it below {100.0 * plan.foot_bound:.3f} "
-                    f"cm {norm}{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
-                )
+                gap, bound = plan.of_foot.gap, f"{100.0 * plan.foot_bound:.3f} cm {norm}{weighted}"
+                above = "" if math.isinf(gap) else f": the plan is {percent(gap)} above that"
+                lines.append(f"no requests within the limits bring it below {bound}{above}")
         if plan.method == "shift":
             leads = (
                 f"{n} {1e3 * each['best_shift']['lead_s']:.0f} ms" for n, each in joints.items()

@@ -309,10 +309,10 @@ def relative(share: float, digits: int = 0) -> str:
 
 
 def percent(share: float | None, digits: int = 2) -> str:
-    """A share as a percentage, a dash for none and NaN; of a lower bound of zero there is none."""
+    """A share as a percentage, a dash for none and NaN; of a bound near zero there is none."""
     if share is None or math.isnan(share):
         return NOTHING
-    return "lower bound is 0" if math.isinf(share) else f"{100.0 * share:.{digits}f} %"
+    return "lower bound ≈ 0" if math.isinf(share) else f"{100.0 * share:.{digits}f} %"
 
 
 def _joined(cell: str | tuple[str, ...], column: Column) -> str:
@@ -365,6 +365,7 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
     templates.globals["table"] = jinja2.pass_context(
         lambda context, name, /, **more: table(name, **context.get_all() | more)
     )
+    templates.tests["finite"] = math.isfinite
     templates.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
     if not plain:
         templates.globals |= vars(templates.get_template("macros.html").module)
