@@ -317,63 +317,6 @@ def test_ranges_are_those_of_the_servos_or_those_that_a_hand_shows(run, answer, 
     assert torques == ([[0.0]] if answer else [])
 
 
-CHECKED = (
-    # before, now, by a new model [deg], share beyond the tested motion; the verdict
-    (1.0, 1.9, 0.1, 0.0, "holds"),
-    (1.0, 2.1, 0.1, 0.0, "no longer holds"),
-    (0.1, 0.29, 0.1, 0.0, "holds"),  # small
-    (0.1, 0.31, 0.16, 0.0, "is not judged"),  # hard for any model
-    (0.1, 0.31, 0.1, 0.9, "no longer holds"),
-    (0.1, 0.31, 0.16, 1.0, "is not judged"),
-    (0.1, 0.31, 0.1, 1.0, "is not judged"),
-)
-
-
-@pytest.mark.parametrize(("before", "now", "other", "beyond", "verdict"), CHECKED)
-def test_a_model_holds_within_twice_its_error_or_a_small_one_unless_a_new_one_misses_it_too(
-    run, arm, monkeypatch, before, now, other, beyond, verdict
-):
-    table = ARM.replace("[joint_1.servo]", f"expected_error = {np.radians(before)}\n\n&")
-    table = table.replace("&", "[joint_1.servo]").replace("d_gain = 32", "d_gain = 30")
-    tables = [
-        table.replace("joint_1", f"joint_{k}").replace("id = 1", f"id = {k}") for k in (1, 2, 3)
-    ]
-    arm.write_text("\n".join(tables))
-    found = SimpleNamespace(model=None, intervals={}, rms=np.radians(other))
-    moved, rates = [], []
-
-    def move(arm, name, requests, *, period, log):  # noqa: ARG001
-        moved.append(name)
-        rates.append((period, len(requests)))
-
-    monkeypatch.setattr(calibration, "identify", lambda _: found)
-    monkeypatch.setattr(calibration, "move", move)
-    errors = np.radians(now), np.radians(before), beyond
-    monkeypatch.setattr(calibration, "errors", lambda *_: errors)
-    monkeypatch.setattr(calibration, "changes", lambda *_: {})
-    monkeypatch.setattr("planner.report.calibration_text.parameters", lambda _: [])
-    asked = ("check", "--bus", "virtual", "--model", arm, "--joint", "joint_3", "--joint")
-    result = run(*asked, "joint_2", "--duration-s", "3", "--rate-hz", "50")
-    assert moved == ["joint_3", "joint_2"]
-    assert rates == [(0.02, 150)] * 2
-    changed = "; D is 32, and was 30"
-    if verdict == "is not judged" and beyond < 1.0:
-        changed += f"; a new model of this motion misses it by {other:.2f} deg, too: is something"
-    whole = ": use a longer --duration-s" if beyond == 1.0 else " and was not compared"
-    changed += (
-        f"; {100.0 * beyond:.0f} % of the motion is beyond the logs of the calibration"
-        * bool(beyond)
-    )
-    for name in moved:
-        assert (
-            f"{name}: the model {verdict}: misses {now:.2f} deg rms, expected {before:.2f} and at "
-            f"most {max(2.0 * before, 0.3):.2f} by its test{changed}"
-        ) in result.stderr
-    assert (whole in result.stderr) == (beyond > 0.0)
-    assert result.exit_code == (verdict == "no longer holds")
-    assert ("calibrate joint_3, joint_2 again" in result.stderr) == (result.exit_code == 1)
-
-
 @pytest.mark.parametrize(
     ("text", "ids"),
     [
@@ -381,11 +324,7 @@ def test_a_model_holds_within_twice_its_error_or_a_small_one_unless_a_new_one_mi
         ("1-3", {"joint_1": 1, "joint_2": 2, "joint_3": 3}),
         (" pan = 7 ,2", {"pan": 7, "joint_2": 2}),
         ("0,252", {"joint_0": 0, "joint_252": 252}),
-        *(
-            (text, None)
-            for text in ("3-1", "1,3-2", "253", "1,1", "a=1,b=1", "a=1,a=2", "", "1-", "a", "1,")
-        ),
-        *((text, None) for text in ("250-253", "a=1000", "=1", "-1", "1;2")),
+        *((text, None) for text in ("3-1", "253", "1,1", "a=1,a=2", "", "a=1000", "1;2")),
     ],
 )
 def test_identifiers_are_numbers_ranges_and_names_each_once(text, ids):
@@ -486,29 +425,24 @@ def test_a_check_compares_the_parts_of_a_motion_that_the_logs_of_the_model_teste
     assert share == pytest.approx(beyond, abs=0.01)
 
 
-ASKED = {
-    "": (6, "sts3215", Faults(), None),
-    "--servos 2 --step-ms 20": (2, "sts3215", Faults(), 0.02),
-    "--kind mx-64": (6, "mx-64", Faults(), None),
-    "--fault drop=1 --fault disconnect=0 --fault power-off=3.5": (
-        6,
-        "sts3215",
-        Faults(drop=1.0, disconnect=0.0, power_off=3.5),
-        None,
-    ),
-    "--fault stall=1@5 --fault stall=6@0.5 --fault overheat=3@7 --fault saturate=2@1": (
-        6,
-        "sts3215",
-        Faults(stall={1: 5.0, 6: 0.5}, overheat={3: 7.0}, saturate={2: 1.0}),
-        None,
-    ),
-}
-"""What is asked for; the servos, their kind, their faults, and the time of a step [s]."""
+ALL_FAULTS = (
+    "--fault drop=1 --fault disconnect=0 --fault power-off=3.5 --fault stall=1@5 --fault "
+    "stall=6@0.5 --fault overheat=3@7 --fault saturate=2@1"
+)
+KNOWN = {"drop": 1.0, "disconnect": 0.0, "power_off": 3.5}
+KNOWN |= {"stall": {1: 5.0, 6: 0.5}, "overheat": {3: 7.0}, "saturate": {2: 1.0}}
 
 
-@pytest.mark.parametrize("asked", ASKED, ids=lambda asked: asked or "nothing")
+@pytest.mark.parametrize(
+    ("asked", "count", "kind", "faults", "step"),
+    [
+        (ALL_FAULTS, 6, "sts3215", Faults(**KNOWN), None),
+        ("--servos 2 --step-ms 20 --kind mx-64", 2, "mx-64", Faults(), 0.02),
+    ],
+    ids=["faults", "others"],
+)
 def test_the_servos_that_are_asked_for_are_served_at_the_port_that_is_printed(
-    run, monkeypatch, asked
+    run, monkeypatch, asked, count, kind, faults, step
 ):
     made, served = [], []
 
@@ -524,7 +458,6 @@ def test_the_servos_that_are_asked_for_are_served_at_the_port_that_is_printed(
     monkeypatch.setattr(servo_bus, "terminal", terminal)
     monkeypatch.setattr(servo_bus, "serve", lambda _, end: served.append(end))
     result = run("virtual-bus", *asked.split())
-    count, kind, faults, step = ASKED[asked]
     assert result.stdout == "/dev/pts/9\n"
     assert served == [7]
     assert made == [(count, KINDS[kind], {"faults": faults, "step": pytest.approx(step)})]

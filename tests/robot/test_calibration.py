@@ -191,3 +191,32 @@ def test_a_model_holds_up_to_the_largest_error_of_its_test_and_else_the_changes_
     assert result.holds is verdict
     words = recheck_answer("hip", result, {}, {})[1]
     assert ("top speed v_max is 114.59 deg/s, and was 171.89" in words) == (not verdict)
+
+
+CHECKED = (
+    # before, now, by a new model [deg], share beyond the tested motion; whether it holds
+    (1.0, 1.9, 0.1, 0.0, True),
+    (1.0, 2.1, 0.1, 0.0, False),
+    (0.1, 0.29, 0.1, 0.0, True),  # small
+    (0.1, 0.31, 0.16, 0.0, None),  # hard for any model
+    (0.1, 0.31, 0.1, 0.9, False),
+    (0.1, 0.31, 0.16, 1.0, None),
+    (0.1, 0.31, 0.1, 1.0, None),
+)
+
+
+def test_a_model_holds_within_twice_its_error_or_a_small_one_unless_a_new_one_misses_it_too(
+    monkeypatch, snapshot
+):
+    model, lines = replace(MODEL, lag=0.02), []  # without evidence
+    monkeypatch.setattr(calibration, "changes", lambda *_: {})
+    monkeypatch.setattr("planner.report.calibration_text.parameters", lambda _: [])
+    for before, now, other, beyond, holds in CHECKED:
+        errors = np.radians(now), np.radians(before), beyond
+        found = SimpleNamespace(model=None, rms=np.radians(other))
+        monkeypatch.setattr(calibration, "errors", lambda *_, errors=errors: errors)
+        monkeypatch.setattr(calibration, "identify", lambda _, found=found: found)
+        result = calibration.recheck(model, None)
+        assert result.holds is holds
+        lines.append(recheck_answer("hip", result, {}, {})[1])
+    snapshot.check("checked", "\n".join(lines) + "\n")
