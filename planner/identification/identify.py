@@ -167,7 +167,7 @@ def identify(
     timing = timing.ticking(pair.joint.grid.tick)
     pair, stopped = _without_stops(pair, timing)
     pair = _weighed(pair)
-    coarse, others = _with_best_speed(with_integral(pair.joint))
+    coarse, others = over_top_speeds(with_integral(pair.joint))
     # The loss is as rough in the top speed at short ticks. (Else one log of 160 simulated motors is
     # fitted with 1.5 times the noise.)
     fine = over_top_speeds(_with_shorter_ticks(coarse, timing))[0] if choose_tick else coarse
@@ -313,21 +313,6 @@ def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:
     if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
         return fit
     return fine
-
-
-def _with_best_speed(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
-    """The joint with the best of all top speeds, and fits with others that are not refuted.
-
-    Where the acceleration is limited an asymmetry may only lead to a better top speed: it has to
-    pay beside the best of all without it.
-    """
-    found, others = over_top_speeds(fit)
-    if found.has("asymmetry") and math.isfinite(found.parameters.acceleration):
-        bare, of_bare = over_top_speeds(found.without("asymmetry", effort=FULL))
-        if not pays(bare, found):
-            terms = found.terms | {"v_offset": replace(found.terms["v_offset"], kept=False)}
-            return replace(bare, terms=terms), of_bare
-    return found, others
 
 
 def _bounded(

@@ -45,8 +45,10 @@ from planner.identification.parameters import (
 )
 from planner.identification.result import Interval
 
-ORDER = ("time_constant", "dead_band", "compliance", "slowing", "sag_sin", "asymmetry")
-"""In which order the terms are tried, each beside those that were kept before it."""
+ORDER = ("time_constant", "dead_band", "compliance", "slowing", "asymmetry", "sag_sin")
+"""In which order the terms are tried, each beside those that were kept before it. Near one pose a
+sag by the angle, with an offset against it, is nearly as good as an asymmetry, which comes first:
+where an integral term hides the sag at rest gravity shows in the top speeds alone."""
 
 SAG = ("sag_sin", "sag_cos")
 """The sag by the angle."""
@@ -165,7 +167,7 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> Fit:
     if name == "sag_sin":
         kept = kept and _sag_is_determined(trial)
         if known is None:
-            kept = kept and not has_large_sag(trial) and _pays_beside_asymmetry(fit, trial)
+            kept = kept and not has_large_sag(trial)
     ends = {each: model_interval(trial, each) for each in (name, *PARTNERS.get(name, ()))}
     if name == "dead_band" and not kept and _any_dead_band_does(fit, trial):
         ends[name] = Interval(0.0, math.inf)
@@ -426,24 +428,6 @@ def has_large_sag(fit: Fit) -> bool:
     """
     at = fit.parameters
     return math.hypot(at.sag_sin, at.sag_cos) >= min(LARGE_SAG, at.v_max / at.gain)
-
-
-def _pays_beside_asymmetry(fit: Fit, trial: Fit) -> bool:
-    """Whether a sag by the angle also pays if the top speeds differ by direction anyway.
-
-    Near one pose a sag by the angle, with an offset against it, is nearly as good as an asymmetry,
-    and where an integral term hides the sag at rest gravity shows in the top speeds alone.
-    """
-    if not _shows("asymmetry", fit):
-        return True
-    rival = _fitted_with("asymmetry", fit)
-    at = trial.parameters._replace(asymmetry=rival.parameters.asymmetry)
-    both = [
-        each.trial(begin, free=trial.free | rival.free)
-        for begin, each in ((rival.parameters, rival), (at, trial), (trial.parameters, trial))
-    ]
-    best = min(both, key=lambda each: each.cost)
-    return pays(rival, best) and _saving(rival, best) >= SAVING
 
 
 def _any_dead_band_does(fit: Fit, trial: Fit) -> bool:
