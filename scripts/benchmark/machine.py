@@ -58,7 +58,7 @@ def environment() -> dict[str, str]:
 
 PACKAGES = (
     *("request-planner", "numpy", "scipy", "casadi", "cvxpy", "osqp", "pin"),
-    *("pyscipopt", "pwlf", "ruptures"),  # which need not be installed
+    *("pwlf", "ruptures"),  # which need not be installed
 )
 
 

@@ -4,13 +4,6 @@ import shlex
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
-from planner.cli.declared import NUMBER, tables, understand
-from planner.cli.settings import Run
-from planner.exceptions import InvalidFile
-from planner.files.text import Toml
 
 MODEL = "v_max = 5.0\ntheta_0 = 0.2\nlag = 0.03\nacceleration_time = 0.05\n"
 GOOD = "t_s,hip_deg,knee_deg\n0,1,20\n0.008,2,30\n0.016,3,10\n0.024,1,10\n"
@@ -74,7 +67,6 @@ ODD = (
 WALK = '[leg]\nname = "reference"\nunreachable = "clamp"\n[path.half_ellipse]\n'
 JOINTS = '[path]\nfile = "desired.csv"\n'
 SWEPT = WALK + "[sweep.parameters]\n"
-KEYS = [(*table.place, key) for table in tables(Run) for key in table.keys]
 
 
 def test_bad_input_is_one_line_and_status_2_and_nothing_is_written(
@@ -196,41 +188,3 @@ def test_a_bad_file_of_a_run_or_a_sweep_is_one_line_and_status_2(run, desired, t
         assert sorted(tmp_path.rglob("*")) == before, name
         said.append(f"{name}: {result.stderr.removeprefix('request-planner: ')}")
     snapshot.check("bad_runs", "".join(said))
-
-
-VALUES = st.recursive(
-    st.none()
-    | st.booleans()
-    | st.integers(-(10**30), 10**30)
-    | st.floats()
-    | st.text(max_size=8)
-    | st.dates(),
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=2)
-    ),
-    max_leaves=4,
-)
-"""What TOML can hold, and None, which stands for a key that is not there."""
-
-
-def refused(file):
-    """What is said against a file; nothing if it is taken."""
-    try:
-        understand(file, Run)
-    except InvalidFile as error:
-        return str(error)
-    return ""
-
-
-@given(place=st.sampled_from(KEYS), value=VALUES)
-def test_any_value_of_any_key_is_taken_or_refused_in_a_line(place, value):
-    whole = {} if value is None else {place[-1]: value}
-    for part in reversed(place[:-1]):
-        whole = (
-            ([whole] if place[0] == "export" else {"knee": whole})
-            if part == NUMBER
-            else {part: whole}
-        )
-    said = refused(Toml("it.toml", "", whole))
-    assert said.isprintable()
-    assert len(said) < 1000

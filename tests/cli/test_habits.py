@@ -22,7 +22,6 @@ HEAVY = (
     "osqp",
     "pinocchio",
     "pyarrow",
-    "pyscipopt",
     "rosbags",
     "scipy",
     "yaml",

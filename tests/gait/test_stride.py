@@ -113,21 +113,6 @@ def test_what_is_given_is_kept(leg):
     assert 0.0 < reached.min() < DEXTEROUS * stands[0]
 
 
-def test_what_is_given_is_kept_where_the_leg_limits_the_rest(tmp_path):
-    limits = np.array([0.1, 0.6, 1.5])
-    joints = [Joint((0, 0, 0), X), Joint((0, 0, 0), Y), Joint((0, 0, -0.15), Y)]
-    leg = made_up_leg(tmp_path, joints, (0, 0, -0.15))
-    tight = replace(leg, limits=Limits(-limits, limits))
-    longest, highest = LONGEST * leg.chain.size, HIGHEST * leg.chain.size
-    low, short = stride(tight, height=0.01), stride(tight, length=0.03)
-    assert (low.height, short.length) == (0.01, 0.03)
-    # By bisection, to a thousandth of the range.
-    assert (low.length, short.height) == (
-        pytest.approx(0.592 * longest, abs=2e-3 * longest),
-        pytest.approx(0.381 * highest, abs=2e-3 * highest),
-    )
-
-
 def test_a_stride_out_of_reach_or_on_which_the_leg_would_leap_is_an_error(leg):
     with pytest.raises(Infeasible, match=r"of half stroke 0.4 m and of height 0.1 m .* of reach"):
         stride(leg, length=0.4, height=0.1)

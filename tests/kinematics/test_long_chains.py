@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 
 from kinematics import InvalidInput, Leg, Limits, UnsupportedLeg
 from kinematics.inverse import jumps
-from kinematics.scene import Scene
 from planner.gait.stride import dexterity, standing_pose
 from tests.kinematics.made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
 
-ROUNDING = 1e-12  # two routes through the same kinematics agree to this [m]
 REACHED = 1e-9  # largest distance to the foot that the inverse leaves [m]
 
 ARM = [
@@ -24,31 +22,6 @@ ARM = [
     Joint((0.03, 0.0, 0.05), Z, kind="continuous"),
 ]
 TIP = (0.02, 0.01, 0.06)
-
-
-@pytest.fixture
-def arm(tmp_path):
-    path = tmp_path / "arm.urdf"
-    path.write_text(urdf_text(ARM, TIP), encoding="utf-8")
-    return path
-
-
-def held(*numbers, at=0.4):
-    return {f"joint_{number}": at for number in numbers}
-
-
-def test_the_bodies_of_a_scene_are_where_the_joints_are_held(arm):
-    ends = {"base": "link_0", "foot": "tip", "locked": held(4, 5)}
-    scene, leg = Scene.from_urdf(arm, **ends), Leg.from_urdf(arm, **ends)
-    angles = np.array([[0.3, -0.5, 0.9]])
-    other = Scene.from_urdf(arm, base="link_0", foot="tip", locked=held(4, 5, at=-0.4))
-    assert scene.robot.joint_names == leg.joint_names
-    places, elsewhere = scene.places(angles[0]), other.places(angles[0])
-    assert np.abs(places[-1] - elsewhere[-1]).max() > 0.01
-    names = [shape.name for shape in scene.moving.geometryObjects]
-    assert names[-4:] == ["joint_4 ball", "joint_4 bone", "joint_5 ball", "joint_5 bone"]
-    feet = leg.foot_positions(angles)[0]
-    assert np.allclose(2.0 * places[-1] - places[-2], feet, rtol=0.0, atol=ROUNDING)
 
 
 def test_the_speeds_are_those_of_the_urdf_where_they_can_be_meant(tmp_path):

@@ -3,7 +3,6 @@
 import os
 import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 
@@ -30,31 +29,6 @@ def test_every_task_has_its_result_and_an_empty_list_of_tasks_none(results):
     assert run(work.square, work.tasks(), results, workers=2) == {}
     assert [results.read(task) for task in work.tasks()] == [b"%d" % k**2 for k in range(8)]
     assert run(work.square, [], results) == {}
-
-
-def test_reasons_come_in_the_order_of_the_tasks_in_words_and_degrees(results):
-    executor = work.LastFirst(5)
-    with pytest.warns(UserWarning, match="odd") as warned:
-        failures = carry_out(work.fail_in_many_ways, work.tasks(5), results, executor)
-    assert list(failures.items()) == [
-        ("task 0", "foot: frame 'paw' is not in the URDF; frames: ball"),
-        ("task 1", "ValueError: two lines"),
-        ("task 2", "SystemExit: stop"),
-        ("task 3", "knee: got 180 deg"),
-    ]
-    assert [(str(each.message), each.category) for each in warned] == [("odd", UserWarning)]
-    assert results.read(work.tasks(5)[4]) == b"4"
-
-
-@pytest.mark.parametrize("kept", [0, 1])
-def test_a_folder_without_a_result_does_not_outlive_what_ends_the_tasks(results, kept):
-    def ends(*_):
-        raise KeyboardInterrupt
-
-    run(work.square, work.tasks(kept), results, workers=1)
-    with pytest.raises(KeyboardInterrupt):
-        carry_out(work.square, work.tasks(), results, SimpleNamespace(submit=ends))
-    assert results.folder.exists() is bool(kept)
 
 
 def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_path, results):

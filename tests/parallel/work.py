@@ -1,6 +1,5 @@
 """Tasks for tests of the engine, which other processes import."""
 
-import math
 import os
 import pickle
 import re
@@ -13,7 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from planner.exceptions import InvalidInput, UnsupportedLeg, about, angle_text
+from planner.exceptions import InvalidInput
 from planner.files.results import Task
 
 
@@ -44,22 +43,6 @@ def kill_always(argument, *, once=False):
 kill_once = partial(kill_always, once=True)
 
 
-def fail_in_many_ways(number):
-    """No result, but for the last task, which warns."""
-    if number == 0:
-        raise UnsupportedLeg("foot: frame 'paw' is not in the URDF; frames: ball")
-    if number == 1:
-        raise ValueError("two\nlines")
-    if number == 2:
-        raise SystemExit("stop")
-    if number == 3:
-        with about("knee"):
-            raise InvalidInput(f"got {angle_text(math.pi)}")
-    for category in (UserWarning, UserWarning, DeprecationWarning):
-        warnings.warn("odd", category, stacklevel=1)
-    return b"4"
-
-
 def threads(name):
     """What a worker's linear algebra is told about threads."""
     return os.environ[name].encode()
@@ -80,22 +63,6 @@ class InThisProcess(Executor):
         self.ran += 1
         future = Future()
         future.set_result(pickle.loads(pickle.dumps(partial(function, *given)))())
-        return future
-
-
-class LastFirst(Executor):
-    """An executor that runs the last of so many calls first."""
-
-    def __init__(self, count):
-        self.count = count
-        self.calls = []
-
-    def submit(self, function, /, *given):
-        future = Future()
-        self.calls.append((future, partial(function, *given)))
-        if len(self.calls) == self.count:
-            for each, call in reversed(self.calls):
-                each.set_result(call())
         return future
 
 

@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 
 import planner
 from planner.arrays import rms, turning_points, without_small_reversals
-from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.closed_form import invert_closed_form
-from planner.planning.inversion import invert_foot, invert_optimal
+from planner.planning.inversion import invert_optimal
 from planner.planning.line_inverse import RULES
 from tests.instances import joint_of
 from tests.strategies import trajectories
@@ -83,22 +82,6 @@ def test_a_plan_that_knows_friction_and_load_is_a_twentieth_of_one_that_does_not
     missed = rms(simulate(SERVO, four_numbers.requests, load=torque) - desired)
     assert made.rms < missed / 20.0
     assert closed_form("slow sine", load).rms < missed / 3.0
-
-
-@pytest.mark.usefixtures("brief_search")
-def test_a_leg_with_friction_and_load_brings_its_foot_closer_than_without():
-    walk = reference_walk()
-    without = JointModel.ers210a()
-    model = replace(without, dead_band=0.03, compliance=0.05, v_offset=0.2)
-    load = np.column_stack([0.5 * np.cos(walk.desired[:, 0]), *np.zeros((2, len(walk.desired)))])
-    made = invert_foot(model, walk.leg, walk.desired_foot, load=load)
-    blind = invert_foot(without, walk.leg, walk.desired_foot)
-    met = replace(made, requests=blind.requests)
-    assert made.rms < 0.97 * met.rms
-    assert made.lower_bound <= made.error
-    for j, torque in enumerate(load.T):
-        again = simulate(model, made.requests[:, j], load=torque)
-        np.testing.assert_array_equal(made.predicted[:, j], again)
 
 
 def assert_held(plan, joint):

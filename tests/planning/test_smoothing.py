@@ -244,18 +244,3 @@ def test_a_share_of_a_measured_disturbance_replaces_what_models_were_known_to_mi
     errors = [[model.evidence.error for model in each.models[0]] for each, _ in single]
     shares = [[pytest.approx(UNFORESEEN * size)] * 2 for size in (0.01, 0.02, 0.0)]
     assert errors == [[0.1] * 2] * 3 + shares
-
-
-@pytest.mark.parametrize("way", [1.0, -1.0])
-@pytest.mark.parametrize(("several", "smoothness"), [(False, 0.005), (False, 0.0), (True, 0.005)])
-def test_the_first_request_leaves_the_middle_of_the_band_for_the_side_of_the_motion(
-    way, several, smoothness
-):
-    """For a single model alone: several may have other bands."""
-    sticky = replace(ERS210A, dead_band=0.03)
-    steep = way * 0.6 * np.minimum(np.arange(30) / 10.0, 1.0)[:, np.newaxis]
-    models = [[sticky, replace(sticky, lag=0.04)]] if several else [sticky]
-    made, _ = solve(Task.of(models, steep, cyclic=False, smoothness=smoothness))
-    first = float(made[0, 0])
-    assert abs(first) < 0.03
-    assert first == 0.0 if several else way * first == pytest.approx(0.03, rel=1e-6)

@@ -77,25 +77,3 @@ def test_of_a_joint_with_inertia_the_points_of_its_model_stand_beside_the_measur
     assert np.max(np.abs(off)) <= 0.021 * np.degrees(slow.v_max)
     assert len(model.x) > 200
     assert not any("model," in curve.name for curve in cloud_figure(made_up()).panels[0].curves)
-
-
-def with_dead_band(found):
-    """The same identification of a joint with dry friction."""
-    model = replace(found.model, dead_band=0.01)
-    intervals = {**found.intervals, "dead_band": Interval(0.009, 0.011)}
-    return replace(found, model=model, intervals=intervals)
-
-
-def test_the_table_of_six_joints_is_as_wide_as_the_page(browser, tmp_path):
-    names = ("ShoulderPitch", "ShoulderRoll", "ShoulderYaw", "Elbow", "WristRoll", "WristPitch")
-    joints = {
-        f"kRight{name}": with_dead_band(never_saturated() if k % 2 else made_up())
-        for k, name in enumerate(names)
-    }
-    joints["kRightElbow"] = replace(joints["kRightElbow"], verdict="worse than a delay")
-    page = tmp_path / "page.html"
-    page.write_text(identification_page(joints).html(), encoding="utf-8")
-    browser.open(page, width=1280)
-    frame = "document.querySelector('[aria-label=Joints]')"
-    assert browser.ask(f"{frame}.scrollWidth") <= browser.ask(f"{frame}.clientWidth")
-    assert browser.ask("document.documentElement.scrollWidth") <= 1280

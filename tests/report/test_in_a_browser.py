@@ -170,22 +170,3 @@ def test_on_paper_every_plot_is_light_and_as_wide_as_its_figure(quiet, report):
     tools = "[...document.querySelectorAll('.modebar-container, .controls')]"
     assert set(quiet.ask(f"{tools}.map((each) => getComputedStyle(each).display)")) == {"none"}
     assert quiet.printed()[:5] == b"%PDF-"
-
-
-def test_plots_fit_another_width_of_the_window_and_keep_their_ranges(quiet, report):
-    quiet.open(report)
-    name = "figure1_foot_direct"  # with equal axes
-    quiet.ask(f"document.getElementById('{name}').scrollIntoView()")
-    quiet.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
-    plot = f"document.querySelector('#{name} .canvas')"
-    ranges = quiet.ask(f"{plot}._fullLayout.xaxis.range")
-    for width in (PHONE, 1280):
-        quiet.call("Emulation.setDeviceMetricsOverride", width=width, height=900,
-                   deviceScaleFactor=1, mobile=False)  # fmt: skip
-        quiet.wait_for(f"Math.abs({plot}.clientWidth - {plot}._fullLayout.width) < 1")
-        picture, frame = quiet.ask(
-            f"[{plot}.querySelector('.main-svg'), {plot}].map((each) => each.clientHeight)"
-        )
-        assert picture == pytest.approx(frame, abs=BEYOND)
-    assert quiet.ask(f"{plot}._fullLayout.xaxis.range") == pytest.approx(ranges)
-    assert quiet.complaints == []

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.evaluation.reproduction import STEP_AMPLITUDES
 from planner.files.staging import list_files
 from planner.report.paper_figures import ROLES, paper_figures, virtual_figures
 
@@ -19,10 +18,6 @@ def figures(reproduced):
     return {figure.name: figure for figure in paper_figures(reproduced.answer)}
 
 
-def curve_of(panel, name):
-    return next(curve for curve in panel.curves if curve.name == name)
-
-
 def test_the_foot_of_the_moving_leg_goes_along_the_drawn_paths(figures):
     figure = figures["figure8_foot_paths"]
     paths = {curve.name: curve for curve in figure.panels[0].curves}
@@ -31,23 +26,6 @@ def test_the_foot_of_the_moving_leg_goes_along_the_drawn_paths(figures):
             path, foot = paths[motion["name"]], np.array(motion["points"])[:, -1]
             np.testing.assert_allclose(path.x[:-1], foot[:, 0], atol=0.0051)
             np.testing.assert_allclose(path.y[:-1], foot[:, 2], atol=0.0051)
-
-
-def test_the_step_tests_shade_lag_and_acceleration_time(reproduced, figures):
-    reproduction = reproduced.answer
-    period = 1000.0 * reproduction.models[0].period
-    for number, amplitude in enumerate(STEP_AMPLITUDES, 3):
-        (panel,) = figures[f"figure{number}_step_{amplitude:g}"].panels
-        response = reproduction.steps[amplitude]
-        lag, acceleration = panel.spans
-        end = response.step + response.lag
-        assert (lag.start, lag.end) == (period * response.step, period * end)
-        assert acceleration.start == lag.end
-        length = acceleration.end - acceleration.start
-        assert length == pytest.approx(period * response.acceleration)
-        assert panel.words[0].text == f"lag {response.lag} ticks"
-        angles = curve_of(panel, "actual").y[:-1]
-        np.testing.assert_array_equal(angles, np.degrees(response.angles))
 
 
 def values(curve):

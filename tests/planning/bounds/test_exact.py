@@ -25,7 +25,6 @@ from planner.planning.bounds.exact import (
     without_load,
 )
 from tests.instances import ERS210A, REFERENCE_JOINTS, random_model, saturating
-from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
 from tests.plans import joint_task
 from tests.strategies import models, trajectories
 
@@ -163,18 +162,6 @@ def test_a_constant_load_is_part_of_the_offsets(model, requests, torque, cyclic)
         rtol=0.0,
         atol=SUMMED,
     )
-
-
-def test_the_search_proves_as_much_as_scip_and_scip_no_more_than_any_plan():
-    rng = np.random.default_rng(9)
-    model = random_model(rng, whole=False)
-    desired = saturating(rng, model, samples=10)
-    scip, known = mixed_integer_bound(model, desired)
-    search = lower_bound(model, desired, level="exact", time_limit=0.5)
-    assert known <= scip * (1.0 + 2.0 * SOLVER_TOLERANCE)
-    assert lower_bound(model, desired) <= scip
-    assert scip <= search * (1.0 + SOLVER_TOLERANCE)
-    assert search <= invert_optimal(model, desired).error
 
 
 def test_a_solver_that_runs_out_of_time_reports_its_gap_and_still_bounds():
