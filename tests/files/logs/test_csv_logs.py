@@ -174,22 +174,6 @@ def _potentiometer(slow):
     return _csv(("", ""), times, 1500.0 + 2000.0 / np.pi * requests, counts)
 
 
-def _swinging(unit, reach, step, digits=9):
-    """A log of a joint that swings so far, rests, and whose sensor has such steps."""
-    times = 0.02 * np.arange(600)
-    requests = reach * np.sin(0.01 * np.minimum(np.arange(600), 400) ** 1.3)
-    angles = step * np.round(0.9 * requests / step) if step else 0.9 * requests
-    return _csv((f"_{unit}", f"_{unit}"), times, requests, angles, digits)
-
-
-def _sines(units, of_requests, of_angles):
-    """A log of a joint that lags, with factors of requests and angles."""
-    times = 0.02 * np.arange(200)
-    requests, angles = 0.12 * np.sin(5.0 * times), 0.1 * np.sin(5.0 * (times - 0.1))
-    titles = [f"_{unit}" for unit in units.split()]
-    return _csv(titles, times, of_requests * requests, of_angles * angles)
-
-
 BAD = {
     "empty": "",
     "too short": "t_s,req_rad,act_rad\n0,0,0\n1,0,0\n",
@@ -242,13 +226,6 @@ BAD = {
         partial(_potentiometer, 1.0),
         {"unit": "requested=counts,actual=us"},
     ),
-    "radians under degrees": _swinging("deg", 0.7, 2.0 * np.pi / 4096),
-    "rounded radians under degrees": _swinging("deg", 0.7, 2.0 * np.pi / 4096, 3),
-    "radians of ten bits under degrees": _swinging("deg", 1.5, 2.0 * np.pi / 1024),
-    "angles in degrees": _sines("rad rad", 1.0, 57.3),
-    "requests alone in degrees": _sines("rad rad", 57.3, 1.0),
-    "angles in radians": _sines("deg deg", 57.3, 1.0),
-    "both in degrees": _sines("deg rad", 57.3, 57.3),
 }
 
 
@@ -276,23 +253,3 @@ def test_the_scale_of_a_potentiometer_is_that_of_slow_requests_and_reported(tmp_
     per_count, zero = map(float, re.findall(r"(-?[\d.]+) (?:degrees|counts)", note))
     assert per_count == pytest.approx(math.degrees(1.0 / PER_RADIAN), rel=0.01 / slow)
     assert zero == pytest.approx(MIDDLE, abs=1.0)
-
-
-ACCEPTED = {
-    "steps of 12 bits": _swinging("rad", 0.7, 2.0 * np.pi / 4096),
-    "steps of 10 bits": _swinging("rad", 1.5, 2.0 * np.pi / 1024),
-    "no steps, as of a simulation": _swinging("deg", 0.7, 0.0),
-    "other steps": _swinging("deg", 0.7, 0.001),
-    "steps of degrees": _swinging("deg", 40.0, 360.0 / 4096, 2),
-    "two units": _sines("deg rad", 57.3, 1.0),
-    "two units the other way round": _sines("rad deg", 1.0, 57.3),
-    "one unit": _sines("rad rad", 1.0, 1.0),
-    "39 times as much": _sines("rad rad", 1.0, 47.0),
-    "81 times as much": _sines("rad rad", 1.0, 97.0),
-}
-
-
-@pytest.mark.parametrize("name", ACCEPTED)
-def test_a_log_in_its_own_units_is_read(tmp_path, name):
-    (tmp_path / "log.csv").write_text(ACCEPTED[name])
-    assert _read(tmp_path / "log.csv").unit == "rad"
