@@ -9,7 +9,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Answer, BadSetting, marked
-from planner.cli.declared import Positive, Source, argument, option
+from planner.cli.declared import Source, argument, option
 from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile, InvalidInput
 
@@ -24,7 +24,6 @@ def export(
     requests: Source = argument(),
     run: Run = options.settings("export", "path: joints"),
     output: str = options.output_or_folder,
-    period_s: Positive | None = option("Time between requests, where the file has no column t_s."),
     model: Source | None = option(
         "csv in ticks: zero, direction and ticks of a turn of each joint's servo, as calibrate "
         "writes them, instead of --zero-tick, --reverse and --ticks-per-turn."
@@ -52,15 +51,9 @@ def export(
     (export,) = run.export
     path = read_joint_path(requests, joints=run.path.joints)
     check_angles(path.names, path.units)
-    period = path.step
-    if period_s is not None:
-        path.check_period(period_s)
-        period = period_s
-    elif path.times is None:
-        raise InvalidFile(
-            requests, "no column t_s, so no time between requests; add it, or --period-s"
-        )
-    schedule = Schedule(path.names, path.values, period)
+    if path.times is None:
+        raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
+    schedule = Schedule(path.names, path.values, path.step)
     servos = None if model is None else _servos_in(model, export, schedule)
     check_place("export.format", export.format, output)
     return Answer(*exported(export, schedule, servos))

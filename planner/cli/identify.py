@@ -12,7 +12,7 @@ import click
 from planner.cli import options
 from planner.cli.console import Answer, Progress, remark, warn
 from planner.cli.declared import Count, Positive, Source, Span, argument, option
-from planner.cli.settings import Run, Seed
+from planner.cli.settings import Run
 from planner.exceptions import InvalidFile, InvalidInput, PlannerError, about, in_degrees
 from planner.files.text import write_text
 
@@ -41,12 +41,6 @@ def identify(
     ),
     hold: Count | None = option(
         "Ticks for which one request is held.", otherwise="chosen from the rate of the log"
-    ),
-    hold_out: bool = option(
-        "Whether to test the model on rows that it was not fitted to.",
-        option="--hold-out/--no-hold-out",
-        default=True,
-        otherwise="hold-out",
     ),
     output: options.Output = option(
         "Where to write the model as TOML; '-' is standard output.",
@@ -82,7 +76,7 @@ def identify(
         words = "remove the file to replace it, or choose another name for the model"
         raise InvalidFile(output, f"is no valid model file ({error}); {words}") from error
     by_joint = _by_joint(logs, log)
-    choices = {"tick": tick_ms and 1e-3 * tick_ms, "hold": hold, "hold_out": hold_out}
+    choices = {"tick": tick_ms and 1e-3 * tick_ms, "hold": hold}
     identifications, left_out = _identify_joints(by_joint, choices)
     tables, of_joint = identifications, ""
     document: dict[str, Any]
@@ -219,32 +213,14 @@ def excite(
         default="combined",
     ),
     limits_deg: Span = option("Range of the requests.", example=[-27, 147]),
-    centre_deg: float | None = option(
-        "Where the signal begins and ends.", otherwise="the middle of the limits"
-    ),
     rate_hz: Positive | None = option(
         "Requests per second.", otherwise="those of the expected model"
     ),
     duration_s: float | None = option(
         "Length of the signal, rests included.", otherwise="60 for combined, else 20"
     ),
-    amplitude_deg: tuple[float, ...] = option(
-        "Height of a step test. Repeat the option for several.",
-        otherwise="an eighth, half and the whole of the range",
-    ),
-    cycles: int | None = option(
-        "Cycles of each step test.", otherwise="3; 1 in each half of combined"
-    ),
-    highest_hz: float | None = option(
-        "Highest frequency of the sines.", otherwise="a tenth of the rate, at most 5"
-    ),
-    seed: Seed = option("Another number draws other random steps and noise.", default=0),
     joint: str = option("Name of the joint, for the column.", default=UNNAMED, form="NAME"),
     run: Run = options.settings("model: file"),
-    noise_deg: float = option(
-        "Expected noise of the measured angles, standard deviation.", default=0.2
-    ),
-    resolution_deg: float = option("Expected resolution of the sensor.", default=0.3),
     expected_log: options.Output | None = option(
         "Also write the log of a simulated joint, as an input for identify."
     ),
@@ -278,19 +254,6 @@ def excite(
             f"--limits-deg: got {low:g}:{high:g}, expected at most {turns:g} degrees from one to "
             "the other, two turns; are they counts of a sensor?"
         )
-    for name, value, kinds in (
-        ("--amplitude-deg", amplitude_deg, ("combined", "steps")),
-        ("--cycles", cycles, ("combined", "steps")),
-        ("--highest-hz", highest_hz, ("combined", "multisine")),
-    ):
-        if value not in (None, ()) and kind not in kinds:
-            raise click.UsageError(f"{name} has no effect with --kind {kind}.")
-    finest = 1e-9  # a turn of 38 bits: more than any sensor has
-    if 0.0 < resolution_deg < finest:
-        raise click.UsageError(
-            f"--resolution-deg: got {resolution_deg:g}, expected 0 for none, or at least "
-            f"{finest:g}."
-        )
     (model,) = models_of(run, [joint])
     usual = 60.0 if kind == "combined" else 20.0
     excitation = make(
@@ -298,19 +261,8 @@ def excite(
         limits=(math.radians(low), math.radians(high)),
         period=model.period if rate_hz is None else 1.0 / rate_hz,
         duration=usual if duration_s is None else duration_s,
-        centre=None if centre_deg is None else math.radians(centre_deg),
-        amplitudes=[math.radians(height) for height in amplitude_deg] or None,
-        cycles=cycles,
-        highest=highest_hz,
-        seed=seed,
     )
-    expected = expect(
-        excitation,
-        model,
-        noise=math.radians(noise_deg),
-        resolution=math.radians(resolution_deg),
-        seed=seed,
-    )
+    expected = expect(excitation, model)
     (fit,) = expected.fits
     prefix, log = "" if joint == UNNAMED else f"{joint}_", fit.log
     simulated = np.column_stack([log.times, np.degrees(log.requests), np.degrees(log.angles)])

@@ -113,6 +113,13 @@ class Commands(click.Group):
             message, status = error.format_message(), error.exit_code
         except (click.Abort, KeyboardInterrupt):
             return 130  # 128 + SIGINT, as shells have it
+        except SystemError as error:  # Numba's, around the exception of a signal
+            cause: BaseException = error
+            while cause.__cause__ is not None:
+                cause = cause.__cause__
+            if isinstance(cause, KeyboardInterrupt):
+                return 130
+            raise cause from None
         except MemoryError:
             status = BAD_INPUT
             message = (
