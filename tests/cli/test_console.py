@@ -1,6 +1,5 @@
 """What the command line says besides its data: warnings, failures, progress on terminals."""
 
-import io
 import os
 import sys
 import threading
@@ -8,7 +7,7 @@ import threading
 import click
 import pytest
 
-from planner.cli.console import KEY, Progress, warn
+from planner.cli.console import KEY, Progress
 
 ERASE = "\r\x1b[K"
 
@@ -86,27 +85,3 @@ def test_where_there_is_no_terminal_long_work_says_now_and_then_how_far_it_is(
         progress("the knee")
         assert progress.line() == "the knee …  1 of 2  40 s left"
     assert "request-planner: the hip …  0 of 2  40 s" in capsys.readouterr().out.splitlines()
-
-
-LONG = (
-    "the knee's model was made from a log of little motion: use --amplitude-deg, --sensor-delay-ms "
-    "and /a/place/that/is/longer/than/forty-characters/of/a/line.csv"
-)
-
-
-def test_a_warning_is_wrapped_on_a_terminal_and_one_line_elsewhere(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "40")
-    monkeypatch.setenv("NO_COLOR", "1")
-    for watched in (True, False):
-        stream = io.StringIO()
-        monkeypatch.setattr(stream, "isatty", lambda watched=watched: watched)
-        monkeypatch.setattr(sys, "stderr", stream)
-        warn(LONG)
-        lines = stream.getvalue().splitlines()
-        if watched:
-            assert max(len(line) for line in lines if "/" not in line) <= 40
-            assert all(line.startswith("  ") for line in lines[1:])
-        else:
-            assert len(lines) == 1
-        text = " ".join(" ".join(lines).split())
-        assert text == f"request-planner: warning: {LONG}"

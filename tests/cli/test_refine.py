@@ -58,17 +58,6 @@ def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, ex
     assert "12 more than 1 cycles of 88" in run(*line, 1, "--no-cyclic").stderr
 
 
-@pytest.mark.parametrize(("options", "removed"), [((), 40.0), (("--sensor-delay-ms", "0"), 0.0)])
-def test_a_sensor_delay_of_0_is_not_replaced_by_an_estimate(run, desired, options, removed):
-    run("plan", desired, "-o", "requests.csv")
-    path = read_joint_path("requests.csv")
-    late = [np.roll(simulate(ERS210A, column), 5) for column in path.values.T]
-    write_joint_path("late.csv", path.names, np.transpose(late), period=0.008)
-    result = run("refine", "requests.csv", "late.csv", "--desired", desired, *options, "--json")
-    learning = json.loads(result.stdout)["learning"]
-    assert learning["knee"]["sensor_delay_ms"] == pytest.approx([removed], abs=1.0)
-
-
 @pytest.fixture
 def late(run, desired, execute):
     """A line that refines from three cycles whose rows come early or late and are lost."""

@@ -192,15 +192,6 @@ def test_what_failed_alone_is_done_again_by_the_same_settings_once_it_is_mended(
     assert _held(dataset.parent / "planned") == _held(dataset.parent / "whole") != {}
 
 
-def test_one_recording_is_planned_anew_and_says_so_where_it_is_to_be_resumed(run, demo, model):
-    said = "warning: --resume has no effect on one recording, which is planned anew\n"
-    words = ("replay", demo, "--model", model, "--unit", "deg,jaw=range")
-    for resume in ((), ("--resume",)):
-        result = run(*words, *resume)
-        assert result.exit_code == 0, result.stderr
-        assert (said in result.stderr) == bool(resume)
-
-
 def test_a_recording_that_begins_in_motion_is_answered_with_where_to_begin_it(run, demo, model):
     names, *rows = demo.read_text().splitlines()
     table = np.loadtxt(rows, delimiter=",")

@@ -105,8 +105,6 @@ def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapsh
 
 BAD = {
     "a negative error": ("expected_error = 0.01", "expected_error = -0.01"),
-    "a negative error of motion": ("[20.0, 0.03]", "[20.0, -0.03]"),
-    "an error that is none": ("tested_speed = 3.0", "tested_speed = nan"),
     "one angle": ("[-0.5, 0.25]", "-0.5"),
     "a pair for pairs": ("[[1.0, 0.01], [20.0, 0.03]]", "[1.0, 0.01]"),
     "two intervals of one": ("gain_interval", "theta_0_interval = [0.0, 1.0]\ngain_interval"),
@@ -114,11 +112,8 @@ BAD = {
     "a value below its interval": ("[50.00000000001, 51.5]", "[50.1, 51.5]"),
     "an interval upside down": ("[4.5, inf]", "[inf, 4.5]"),
     "a number for an interval": ("[4.5, inf]", "5.0"),
-    "an interval from nothing": ("[4.5, inf]", "[nan, inf]"),
     "an unknown verdict": ('"usable"', '"good"'),
-    "a reason that is no text": ("""'it "misses" 4 % of the motion'""", "4"),
     "times of another unit": ("lag = 0.03", "lag = 9.96"),
-    "degrees in a table": ("dead_band = 0.02", "v_max = 60.1\ntheta_0 = 3.2"),
     "degrees beside inherited intervals": (
         "[knee]\nlag = 0.02\nv_max_interval = [4.5, inf]\ngain_interval = [50.00000000001, 51.5]\n"
         "correlations = [[1.0, -0.5], [-0.5, 1.0]]\n",
@@ -129,18 +124,14 @@ BAD = {
 
 BAD_LEGS = {
     "no base and no foot": ('base = "body"\nfoot = "ball"\n', ""),
-    "a frame without a name": ('"torso"', '""'),
     "a number for a file": ('"../robot.urdf"', "3"),
     "an unknown key": ("lock_deg", "locked_deg"),
     "angles in a list": ('{ knee = 90, "hip yaw" = -45.0 }', "[90, -45.0]"),
     "an angle in words": ("tail = 180.0", "tail = 'left'"),
-    "an angle that is none": ("tail = 180.0", "tail = nan"),
-    "an angle that is yes": ("knee = 90", "knee = true"),
 }
 
 BAD_BUS = {
     "a number for a port": ('"/dev/ttyUSB0"', "3"),
-    "a null character": ("/dev/ttyUSB0", r"a\u0000b"),
     "an unknown bus": ('"feetech"', '"feetec"'),
     "an unknown kind": ('"feetech"', '"virtual:sts"'),
     "a rate of bits that is none": ('port = "/dev/ttyUSB0"', "baud_rate = 1e6"),
@@ -149,12 +140,7 @@ BAD_BUS = {
 BAD_SERVOS = {
     "no identifier": ("id = 7\n", ""),
     "an identifier beyond all": ("id = 7", "id = 253"),
-    "half an identifier": ("id = 7", "id = 1.5"),
-    "an identifier that is yes": ("id = 7", "id = true"),
     "no direction": ("direction = -1", "direction = 0"),
-    "a count in words": ("zero_tick = 2000", "zero_tick = 'left'"),
-    "a turn that is yes": ("1228.8", "true"),
-    "limits that are none": ("[-0.5, 1.5]", "[-inf, inf]"),
     "one limit": ("[-0.5, 1.5]", "[0.1]"),
     "a number for limits": ("[-0.5, 1.5]", "0.5"),
     "limits upside down": ("[-0.5, 1.5]", "[1.5, -0.5]"),

@@ -78,15 +78,6 @@ def test_a_turn_lost_between_rows_far_apart_is_found_whether_requests_wrap_or_no
     assert np.allclose(np.diff(found.angles), np.diff(angles), rtol=0.0, atol=SAME)
 
 
-def test_the_period_of_times_that_jitter_is_as_plain_as_they_allow():
-    noise = 1e-3 * np.random.default_rng(0).uniform(-1.0, 1.0, size=6000)
-    for period, found in ((0.01, 0.01), (0.010017, None)):
-        times = period * np.arange(6000) + noise
-        log = planner.Log(times=times, requests=np.zeros(6000), angles=np.zeros(6000))
-        told = timing_of([log], tick=None, hold=None).period
-        assert told == found if found else abs(told - period) < 1e-6
-
-
 def test_rows_that_are_uneven_keep_their_times():
     rng = np.random.default_rng(3)
     fine = rich_log(rows=1200, amplitude=1.0)

@@ -10,7 +10,7 @@ from planner.identification.grid import timing_of
 from planner.identification.intervals import intervals_of
 from planner.identification.joint_fit import fit_joint
 from planner.identification.judgement import verdict_on
-from planner.identification.result import HeldOut, plain
+from planner.identification.result import HeldOut
 from tests.identification.made import (
     NOISE,
     identified_rich,
@@ -170,8 +170,3 @@ def test_the_error_by_motion_is_that_of_rows_held_out():
     none = np.full(len(beside), np.nan)
     alone = replace(found, fits=(replace(fit, held_out_predicted=none),), noise=0.0)
     assert max(error for _, error in alone.tested.by_acceleration) <= 2.0 * fit.rms
-
-
-@pytest.mark.parametrize(("value", "text"), [(1534.0, "1530"), (0.001534, "0.00153"), (15.0, "15")])
-def test_numbers_of_sentences_have_no_powers_of_ten(value, text):
-    assert plain(value) == text

@@ -197,29 +197,6 @@ def test_nine_motions_of_ten_are_in_the_range_where_they_scatter_more_than_parts
         assert told.low < told.error < told.high
 
 
-def test_models_of_the_same_rows_count_by_the_geometric_mean_of_their_errors():
-    angles = 0.3 * np.sin(np.pi * 0.02 * np.arange(400))
-    each = np.array([0.002, 0.018])[:, np.newaxis] * np.ones(400)
-    told = [
-        Evidence(0.0, by_acceleration=errors_of_motion([Run(angles, errors, 0.02)])[0])
-        for errors in (each, each[:1])
-    ]
-    errors = [one.error_of(angles, period=0.02, cyclic=False) for one in told]
-    assert errors == pytest.approx([0.006, 0.002])
-
-
-def test_the_interval_of_the_delay_counts_at_the_upper_end_of_the_range_only():
-    angles, period = sine(0.2)
-    seen = SEEN._replace(spread=(0.5, 2.0))
-    low, high = expectation(seen, angles, angles, period=period, cyclic=True)[2:]
-    steps = seen._replace(delay_error=0.05)
-    least, most = expectation(steps, angles, angles, period=period, cyclic=True)[2:]
-    speed = 0.2 * 2.0 * np.pi / ROOT
-    tested = SEEN.error_of(angles, period=period, cyclic=True)
-    assert (least, low, high) == pytest.approx((0.5 * tested, 0.5 * tested, 2.0 * tested))
-    assert most == pytest.approx(np.hypot(high, 0.05 * speed), rel=1e-3)
-
-
 def test_a_model_carries_its_evidence_until_a_parameter_changes():
     model = JointModel.ers210a().with_evidence(SEEN)
     assert model == JointModel.ers210a()

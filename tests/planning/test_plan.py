@@ -107,14 +107,6 @@ def test_a_path_is_too_fast_where_the_load_makes_the_joint_slower(cyclic):
     assert held.too_fast[0] == 1.0
 
 
-def test_of_joints_under_the_load_of_a_pose_those_that_feel_none_keep_their_bounds():
-    made = planted(5.0 * DESIRED, 5.0 * DESIRED, (LOADED, SLOW))
-    posed = made.under(TORQUES)
-    assert posed.lower_bounds[0] == 0.0
-    assert posed.lower_bounds[1] == made.lower_bounds[1] > 0.0
-    assert [load is not None for load in posed.task.loads] == [True, False]
-
-
 def test_the_foot_on_the_robot_is_expected_off_by_the_plans_errors_and_those_of_the_models():
     walk = planner.reference_walk()
     error = 0.02

@@ -141,21 +141,6 @@ def test_a_table_is_copied_as_a_spreadsheet_reads_it(quiet, report, reproduced):
     quiet.wait_for(f"{button}.textContent === 'copied'")
 
 
-def test_a_table_that_is_wider_than_a_phone_shows_every_row_as_a_list(quiet, report, reproduced):
-    table = "document.querySelector('[aria-label=\"Table 2\"]')"
-    cells = f"{table}.querySelectorAll('tbody tr:first-child td')"
-    quiet.open(report, width=PHONE)
-    assert quiet.ask(f"{table}.scrollWidth <= {table}.clientWidth")
-    assert quiet.ask(f"[...{cells}].slice(0, 2).map((each) => each.dataset.title)") == [
-        "rotator, ours",
-        "paper",
-    ]
-    direct = reproduced.results["table2"]["rotator"]["Des,Dir"]
-    assert quiet.ask(f"{cells}[0].innerText") == f"{direct['L2']:.2f}"
-    quiet.open(report)
-    assert quiet.ask(f"getComputedStyle({table}.querySelector('tr')).display") == "table-row"
-
-
 def test_on_paper_every_plot_is_light_and_as_wide_as_its_figure(quiet, report):
     quiet.open(report, dark=True)
     colour = _plot("plot.data.find((trace) => trace.name === 'direct').line.color")

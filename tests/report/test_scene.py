@@ -9,7 +9,6 @@ import pytest
 
 from kinematics import Leg, urdf_path
 from kinematics.scene import Scene
-from planner.report.figure import DESIRED, DIRECT, FOOT_OPTIMAL
 from planner.report.meshcat_scene import scene_page
 
 PERIOD = 0.008
@@ -49,21 +48,6 @@ def _commands(page):
 @pytest.fixture(scope="module")
 def commands(scene, leg):
     return _commands(_page(scene, _shown(leg)))
-
-
-def test_every_leg_has_its_colour_and_the_robot_stands_once(commands):
-    drawn = {each["path"]: each["object"] for each in commands if each["type"] == "set_object"}
-    for name, role in (("desired", DESIRED), ("direct", DIRECT), ("planned", FOOT_OPTIMAL)):
-        own = tuple(f"/meshcat/{name}{end}" for end in "/ ")
-        paths = [path for path in drawn if path.startswith(own)]
-        assert len(paths) == 6  # five shapes of four links, and the foot's trace
-        materials = {path: drawn[path]["materials"][0] for path in paths}
-        assert {each["color"] for each in materials.values()} == {int(role.light[1:], 16)}
-        links = {each["opacity"] for path, each in materials.items() if "trace" not in path}
-        assert links == {{"desired": 0.55, "direct": 0.45, "planned": 1.0}[name]}
-    robot = [path for path in drawn if path.startswith("/meshcat/robot/")]
-    assert not any("front_left" in path for path in robot)
-    assert any("/hind_right_ball_0" in path for path in robot)
 
 
 def test_the_foot_is_animated_along_its_path_in_real_time_and_for_ever(commands, leg):

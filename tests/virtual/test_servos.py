@@ -101,15 +101,6 @@ def test_every_kind_moves_as_it_did(snapshot):
     snapshot.check("kinds", "\n".join(lines) + "\n")
 
 
-def test_the_fastest_acceleration_of_a_feetech_limits_nothing():
-    most = {"profile_acceleration": 254}
-    for name, same in (("sts3215", True), ("xl430", False)):
-        plain, limited = (moved(KINDS[name], each, Faults()) for each in ({}, most))
-        assert (plain == limited) == same
-    below = {"profile_acceleration": 253}
-    assert moved(KINDS["sts3215"], below, Faults()) != moved(KINDS["sts3215"], {}, Faults())
-
-
 def test_faults_spoil_the_motion_of_their_servo_and_no_other(snapshot):
     kind = KINDS["sts3215"]
     lines = [f"{name} {row}" for name, each in FAULTS.items() for row in moved(kind, {}, each)]
