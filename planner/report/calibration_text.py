@@ -71,8 +71,8 @@ def recheck_answer(
     document = {
         "holds": result.holds,
         "rms_deg": math.degrees(result.error),
-        "rms_before_deg": math.degrees(result.expected),
-        "most_before_deg": math.degrees(result.most),
+        "expected_rms_deg": math.degrees(result.expected),
+        "allowed_rms_deg": math.degrees(result.most),
         "changes": changes,
     }
     return document, "; ".join([phrase("calibration.txt", "recheck", **own), *changes])
