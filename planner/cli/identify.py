@@ -180,8 +180,9 @@ def _identify_joints(
     by_joint = {joint: found[joint or "the joint"] for joint in logs}
     left_out = {name: each for name, each in by_joint.items() if isinstance(each, PlannerError)}
     if len(left_out) == len(by_joint):  # the only joint, or the first of as many as there are
-        with about(next(iter(left_out))):
-            raise next(iter(left_out.values()))
+        first, error = next(iter(left_out.items()))
+        with about(first or ", ".join(log.name for log in logs[first])):
+            raise error
     for joint, reason in left_out.items():
         warn(f"{joint} is left out: {in_degrees(reason)}")
     rest = {name: each for name, each in by_joint.items() if not isinstance(each, PlannerError)}

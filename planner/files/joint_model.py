@@ -355,7 +355,7 @@ def _model(
     try:
         model = JointModel(**{key: keys[key] for key in PARAMETER_UNITS if key in keys})
     except InvalidModel as error:
-        raise wrong(error) from error
+        raise wrong(error, key=str(error).partition(":")[0]) from error
     doubtful = [
         f"{name} = {value:g} {unit}: is it in degrees? expected at most {most:.4g} {unit}; "
         f"{value:g} {unit.replace('rad', 'deg')} are {name} = {math.radians(value):.4g}"

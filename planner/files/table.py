@@ -119,6 +119,8 @@ def read_table(path: Path | str) -> Table:
             if len(row) != len(names):
                 cut = len(row) < len(names) and reader.line_num == len(content)
                 advice = "is the file cut short?" if cut else "mend the row or its commas"
+                if len(row) > len(names) and delimiter == ",":
+                    advice += "; where these are decimal, put semicolons between cells"
                 got = f"got {len(row)} {'cell' if len(row) == 1 else 'cells'}"
                 expected = f"expected {len(names)} ({_shortened(', '.join(names))})"
                 raise InvalidFile(path, f"{got}, {expected}; {advice}", line=numbers[-1])
@@ -126,6 +128,9 @@ def read_table(path: Path | str) -> Table:
     except csv.Error as error:
         words, line = f"not CSV ({error}); expected comma-separated numbers", reader.line_num - 1
         raise InvalidFile(path, words, line=content[line][0]) from error
+    if len(names) == 1 and rows and all(map(_is_number, parts := rows[0][0].split())) and parts[1:]:
+        words = "spaces between cells, expected commas, semicolons or tabs"
+        raise InvalidFile(path, words, line=numbers[0])
     if len(rows) < 2:
         advice = "give a row for each sample of the whole motion"
         raise InvalidFile(path, f"rows of samples: got {len(rows)}, expected at least 2; {advice}")

@@ -39,6 +39,8 @@ def read_text(path: Path | str) -> str:
         raise InvalidFile(path, words) from error
     if len(content) > MOST_BYTES:
         raise InvalidFile(path, f"longer than {MOST_BYTES >> 20} MiB; is it the right file?")
+    if content.startswith((b"PK\3\4", b"\xd0\xcf\x11\xe0")):  # of .xlsx and .ods, and of .xls
+        raise InvalidFile(path, "a spreadsheet or an archive, expected text; save it as CSV")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -106,7 +108,7 @@ class Toml:
     def fault(self, problem: object, table: Sequence[str] = (), key: str = "") -> InvalidFile:
         """The error that a table, or a key of it, has a problem."""
         within = f"[{'.'.join(table)}]: " if table else ""
-        line = self.line_of((*table, key) if key else table)
+        line = self.line_of((*table, key)) or self.line_of(table)
         return InvalidFile(self.path, f"{within}{problem}", line=line)
 
 

@@ -5,6 +5,7 @@ All joints are sent to by one sync write and read by one sync read, each of one 
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import termios
@@ -67,8 +68,10 @@ class SerialPort(Port):
             if error.errno is None:  # opened, and not configured
                 words = "is no serial port; expected such as /dev/ttyACM0"
             else:
-                reason = os.strerror(error.errno).lower()
-                words = f"cannot be opened ({reason}); check the cable and the rights on the port"
+                reason, advice = os.strerror(error.errno).lower(), "check the cable and the name"
+                if error.errno == errno.EACCES:
+                    advice = "join its group (sudo usermod -aG dialout $USER) and log in again"
+                words = f"cannot be opened ({reason}); {advice}"
             raise InvalidInput(f"{path}: {words}") from error
         self.baud_rate = int(self._serial.baudrate)
 

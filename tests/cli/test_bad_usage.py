@@ -19,6 +19,10 @@ HIP = (
 FILES = {
     "d.csv": GOOD.encode(),
     "e.csv": GOOD.encode(),
+    "book.xlsx": b"PK\3\4\x14\0\x06\0",
+    "spaced.csv": GOOD.replace(",", " ").encode(),
+    "decimal.csv": GOOD.replace("0.0", "0,0").encode(),
+    "early.toml": MODEL.replace("0.03", "-0.03").encode(),
     "typo.toml": MODEL.replace("lag", "lagg").encode(),
     "held.toml": MODEL.encode() + b"hold = 1000000\n",
     "ankle.toml": f"[ankle]\n{MODEL}[ankle.servo]\nid = 1\n".encode(),

@@ -1,11 +1,13 @@
 """Questions and answers on a bus: retries, answers of others, counts of lost ones, and ports."""
 
+import errno
 import os
 import select
 import sys
 from types import ModuleType, SimpleNamespace
 
 import pytest
+import serial
 
 from planner.cli.servos import ids_by_joint
 from planner.exceptions import BusError, InvalidInput
@@ -197,6 +199,15 @@ def robots(monkeypatch):
         module.__dict__.update(content)
         monkeypatch.setitem(sys.modules, name, module)
     return made
+
+
+def test_a_port_of_another_group_is_refused_with_the_group_to_join(monkeypatch):
+    def refuse(*_, **__):
+        raise serial.SerialException(errno.EACCES, "could not open port")
+
+    monkeypatch.setattr("serial.Serial.open", refuse)
+    with pytest.raises(InvalidInput, match=r"^/dev/ttyA: .* \(permission denied\); join its group"):
+        SerialPort("/dev/ttyA", 57_600)
 
 
 def test_the_bus_of_a_lerobot_robot_is_connected_in_the_block(robots):
