@@ -16,7 +16,7 @@ from planner.cli import settings
 from planner.cli.console import BadSetting, marked
 from planner.exceptions import InvalidFile, InvalidModel, PlannerError, in_degrees, nearest
 from planner.files import paths
-from planner.files.columns import LEAST_DEG, SHARES
+from planner.files.columns import LEAST_DEG, SHARES, shown_units
 from planner.files.joint_model import LegPlace, read_legs, read_model_file, read_servos
 from planner.files.table import read_table
 from planner.files.text import STANDARD_STREAM
@@ -73,25 +73,13 @@ class Desired:
 
     @property
     def shown_units(self) -> dict[str, Literal["deg", "percent"]]:
-        """The unit of each joint's degrees, by joint: "deg", or "percent" of its range."""
-        pairs = zip(self.names, self.units, strict=True)
-        return {name: "percent" if unit in SHARES else "deg" for name, unit in pairs}
+        """See :func:`planner.files.columns.shown_units`."""
+        return shown_units(self.names, self.units)
 
     @property
     def torques(self) -> Array | None:
         """The load at the desired angles [N m], shape (n, k)."""
         return self.load(self.angles) if callable(self.load) else self.load
-
-    @contextmanager
-    def units_in_messages(self) -> Iterator[None]:
-        """Let errors about single joints inside the block use their units."""
-        try:
-            yield
-        except PlannerError as error:
-            for name in getattr(error, "__notes__", ()):
-                if self.shown_units.get(name) == "percent":
-                    error.args = (in_degrees(error, "percent"),)
-            raise
 
     def of_leg(self, leg: Leg) -> Desired:
         """The joints of a leg in its order, under a load of their desired poses."""
@@ -111,6 +99,18 @@ class Desired:
         """Write angles or requests [rad] and torques [N m], (n, k), as CSV in the joints' units."""
         period, units = self.period, self.units
         paths.write_joint_path(path, self.names, angles, period=period, units=units, loads=loads)
+
+
+@contextmanager
+def units_in_messages(units: Mapping[str, str]) -> Iterator[None]:
+    """Let errors about single joints inside the block use their units, by joint."""
+    try:
+        yield
+    except PlannerError as error:
+        for name in getattr(error, "__notes__", ()):
+            if units.get(name) == "percent":
+                error.args = (in_degrees(error, "percent"),)
+        raise
 
 
 def desired_of(run: settings.Run) -> Desired:

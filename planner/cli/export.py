@@ -14,7 +14,9 @@ from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile, InvalidInput
 
 if TYPE_CHECKING:
+    from planner.arrays import Array
     from planner.files.exports import Schedule
+    from planner.files.paths import SampledPath
     from planner.robot.arm import Servo
 
 
@@ -44,25 +46,25 @@ def export(
         request-planner export requests.csv --format csv --unit ticks --cycles 10 -o ticks.csv
         request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_hip,lf_knee
     """  # noqa: D301, E501
-    from planner.cli.desired import check_angles
     from planner.files.exports import Schedule
     from planner.files.paths import read_joint_path
 
     (export,) = run.export
     path = read_joint_path(requests, joints=run.path.joints)
-    check_angles(path.names, path.units)
     if path.times is None:
         raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
-    schedule = Schedule(path.names, path.values, path.step)
-    servos = None if model is None else _servos_in(model, export, schedule)
+    schedule, servos = Schedule.of(path.names, path.units, path.values, path.step), None
+    if model is not None:
+        angles, servos = _by_servos(model, export, path)
+        schedule = Schedule(path.names, angles, path.step)
     check_place("export.format", export.format, output)
     return Answer(*exported(export, schedule, servos))
 
 
-def _servos_in(model: str, export: Export, schedule: Schedule) -> dict[str, Servo]:
-    """The servos in a model file, by the names of the joints in the export."""
+def _by_servos(model: str, export: Export, path: SampledPath) -> tuple[Array, dict[str, Servo]]:
+    """The angles of the servos in a model file, and these by the joints' names in the export."""
+    from planner.cli.servos import scales_of
     from planner.files.joint_model import read_servos
-    from planner.robot.arm import check_ranges
 
     if export.unit != "ticks":
         raise click.UsageError("--model needs --unit ticks: it has no effect on other units.")
@@ -71,11 +73,11 @@ def _servos_in(model: str, export: Export, schedule: Schedule) -> dict[str, Serv
             "--model sets zeros, directions and ticks: leave out --zero-tick, --reverse and "
             "--ticks-per-turn."
         )
-    servos = read_servos(model, schedule.names)
-    check_ranges(servos, schedule.requests)
+    servos = read_servos(model, path.names)
+    zeros, factors = scales_of(servos, path)
     # that there are as many names as joints is checked with the rows
-    names = export.joint_names or schedule.names
-    return dict(zip(names, servos.values(), strict=False))
+    names = export.joint_names or path.names
+    return zeros + factors * path.values, dict(zip(names, servos.values(), strict=False))
 
 
 FOLDERS = ("bag", "mcap", "lerobot")  # formats that are a folder, which standard output cannot be
@@ -117,6 +119,11 @@ def exported(
         rows, skipped = resampled(rows, export.rate_hz, between=export.between or "hold")
     check_format(export.format, rows, lead=export.lead_s, topic=export.topic)
     if export.unit in COUNTED and servos is None:
+        if rows.in_shares:
+            raise InvalidInput(
+                f"'{rows.in_shares[0]}' is in shares of its range, expected an angle to count; "
+                "export with --model, whose limits of its servo are its range, or leave it out"
+            )
         from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
         from planner.robot.arm import Servo, servos_of
 
@@ -132,6 +139,8 @@ def exported(
             f"\n{skipped} requests fall between the rows and are not among them: the joints will "
             "not move as planned; plan at this rate, with --rate-hz"
         )
+    if rows.in_shares and servos is None and export.format != "csv":
+        summary += f"\n{', '.join(rows.in_shares)} in shares of the range, 0 to 1, not in rad"
     document = {
         "format": export.format,
         "joints": list(rows.names),

@@ -14,7 +14,7 @@ from planner.arrays import excess, index_of_largest
 from planner.cli import settings
 from planner.cli.console import BadSetting, SettingsError, marked
 from planner.cli.declared import flat
-from planner.cli.desired import Desired, desired_of, model_words, own_robot
+from planner.cli.desired import Desired, desired_of, model_words, own_robot, units_in_messages
 from planner.files.text import toml_value
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
@@ -74,7 +74,7 @@ def plan_of(
     method: Any = chosen.method.removeprefix("foot-").replace("-", "_")
     if chosen.method == "foot-optimal" and not by_feet:
         progress("the foot")
-    with desired.units_in_messages():
+    with units_in_messages(desired.shown_units):
         if by_feet:
             requests = np.empty_like(desired.angles)
             for name, leg in desired.legs.items():

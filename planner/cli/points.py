@@ -27,12 +27,14 @@ from planner.cli.planning import plan_of, prepare
 from planner.cli.settings import SWEPT, Run, Samples, Sweep
 from planner.evaluation.pareto_front import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
-from planner.files.paths import is_foot_path
+from planner.files.columns import shown_units
+from planner.files.paths import is_foot_path, joint_path
 from planner.files.results import Results, Task, digest_of
-from planner.files.table import read_table
+from planner.files.table import Table, read_table
 from planner.files.text import Kind, read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
+from planner.report.wording import common
 
 REQUIRED = {
     "at_error_cm": "a foot",
@@ -126,7 +128,8 @@ def read_sweep(path: str) -> Space:
         search.check_effect("sweep", "method")
         values = _values(run, kind)
         leg, period, requirement = leg_of(run), math.nan, None
-        of_foot = gait or is_foot_path(read_table(run.place(str(run.path.file))))
+        table = None if gait else read_table(run.place(str(run.path.file)))
+        of_foot = table is None or is_foot_path(table)
         required = [name for name in REQUIRED if getattr(search, name) is not None]
         if len(required) > 1:
             first, second, *_ = required
@@ -154,10 +157,16 @@ def read_sweep(path: str) -> Space:
         names=tuple(values),
         outcomes=(),
         speed_unit="cm/s" if gait else "×",
-        error_unit="cm" if of_foot else "deg",
+        error_unit="cm" if table is None or of_foot else _unit_of(table, run),
         requirement=requirement,
     )
     return Space(run, values, period, swept)
+
+
+def _unit_of(table: Table, run: Sweep) -> str:
+    """The unit of the errors of a joint path."""
+    path = joint_path(table, joints=run.path.joints, even=False)
+    return common(shown_units(path.names, path.units).values()).name
 
 
 def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:

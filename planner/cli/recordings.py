@@ -258,7 +258,8 @@ def write(file: str, task: ReplayTask, replay: Replay) -> None:
         episode.write_replay(file, task.recording, replay, form)
         return
     export = settings.Export(format=form, file=file)
-    schedule = Schedule(replay.names, replay.requests, replay.period)
+    units = tuple(joint.path.unit for joint in replay.joints)
+    schedule = Schedule(replay.names, replay.requests, replay.period, units)
     *_, write_rows = exported(export, schedule)
     write_rows(file)
 

@@ -76,7 +76,7 @@ def refine(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import model_words, repeats
+    from planner.cli.desired import model_words, repeats, units_in_messages
     from planner.cli.planning import inputs_of, origins_of, prepare
     from planner.files.executed import read_executed, read_history, read_measured, write_history
     from planner.learning.refine import in_a_cycle
@@ -121,7 +121,7 @@ def refine(
             task = every[name].task.with_models(models)
             every[name] = replace(every[name], learning=(learning,), task=task)
     delay = None if sensor_delay_ms is None else 1e-3 * sensor_delay_ms
-    with Progress(len(desired.names)) as progress, desired.units_in_messages():
+    with Progress(len(desired.names)) as progress, units_in_messages(desired.shown_units):
         for name in [each for each in every if each in (FOOT, *names)]:
             progress(name if name == FOOT else f"the {name}")
             own = slice(None) if name == FOOT else [names.index(name)]
@@ -211,12 +211,14 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool) -> dict
 def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers]:
     """The errors of each joint, or of the foot, in the user's units."""
     from planner.report.plan_results import no_bound
+    from planner.report.wording import CARRIED
 
     trials = {}
     file_models = dict(zip(desired.names, desired.models, strict=True))
     for name, plan in learnt.items():
         learning, foot = plan.learning[0], plan.task.goal == "foot"
-        factor = 100.0 if foot else math.degrees(1.0)
+        unit = "cm" if foot else desired.shown_units[name]
+        factor = CARRIED[unit].factor
         bound, noise = learning.floor
         remarks = [as_options(text, desired.names) for text in learning.remarks]
         models = zip(desired.names if foot else (name,), plan.models, strict=True)
@@ -225,7 +227,6 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers
             whose = f" of {', '.join(changed)}" if foot else ""
             anew = "is not that of the file: earlier trials identified it anew"
             remarks.append(f"the model{whose} {anew}")
-        unit = "cm" if foot else desired.shown_units[name]
         trials[name] = {
             "unit": unit,
             "trials": len(learning.errors),
@@ -235,7 +236,7 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers
             "noise": factor * noise,
             "gain": learning.gain,
             "best_trial": learning.best + 1,
-            "stopped": learning.stopped.replace(" deg", f" {unit}") or None,
+            "stopped": learning.stopped.replace(" deg", f" {CARRIED[unit].words}") or None,
             "remarks": remarks,
             "sensor_delay_ms": [1e3 * each.removed for each in learning.delays],
         }

@@ -88,7 +88,6 @@ def folder_of(file: str, out: str | None, in_file: str | None) -> str:
 
 def read_run(path: str) -> Desired:
     """Read a run file, or standard input for ``-``, and prepare the plan that it describes."""
-    from planner.cli.desired import check_angles
     from planner.cli.planning import prepare
     from planner.files.exports import Schedule
 
@@ -96,9 +95,7 @@ def read_run(path: str) -> Desired:
     with speaking_of(run.source):
         _check_names(run)
         desired = prepare(run)
-        if run.export:
-            check_angles(desired.names, desired.units)
-        schedule = Schedule(desired.names, desired.angles, desired.period)
+        schedule = Schedule.of(desired.names, desired.units, desired.angles, desired.period)
         for number, export in enumerate(run.export):
             try:
                 exported(export, schedule)
@@ -149,7 +146,7 @@ def carried_out(desired: Desired, out: str) -> Answer:
             write_foot_path(folder / run.output.foot, plan.foot, period=desired.period)
         exports, words = [], ""
         for export in run.export:
-            schedule = Schedule(desired.names, plan.requests, desired.period)
+            schedule = Schedule.of(desired.names, desired.units, plan.requests, desired.period)
             document, summary, write = exported(export, schedule)
             write(str(folder / export.file))
             exports.append({"file": export.file, **document})

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, complain, summarise, warn
+from planner.cli.console import Answer, complain, remark, summarise, warn
 from planner.cli.declared import Count, Positive, Source, argument, option
-from planner.exceptions import BusError, InvalidFile
+from planner.exceptions import BusError, InvalidFile, InvalidInput, in_degrees
 from planner.files.text import within
 from planner.robot import EXPECTED_BUS, KINDS, bus_name
 
 if TYPE_CHECKING:
     from planner.arrays import Array
-    from planner.robot.arm import Arm
+    from planner.files.paths import SampledPath
+    from planner.robot.arm import Arm, Servo
     from planner.robot.bus import Bus
 
 
@@ -129,6 +130,33 @@ def open_arm(
         yield Arm(bus, servos)
 
 
+def scales_of(servos: Mapping[str, Servo], path: SampledPath) -> tuple[Array, Array]:
+    """The angle at 0 [rad], and angles per value, (k,), of joints whose requests are checked.
+
+    The range of a joint in shares of it is that of its servo, from one limit to the other.
+    """
+    import numpy as np
+
+    from planner.files.columns import SHARES, shown_units
+    from planner.robot.arm import check_ranges
+
+    whole, scales = SHARES["range"], list[tuple[float, float]]()
+    for j, (name, unit) in enumerate(shown_units(path.names, path.units).items()):
+        low, high = limits = servos[name].limits
+        scale = 0.0, 1.0
+        if unit == "percent":
+            ends = f"{math.degrees(low):.4g} to {math.degrees(high):.4g} deg"
+            remark(f"{name}: 0 to 100 % of its range are {ends}, the limits of its servo")
+            limits, scale = (0.0, whole), (low, (high - low) / whole)
+        scales.append(scale)
+        try:
+            check_ranges({name: limits}, path.values[:, [j]])
+        except InvalidInput as error:
+            raise InvalidInput(in_degrees(error, unit)) from error
+    zeros, factors = np.transpose(scales)
+    return zeros, factors
+
+
 @contextmanager
 def stopping(advice: str) -> Iterator[None]:
     """Report Ctrl-C or a bus fault in the block in one line; the bus is already stopped."""
@@ -170,29 +198,26 @@ def play(
     """  # noqa: D301
     import numpy as np
 
-    from planner.files.columns import SHARES
+    from planner.files.columns import shown_units
     from planner.files.paths import growing_log, read_joint_path, write_joint_path
 
     path = read_joint_path(requests)
-    for name, unit in zip(path.names, path.units, strict=True):
-        if unit in SHARES:
-            raise InvalidFile(
-                requests,
-                f"'{name}' is in shares of its range, expected an angle; leave its column out",
-            )
     if path.times is None:
         raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
     period, rows = path.step, list["tuple[float, Array]"]()
-    log = growing_log(output, path.names)
+    log = growing_log(output, path.names, units=shown_units(path.names, path.units))
     advice = f"the log until then is {output}.part"
     with open_arm(port, path.names, advice=advice) as arm, log as write_row:
+        zeros, factors = scales_of(arm.servos, path)
 
         def keep(time: float, row: Array, angles: Array) -> None:
-            write_row(time, row, angles)
-            rows.append((time, angles))
+            measured = (angles - zeros) / factors
+            write_row(time, (row - zeros) / factors, measured)
+            rows.append((time, measured))
 
         with arm.powered():
-            performance = arm.perform(path.values, period=period, cycles=cycles, keep=keep)
+            angles = zeros + factors * path.values
+            performance = arm.perform(angles, period=period, cycles=cycles, keep=keep)
             if performance.interrupted:
                 raise KeyboardInterrupt
     count = cycles * len(path.values)
@@ -200,9 +225,8 @@ def play(
     if measured is not None:
         from planner.robot.calibration import by_request  # with the identification of joints
 
-        write_joint_path(
-            measured, path.names, by_request(times, angles, count, period), period=period
-        )
+        actual, units = by_request(times, angles, count, period), path.units
+        write_joint_path(measured, path.names, actual, period=period, units=units)
     lost = int(np.isnan(angles).sum())
     if performance.skipped or lost:
         warn(

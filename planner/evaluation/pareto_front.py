@@ -63,7 +63,7 @@ class Swept:
     names: tuple[str, ...]
     outcomes: tuple[Outcome, ...]
     speed_unit: str
-    error_unit: str
+    error_unit: str  # "cm", "deg", "percent" of a range or "deg_or_percent"
     requirement: Requirement | None = None
 
     @cached_property

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from itertools import takewhile
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -85,6 +85,12 @@ OTHER = _words(
 )
 
 
+def shown_units(names: Sequence[str], units: Sequence[str]) -> dict[str, Literal["deg", "percent"]]:
+    """The unit of each joint's degrees, by joint: "deg", or "percent" of its range."""
+    pairs = zip(names, units, strict=True)
+    return {name: "percent" if unit in SHARES else "deg" for name, unit in pairs}
+
+
 class Scale(NamedTuple):
     """How a logged number becomes an angle: ``factor * number + shift``."""
 
@@ -129,7 +135,7 @@ def with_unit(
     parts = [split_unit(column, units) for column in columns]
     if bare := [column for column, part in zip(columns, parts, strict=True) if part is None]:
         stem, _ = split_name(bare[0], UNIT_NAMES)
-        expected = " or ".join(f"{stem}_{unit}" for unit in units if unit not in SHARES)
+        expected = _endings(stem, units)
         few = len(bare) == 1
         named = f"column '{bare[0]}' has" if few else f"columns {', '.join(map(repr, bare))} have"
         such, them = ("", "it") if few else ("an ending of the unit, such as ", "them")
@@ -151,6 +157,11 @@ def with_unit(
     return names, endings, read_only(values)
 
 
+def _endings(name: str, units: Mapping[str, float]) -> str:
+    """A column's name with the usual units, in words."""
+    return " or ".join(f"{name}_{unit}" for unit in units if unit != "range")
+
+
 def pick(
     table: Table, names: Sequence[str], units: Mapping[str, float], *, advice: str
 ) -> list[str]:
@@ -163,9 +174,8 @@ def pick(
         if (count := names.count(name)) > 1:
             raise InvalidFile(table.path, f"'{name}' is named {count} times; name it once")
         if name not in by_name:
-            endings = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
             raise table.fault(
-                f"no column {endings}{nearest(name, tuple(by_name))}; "
+                f"no column {_endings(name, units)}{nearest(name, tuple(by_name))}; "
                 f"columns: {', '.join(table.names)}; {advice}"
             )
     return [column for name in names for column in by_name[name]]

@@ -12,7 +12,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from planner.arrays import Array, as_path, excess
 from planner.exceptions import InvalidFile
-from planner.files.columns import JOINT_UNITS, pairs, split_unit, with_unit
+from planner.files.columns import JOINT_UNITS, SHARES, pairs, split_unit, with_unit
 from planner.files.paths import SampledPath, check_step, joint_path, read_joint_path
 from planner.files.table import Table, read_table
 from planner.files.text import read_json, to_json, write_text
@@ -66,7 +66,7 @@ def read_measured(
         angles = rows_by_request(table, log, period)
         for name, got in zip(log.names, log.units, strict=True):
             expected = units[joints.index(name)]
-            if got != expected and {got, expected} - {"deg", "rad"}:
+            if (got in SHARES) != (expected in SHARES):
                 words = f"'{name}' is in {got}, expected {expected} as in the path"
                 raise InvalidFile(path, words, line=1)
         (count, extra), words = divmod(len(angles), samples), ""
@@ -101,7 +101,7 @@ def _check_requests(table: Table, log: SampledPath, executed: SampledPath, perio
         if joint not in log.names or parts is None or parts[0] in log.names:
             continue
         k = executed.names.index(joint)
-        if parts[1] != executed.units[k] and {parts[1], executed.units[k]} - {"deg", "rad"}:
+        if (parts[1] in SHARES) != (executed.units[k] in SHARES):
             continue
         column = pair.requested[0]
         values = with_unit(table, [column], JOINT_UNITS)[2]

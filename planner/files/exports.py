@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.arrays import MOST_SAMPLES, Array
 from planner.exceptions import InvalidInput, MissingExtra, importing
-from planner.files.columns import ANGLES, TIME
+from planner.files.columns import ANGLES, SHARES, TIME
 from planner.files.logs.lerobot import COUNTED
 from planner.files.paths import write_samples
 from planner.files.staging import cannot_write, output_folder
@@ -50,8 +50,23 @@ class Schedule(NamedTuple):
     """Requests, one row every period, each held until the next."""
 
     names: tuple[str, ...]  # the joints
-    requests: Array  # requests for them [rad], shape (n, k)
+    requests: Array  # requests for them, shape (n, k) [rad, or shares of a range]
     period: float  # time between rows [s]
+    units: tuple[str, ...] = ()  # by joint "rad", or "1" for shares of its range; () for all "rad"
+
+    @classmethod
+    def of(
+        cls, names: Sequence[str], units: Sequence[str], requests: Array, period: float
+    ) -> Schedule:
+        """The schedule of requests as a path carries them, with its units."""
+        wholes = [SHARES["range"] if unit in SHARES else 1.0 for unit in units]
+        kinds = tuple("1" if unit in SHARES else "rad" for unit in units)
+        return cls(tuple(names), requests / wholes, period, kinds)
+
+    @property
+    def in_shares(self) -> list[str]:
+        """The joints in shares of their range."""
+        return [name for name, unit in zip(self.names, self.units, strict=False) if unit == "1"]
 
     @property
     def times(self) -> Array:
@@ -105,7 +120,7 @@ def resampled(
             f"as planned; plan at this rate (plan --rate-hz {rate:g}), or send what is on the "
             "straight lines between requests (--between linear)"
         )
-    return Schedule(schedule.names, rows, 1.0 / rate), skipped
+    return schedule._replace(requests=rows, period=1.0 / rate), skipped
 
 
 def _check_length(rows: float, length: str, advice: str) -> None:
@@ -146,11 +161,18 @@ def write_controller_csv(
     unit: str = "rad",
     servos: Mapping[str, Servo] | None = None,
 ) -> None:
-    """Write times, and by joint angles or the counts of ``servos``, which must take them."""
-    names = [f"{name}_{unit}" for name in schedule.names]
+    """Write times, and by joint angles or the counts of ``servos``, which must take them.
+
+    Shares of a range are percent beside degrees, and 0 to 1 beside radians.
+    """
     if servos is None:
-        write_samples(path, names, schedule.requests / ANGLES[unit], period=schedule.period)
+        share = ("range", 1.0) if unit == "rad" else ("percent", 1e-2)
+        own = [share if n in schedule.in_shares else (unit, ANGLES[unit]) for n in schedule.names]
+        names = [f"{name}_{ending}" for name, (ending, _) in zip(schedule.names, own, strict=True)]
+        rows = schedule.requests / [scale for _, scale in own]
+        write_samples(path, names, rows, period=schedule.period)
         return
+    names = [f"{name}_{unit}" for name in schedule.names]
     columns = []
     for name, requests in zip(schedule.names, schedule.requests.T, strict=True):
         servo = servos[name]

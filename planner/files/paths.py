@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -254,12 +254,17 @@ def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Arra
 
 @contextmanager
 def growing_log(
-    path: Path | str, names: Sequence[str], *, kinds: Sequence[str] = ("requested", "actual")
+    path: Path | str,
+    names: Sequence[str],
+    *,
+    kinds: Sequence[str] = ("requested", "actual"),
+    units: Mapping[str, str] = {},
 ) -> Iterator[Callable[..., None]]:
     """A CSV of the joints' angles that has every row as soon as it was measured.
 
     It is written as ``NAME.part``, and gets its name at the end of the block. The function in the
-    block writes a row: a time [s], and of each kind the angles [rad], NaN where there is none.
+    block writes a row: a time [s], and of each kind the angles [rad], NaN where there is none. The
+    ``units`` are those of :func:`.shown_units`, by default degrees.
     """
     unfinished, rows = Path(f"{path}.part"), 0
 
@@ -281,7 +286,9 @@ def growing_log(
     try:
         with file:
             columns = (
-                "_".join(filter(None, (name, kind, "deg"))) for name in names for kind in kinds
+                "_".join(filter(None, (name, kind, units.get(name, "deg"))))
+                for name in names
+                for kind in kinds
             )
             write(TIME, *columns)
             yield keep

@@ -37,6 +37,9 @@ hundredth of a degree or finer; and unrounded, of one cycle."""
 LAGGING = 1e-3
 """Range of modelled angles less requests from which on they should not be equal [rad]."""
 
+MOST_SHIFT = math.radians(30.0)
+"""Mean distance from the modelled angles that is more than any sag [rad]."""
+
 NOT_MEASURED = "no joint follows so exactly; give what its sensor measured"
 
 
@@ -125,17 +128,33 @@ def check_angles(
         raise InvalidTrajectory(f"measured: {fault}")
 
 
+def largest_shifts(joints: Plan) -> Array:
+    """Mean distances from the modelled angles that a load explains [rad], (k,).
+
+    Of a joint in shares of its range, which has no other zero and may hold something, half of it.
+    """
+    halves = 0.5 * (joints.task.upper - joints.task.lower)
+    evidence = [each.evidence for each in joints.models]
+    shares = [each is not None and each.unit == "range" for each in evidence]
+    return np.where(shares, halves, MOST_SHIFT)
+
+
 def check_trial(
-    cycles: Array, modelled: Array, trials: Sequence[Trial], before: Sequence[Array]
+    cycles: Array,
+    modelled: Array,
+    trials: Sequence[Trial],
+    before: Sequence[Array],
+    most: Array | float = MOST_SHIFT,
 ) -> None:
     """Refuse another motion or zero, and a cycle already measured under other requests.
 
     ``modelled`` and ``before`` are the angles of the models in this and in earlier trials [rad],
     (n, k). From a motion farther from them than a joint at rest learning could not converge.
+    ``most`` is the largest mean distance [rad], (k,).
     """
     missed = cycles.mean(axis=0) - modelled
     shift = np.mean(missed, axis=0)
-    for j in np.flatnonzero(np.abs(shift) > math.radians(30.0)).tolist():  # more than any sag
+    for j in np.flatnonzero(np.abs(shift) > most).tolist():
         raise InvalidTrajectory(
             f"measured: the angles of {_joint(j, modelled)} are on average "
             f"{angle_text(shift[j], digits=2)} from those of the model, which no load or friction "

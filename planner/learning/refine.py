@@ -222,7 +222,8 @@ def _measured(
     else:
         removed = measurements.delays_to_remove(joints, cycles, modelled)
     cycles = measurements.earlier(cycles, removed, joints)
-    measurements.check_trial(cycles, modelled, trials, old)
+    most = measurements.largest_shifts(joints)
+    measurements.check_trial(cycles, modelled, trials, old, most)
     return cycles, removed, remarks
 
 

@@ -51,6 +51,7 @@ def learning_page(
         errors=errors_figure(worst, progress[worst]),
         more=[errors_figure(*each, f"_{j}") for j, each in enumerate(rest.items(), 2)],
         short=_short,
+        words={name: CARRIED[unit].words for name, unit in units.items()},
         joints=[
             joint_figure(plan, executed, measured, j, CARRIED[units.get(name, "deg")])
             for j, name in enumerate(plan.names)
@@ -74,7 +75,7 @@ def errors_figure(joint: str, numbers: Numbers, suffix: str = "") -> Figure:
     top = 1.1 * float(np.nanmax([*errors, numbers["noise"], predicted]))
     names = {float(number): str(number) for number in range(1, last + 1)}
     words = words_of("trials", name=joint, bounded=not math.isnan(bound), goes_on=goes_on)
-    panel = Panel(Axis("rms error", numbers["unit"], (0.0, top), decimals=3), curves)
+    panel = Panel(Axis("rms error", CARRIED[numbers["unit"]].sign, (0.0, top), decimals=3), curves)
     across = Axis("trial", names=names, range=ends)
     return Figure(f"learning{suffix}", *words, across, [panel])
 
@@ -129,7 +130,7 @@ def trials_text(progress: Mapping[str, Numbers]) -> str:
     for name, each in progress.items():
         first, *_, last = errors = [*each["errors"], each["errors"][-1]]
         ends = {"first": first, "last": last, "best": min(errors)}
-        rows.append((f"{name} [{each['unit']}]", each | ends))
+        rows.append((f"{name} [{CARRIED[each['unit']].words}]", each | ends))
         lines += [f"{name}: {text}" for text in each["remarks"]]
         if each["stopped"]:
             lines.append(f"{name}: learning has ended: {each['stopped']}")

@@ -14,8 +14,17 @@ from planner.planning.plan import Plan
 from planner.report import figure
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
-from planner.report.plan_results import PlanAnswer, no_bound, sizes_of
-from planner.report.wording import Row, Table, labelled, signed, spoken, words_of
+from planner.report.plan_results import Numbers, PlanAnswer, no_bound, sizes_of
+from planner.report.wording import (
+    Row,
+    Table,
+    at_most,
+    in_each,
+    labelled,
+    signed,
+    two_digits,
+    words_of,
+)
 
 DIRECT = figure.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
@@ -32,15 +41,22 @@ def plan_page(
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
     ]
     foot, joints, as_given = answer.foot, answer.joints, None
+    groups = dict[str, Numbers]()  # by the name of their unit
     if foot_given is not None:
         as_given = sizes_of(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
     if foot is None:
-        words, subject = spoken(answer.shown.values()), "joints" if len(joints) > 1 else "joint"
-        expected = float(np.degrees(np.nan_to_num(plan.expected_rms).max()))
-        planned = sizes_of(plan.errors) | {"without_plan": sizes_of(plan.direct.errors)}
+        subject = "joints" if len(joints) > 1 else "joint"
+        known = np.degrees(np.nan_to_num(plan.expected_rms))
+        for each in dict.fromkeys(answer.shown.values()):
+            own = [answer.shown[name] == each for name in plan.names]
+            groups[each.name] = {
+                **sizes_of(plan.errors[:, own]),
+                "without_plan": sizes_of(plan.direct.errors[:, own]),
+                "expected_rms": float(known[own].max()),
+            }
     else:
-        words, subject, planned = "cm", "feet" if answer.parts else "foot", foot
-        expected = foot["expected_rms"] or 0.0 if plan.task.leg else 0.0
+        subject = "feet" if answer.parts else "foot"
+        groups["cm"] = foot if plan.task.leg else foot | {"expected_rms": None}
     parts = answer.parts or ({"": plan} if plan.task.leg else {})
     feet = {name: [(DIRECT, part.direct), (role, part)] for name, part in parts.items()}
     return Page(
@@ -49,11 +65,19 @@ def plan_page(
         plan=plan,
         title=title,
         good=not (answer.missed or jumps_of(plan)),
-        unit=words,
         of_joints=foot is None,
         subject=subject,
-        planned=planned,
-        expected=expected,
+        planned=foot,
+        stays=in_each({unit: each["max"] for unit, each in groups.items()}, at_most),
+        rms=in_each({unit: each["rms"] for unit, each in groups.items()}, two_digits),
+        direct=[
+            in_each({unit: each["without_plan"][size] for unit, each in groups.items()}, written)
+            for size, written in (("max", at_most), ("rms", two_digits))
+        ],
+        expected=in_each(
+            {u: each["expected_rms"] for u, each in groups.items() if each["expected_rms"]},
+            two_digits,
+        ),
         as_given=as_given,
         jumps=jumps_of(plan),
         unknown=[name for name in answer.fast if name in answer.open_top_speeds],

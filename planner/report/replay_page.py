@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Literal
@@ -18,11 +18,15 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, jo
 from planner.report.page import Page, models_table
 from planner.report.plan_results import Numbers, in_unit, motion_of, motions_table, sizes_of
 from planner.report.wording import (
+    CARRIED,
     UNITS,
+    Unit,
+    at_most,
+    common,
+    in_each,
     labelled,
     phrase,
     rendered_text,
-    spoken,
     words_of,
 )
 
@@ -31,9 +35,6 @@ if TYPE_CHECKING:
     from planner.recording.recorded_path import JointModels
     from planner.recording.replaying import JointReplay, Kind, Replay
     from planner.recording.retiming import Fastest
-
-SIGNS = {unit.name: unit.sign for unit in UNITS.values()}
-"""How a page writes units."""
 
 MOST_ROWS = 500
 """Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
@@ -90,12 +91,8 @@ def replay_page(
         title=title,
         planned=joints,
         titled="joint",
-        units=spoken(units.values()),
         signs={name: unit.sign for name, unit in units.items()},
-        most={
-            kind: max(each[kind]["max"] for each in joints.values())
-            for kind in ("planned", "direct", "resent")
-        },
+        most={kind: _most(joints.values(), kind) for kind in ("planned", "direct", "resent")},
         good=not missed,
         missed=missed,
         fast={name: seconds for name, seconds in fast.items() if seconds},
@@ -130,18 +127,26 @@ def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dic
         "models": models,
         "why": WHY[replay.path.track],
         "fastest": fastest,
-        "allowed": _allowed(fastest)[0] if fastest else 0.0,
+        "allowed": _allowed(fastest) if fastest else (0.0, CARRIED["deg"]),
         "unknown": sorted(replay.path.open_top_speeds & fast),
         "open": OPEN_TOP_SPEED,
         "resent": {joint.name: numbers[joint.name] for joint in replay.resent_may_serve},
     }
 
 
-def _allowed(fastest: Fastest) -> tuple[float, str]:
+def _most(joints: Iterable[Numbers], kind: str) -> str:
+    """The largest errors of joints, in words."""
+    most = dict[str, float]()
+    for each in joints:
+        most[each["unit"]] = max(each[kind]["max"], most.get(each["unit"], 0.0))
+    return in_each(most, at_most)
+
+
+def _allowed(fastest: Fastest) -> tuple[float, Unit]:
     """The tolerance of a search for the fastest replay, and its unit."""
-    if fastest.foot:
-        return 100.0 * fastest.tolerance, "cm"
-    return math.degrees(fastest.tolerance), "deg"
+    joints = (UNITS[joint.path.unit].name for joint in fastest.replay.planned)
+    unit = common(["cm"] if fastest.foot else joints)
+    return unit.factor * fastest.tolerance, unit
 
 
 # The figures.
@@ -228,7 +233,7 @@ def speeds_figures(fastest: Fastest) -> list[Figure]:
         for each in curves
     ]
     curves.insert(0, line(ends, (tolerance, tolerance), figure.LIMIT))
-    panel = Panel(Axis("largest error", unit, (0.0, top)), curves, height=1.8)
+    panel = Panel(Axis("largest error", unit.sign, (0.0, top)), curves, height=1.8)
     across = Axis("times the recorded speed", range=ends)
     errors = Figure("speeds", *words_of("speeds"), across, [panel])
     if fastest.retime != "varying":
@@ -271,7 +276,7 @@ def replay_results(replay: Replay, models: JointModels) -> dict[str, Any]:
 
 def fastest_results(fastest: Fastest) -> dict[str, Any]:
     """The fastest replay for machines; errors over speed are the largest, times the tolerance."""
-    allowed, unit = _allowed(fastest)
+    allowed, unit = _allowed(fastest)[0], _allowed(fastest)[1].name
     impossible = fastest.impossible and {
         "speed": fastest.impossible.speed,
         "joint": fastest.impossible.joint,
@@ -317,9 +322,13 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
             kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
             for kind in ("direct", "shifted", "planned")
         },
-        unit=SIGNS[units[0]] if len(units) == 1 else "deg, or % of a range,",
+        unit=common(units).sign,
         good=not failures,
-        worst={**worst, "recording": _short(worst["recording"]), "sign": SIGNS[worst["unit"]]},
+        worst={
+            **worst,
+            "recording": _short(worst["recording"]),
+            "sign": CARRIED[worst["unit"]].sign,
+        },
         errors=[episodes_figure(rows, unit) for unit in units],
         shown=shown,
         rest=max(len(rows) - MOST_ROWS, 0),
@@ -353,7 +362,7 @@ def episodes_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
         heights = np.column_stack([bounds, bounds])
         curves.append(Curve(figure.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
     across = Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers)
-    panel = Panel(Axis("error, rms", SIGNS[unit], from_zero=True), curves, height=2.2)
+    panel = Panel(Axis("error, rms", CARRIED[unit].sign, from_zero=True), curves, height=2.2)
     return Figure(f"errors_{unit}", *words_of("episodes"), across, [panel])
 
 

@@ -24,7 +24,7 @@ from planner.report.figure import (
     Role,
 )
 from planner.report.page import Page
-from planner.report.wording import phrase, rendered_text, words_of
+from planner.report.wording import CARRIED, phrase, rendered_text, words_of
 
 WORDS = {
     "length": ("half stroke", "m"),
@@ -45,12 +45,11 @@ def sweep_page(swept: Swept) -> Page:
     """The whole page."""
     return Page(
         "sweep",
-        swept=swept,
+        **_said(swept),
         good=not missed(swept),
         verdict=verdict(swept),
         commands=[(each.number, command(swept, each)) for each in swept.front],
         figure=front_figure(swept) if swept.front else None,
-        of_point=WORDS,
         parameters_of=partial(parameters, swept),
     )
 
@@ -90,14 +89,19 @@ def sweep_results(swept: Swept) -> list[dict[str, Any]]:
 def sweep_text(swept: Swept) -> str:
     """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
     again = command(swept, swept.best or swept.front[-1]) if swept.front else ""
-    words = parameters(swept, swept.best) if swept.best else ""
-    return rendered_text("sweep.txt", swept=swept, parameters=words, of_point=WORDS, again=again)
+    return rendered_text("sweep.txt", **_said(swept), again=again)
 
 
 def verdict(swept: Swept) -> str:
     """The answer in a few words."""
+    return phrase("sweep.txt", "verdict", **_said(swept))
+
+
+def _said(swept: Swept) -> dict[str, Any]:
+    """What the sentences and tables show."""
     words = parameters(swept, swept.best) if swept.best else ""
-    return phrase("sweep.txt", "verdict", swept=swept, parameters=words)
+    unit = CARRIED[swept.error_unit].sign
+    return {"swept": swept, "error_unit": unit, "parameters": words, "of_point": WORDS}
 
 
 def missed(swept: Swept) -> str:
@@ -146,5 +150,5 @@ def front_figure(swept: Swept) -> Figure:
     if swept.best is not None:
         curves.append(curve(INK, [swept.best], "best", marks="dots"))
     across = Axis("speed", swept.speed_unit, None if high > low else (0.9 * low, 1.1 * high))
-    upward = Axis("error", swept.error_unit, from_zero=True, decimals=3)
+    upward = Axis("error", CARRIED[swept.error_unit].sign, from_zero=True, decimals=3)
     return Figure("front", *words_of("front"), across, [Panel(upward, curves, height=2.4)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -48,8 +48,19 @@ UNITS = {
 }
 """Units by those of logs: radians, or shares of the joint's range."""
 
-CARRIED = {"deg": UNITS["rad"], "percent": UNITS["1"]._replace(factor=math.degrees(1.0))}
-"""Units of planned joints by their name: paths carry a percent of a range as a degree."""
+CARRIED = {
+    "deg": UNITS["rad"],
+    "percent": UNITS["1"]._replace(factor=math.degrees(1.0)),
+    "cm": Unit("cm", "cm", "cm", "cm", 100.0),
+    "deg_or_percent": Unit(
+        "deg_or_percent",
+        "deg or %",
+        "deg or % of range",
+        "degrees or % of the range",
+        math.degrees(1.0),
+    ),
+}
+"""Units of plans by their name: paths carry a percent of a range as a degree."""
 
 
 def labelled(units: Mapping[str, Unit]) -> tuple[str, dict[str, str]]:
@@ -60,9 +71,26 @@ def labelled(units: Mapping[str, Unit]) -> tuple[str, dict[str, str]]:
     return common, {name: name + " [% of its range]" * other for name, other in own}
 
 
-def spoken(units: Iterable[Unit]) -> str:
-    """Units in a sentence about several joints."""
-    return " or ".join(sorted({unit.long for unit in units}, reverse=True))
+def common(units: Iterable[str]) -> Unit:
+    """The unit of an error over joints with units of these names, each counted in its own."""
+    names = {*units}
+    return CARRIED[names.pop() if len(names) == 1 else "deg_or_percent"]
+
+
+def in_each(sizes: Mapping[str, float], written: Callable[[float], str]) -> str:
+    """Sizes by the name of their unit, in words."""
+    words = (f"{written(size)} {CARRIED[unit].long}" for unit, size in sizes.items())
+    return " and ".join(words)
+
+
+def renamed(numbers: Mapping[str, Any], unit: Unit) -> dict[str, Any]:
+    """Numbers for machines whose names say degrees, named with the unit that they carry."""
+    return {
+        re.sub(r"_deg(?=_per_s$|_s$|$)", f"_{unit.name}", name): (
+            renamed(value, unit) if isinstance(value, Mapping) else value
+        )
+        for name, value in numbers.items()
+    }
 
 
 @contextmanager

@@ -196,7 +196,7 @@ class Arm:
         BusError where the bus is gone, or a servo is silent, does not follow, leaves its range or
         reports a fault.
         """
-        check_ranges(self.servos, requests)
+        check_ranges({name: each.limits for name, each in self.servos.items()}, requests)
         port, start = self.bus.port, self.angles()
         guard, begin = _Guard(self, start), math.nan
 
@@ -224,10 +224,9 @@ class Arm:
             raise BusError(f"{name}: the servo has stopped answering; check cable and supply")
 
 
-def check_ranges(servos: Mapping[str, Servo], requests: Array) -> None:
-    """Raise InvalidInput where requests [rad], (n, k), are beyond the limits of their servos."""
-    for (name, servo), column in zip(servos.items(), requests.T, strict=True):
-        low, high = servo.limits
+def check_ranges(limits: Mapping[str, tuple[float, float]], requests: Array) -> None:
+    """Raise InvalidInput where requests [rad], (n, k), are beyond the limits of their joints."""
+    for (name, (low, high)), column in zip(limits.items(), requests.T, strict=True):
         rounding = 1e-6  # of files [rad]
         beyond = ~((column >= low - rounding) & (column <= high + rounding))  # NaN, too
         if beyond.any():
