@@ -241,6 +241,7 @@ def check(
 
     from planner.files.joint_model import read_model_file, read_servos
     from planner.report.calibration_text import recheck_answer
+    from planner.report.wording import UNITS
     from planner.robot import calibration
 
     document, lines, outdated = {}, [], []
@@ -268,9 +269,17 @@ def check(
                     arm, name, requests, period=period, log=Path(folder, "log.csv")
                 )
                 progress(f"{name}: comparing")
+                evidence = models[name].evidence
+                if evidence is not None and evidence.unit == "range":
+                    low, high = arm.servos[name].limits
+                    requests, angles = (
+                        (each - low) / (high - low) for each in (log.requests, log.angles)
+                    )
+                    log = replace(log, unit="1", requests=requests, angles=angles)
                 result = calibration.recheck(models[name].requested_every(period), log)
                 registers = arm.servos[name].settings, settings[name]
-                document[name], line = recheck_answer(name, result, *registers)
+                unit = UNITS[log.unit]
+                document[name], line = recheck_answer(name, result, *registers, unit)
                 lines.append(line)
                 if result.holds is False:
                     outdated.append(name)

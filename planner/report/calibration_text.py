@@ -15,7 +15,7 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.identification_page import cloud_figure
 from planner.report.identification_text import explained, joints_table, next_step, parameters
 from planner.report.page import Page
-from planner.report.wording import phrase, table, words_of
+from planner.report.wording import UNITS, Unit, phrase, table, words_of
 from planner.robot.arm import SETTINGS, Servo
 from planner.robot.calibration import WORDS, Check, Compared, Recheck, Way
 
@@ -62,17 +62,22 @@ def calibration_results(
 
 
 def recheck_answer(
-    joint: str, result: Recheck, before: Mapping[str, int], now: Mapping[str, int]
+    joint: str,
+    result: Recheck,
+    before: Mapping[str, int],
+    now: Mapping[str, int],
+    unit: Unit = UNITS["rad"],
 ) -> tuple[dict[str, Any], str]:
     """Whether a model still holds, for machines and people, with the registers that changed."""
     estimates = [] if result.anew is None else parameters(result.anew)
     own = {"joint": joint, "of": result, "before": before, "now": now, "estimates": estimates}
+    own |= {"unit": unit}
     changes = phrase("calibration.txt", "changes", **own, settings=SETTINGS).splitlines()
     document = {
         "holds": result.holds,
-        "rms_deg": math.degrees(result.error),
-        "expected_rms_deg": math.degrees(result.expected),
-        "allowed_rms_deg": math.degrees(result.most),
+        f"rms_{unit.name}": unit.factor * result.error,
+        f"expected_rms_{unit.name}": unit.factor * result.expected,
+        f"allowed_rms_{unit.name}": unit.factor * result.most,
         "changes": changes,
     }
     return document, "; ".join([phrase("calibration.txt", "recheck", **own), *changes])

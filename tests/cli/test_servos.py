@@ -86,6 +86,38 @@ def requests(tmp_path):
     return file
 
 
+def test_requests_in_shares_of_a_range_are_played_logged_and_counted_in_percent(
+    run, tmp_path, arm, requests
+):
+    """Of -0.7 to 0.7 rad 20 degrees about the middle are 24.9 percent about 50."""
+    shown = "joint_1: 0 to 100 % of its range are -40.11 to 40.11 deg"
+    share = np.degrees(1.4) / 100.0
+    time, angles = np.loadtxt(requests, delimiter=",", skiprows=1, unpack=True)
+    rows = np.column_stack([time, 50.0 + angles / share])
+    head = {"header": "t_s,joint_1_percent", "comments": "", "delimiter": ","}
+    np.savetxt(tmp_path / "jaw.csv", rows, **head)
+    played = {}
+    for name in ("jaw.csv", "requests.csv"):
+        files = ("--measured", f"measured_{name}", "-o", f"log_{name}")
+        result = run("play", name, "--bus", "virtual", "--model", arm, *files)
+        assert result.exit_code == 0, result.stderr
+        assert (shown in result.stderr) == (name == "jaw.csv")
+        played[name] = np.loadtxt(f"measured_{name}", delimiter=",", skiprows=1)[:, 1]
+        ticks = ("--format", "csv", "--unit", "ticks", "--model", arm, "-o", f"ticks_{name}")
+        assert run("export", name, *ticks).exit_code == 0
+    read = {name: (tmp_path / name).read_text() for name in ("measured_jaw.csv", "log_jaw.csv")}
+    assert read["measured_jaw.csv"].startswith("t_s,joint_1_percent\n")
+    assert read["log_jaw.csv"].startswith("t_s,joint_1_requested_percent,joint_1_actual_percent\n")
+    assert 50.0 + played["requests.csv"] / share == pytest.approx(played["jaw.csv"], abs=1e-3)
+    counts = [(tmp_path / f"ticks_{name}").read_text() for name in ("jaw.csv", "requests.csv")]
+    assert counts[0] == counts[1]
+    rows[7, 1] = 101.0
+    np.savetxt(tmp_path / "jaw.csv", rows, **head)
+    result = run("play", "jaw.csv", "--bus", "virtual", "--model", arm)
+    assert result.exit_code == 2
+    assert "joint_1: request 7 is 101 percent, expected 0 to 100 percent" in result.stderr
+
+
 def test_one_command_measures_compares_and_recommends(calibrated):
     folder, document = calibrated
     joint = document["joints"]["joint_1"]
@@ -205,6 +237,18 @@ def test_another_gain_is_noticed_and_said_to_be_the_reason(run, arm, monkeypatch
     assert "joint_1: the model no longer holds" in gone.stderr
     assert "P is 6, and was 16" in gone.stderr
     assert gone.stderr.endswith("calibrate joint_1 again\n")
+
+
+def test_a_model_in_shares_is_checked_in_percent_of_what_its_servo_takes(run, arm):
+    values = {"v_max": 5.02, "theta_0": 0.5665, "max_acceleration": 69.3, "dead_band": 0.0134}
+    text = ARM.replace("[joint_1.servo]", 'angle_unit = "range"\n[joint_1.servo]')
+    text = text.replace("[joint_1.servo]", "expected_error = 0.02\n\n[joint_1.servo]")
+    for key, value in values.items():
+        text = text.replace(f"{key} = {value}", f"{key} = {value / 1.4}")
+    arm.write_text(text)
+    result = run("check", "--bus", "virtual", "--model", arm, "--duration-s", "8")
+    assert "joint_1: the model holds: misses" in result.stderr
+    assert "% of range rms, expected 2.00 and at most 4.00 by its test" in result.stderr
 
 
 def test_a_servo_that_falls_silent_ends_a_record(run, arm, faulty, tmp_path):

@@ -67,6 +67,14 @@ def test_the_slowest_joint_of_a_point_is_the_one_that_would_have_to_be_fastest(s
     assert [each.slowest for each in made.outcomes] == ["knee", "knee"]
 
 
+def test_errors_are_in_the_unit_of_the_joints_that_are_planned(space, tmp_path):
+    (tmp_path / "path.csv").write_text("hip_deg,jaw_percent\n0,50\n1,51\n")
+    for joints, unit in (('["hip"]', "deg"), ('["jaw"]', "percent"), ("[]", "deg_or_percent")):
+        path = f'path = {{ file = "path.csv", joints = {joints} }}'
+        text = f"{path}\n[sweep.parameters]\nspeed = [1.0, 1.5]\n"
+        assert space(text).swept.error_unit == unit
+
+
 def test_the_speed_of_a_gait_is_twice_its_length_in_its_time_on_the_ground(swept):
     made, _ = swept(GAIT + "length = [0.02]\nground_fraction = [0.5, 0.75]\n")
     for outcome, fraction in zip(made.outcomes, (0.5, 0.75), strict=True):

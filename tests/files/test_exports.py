@@ -88,6 +88,16 @@ def test_a_held_row_is_the_request_of_its_time(rows, period, rate):
     assert held.duration - given_rows.duration <= 1.0 / rate + slack
 
 
+def test_shares_of_a_range_are_percent_beside_degrees_and_shares_beside_radians(tmp_path):
+    file, carried = tmp_path / "out.csv", np.radians([[90.0, 25.0], [0.0, 100.0]])
+    schedule = Schedule.of(["hip", "jaw"], ["deg", "percent"], carried, 0.02)
+    write_controller_csv(file, schedule, unit="deg")
+    assert file.read_text() == "t_s,hip_deg,jaw_percent\n0.0,90.0,25.0\n0.02,0.0,100.0\n"
+    write_controller_csv(file, resampled(schedule, 100.0)[0], unit="rad")
+    head, first, *_ = file.read_text().splitlines()
+    assert (head, first) == ("t_s,hip_rad,jaw_range", "0.0,1.570796326795,0.25")
+
+
 def test_hobby_servos_get_pulses_in_microseconds_of_their_own_centre_and_direction(tmp_path):
     file = tmp_path / "pulses.csv"
     quarter = Schedule(("hip", "knee"), np.array([[0.0, 0.0], [0.25, 0.125]]) * 2.0 * np.pi, 0.02)

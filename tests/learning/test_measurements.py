@@ -14,10 +14,12 @@ from planner.learning.measurements import (
     check_angles,
     check_trial,
     earlier,
+    largest_shifts,
     learnt,
     noise_of,
     pure_delay,
 )
+from planner.model.evidence import Evidence
 
 COUNT = 2.0 * math.pi / 4096.0  # a count of a sensor of 12 bit [rad]
 PHASE = 2.0 * np.pi * np.arange(60) / 60
@@ -99,6 +101,17 @@ def test_angles_of_another_unit_move_forty_to_eighty_times_as_far_or_as_little(
     requests, desired, modelled = (each * moving for each in (REQUESTS, DESIRED, MODELLED))
     with refused(message):
         check_angles(factor * modelled[np.newaxis], requests, desired, modelled, modelled)
+
+
+def test_a_joint_in_shares_may_be_half_of_its_range_off_and_others_30_degrees():
+    shares = MODEL.with_evidence(Evidence(unit="range"))
+    task = SimpleNamespace(lower=np.zeros(2), upper=np.radians([100.0, 100.0]))
+    most = largest_shifts(SimpleNamespace(models=[MODEL, shares], task=task))
+    assert np.degrees(most) == pytest.approx([30.0, 50.0])
+    holding = of_joint_2(MODELLED[:, 1] + np.radians(45.0))
+    check_trial(holding, MODELLED, [], [], most)
+    with pytest.raises(InvalidTrajectory, match="of joint 2 are on average"):
+        check_trial(holding, MODELLED, [], [])
 
 
 def test_another_motion_and_the_angles_of_an_earlier_trial_are_refused_by_number():
