@@ -24,14 +24,14 @@ from planner.cli.console import BadSetting, speaking_of
 from planner.cli.declared import understand
 from planner.cli.desired import Desired, leg_of, models_of, own_robot, refused_models
 from planner.cli.planning import plan_of, prepare
-from planner.cli.settings import SWEPT, Run, Samples, Sweep
+from planner.cli.settings import SWEPT, Run, Sweep
 from planner.evaluation.pareto_front import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.columns import shown_units
 from planner.files.paths import is_foot_path, joint_path
 from planner.files.results import Results, Task, digest_of
 from planner.files.table import Table, read_table
-from planner.files.text import Kind, read_toml
+from planner.files.text import read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
 from planner.report.wording import common
@@ -93,21 +93,13 @@ class Space:
         return desired
 
     def remarks(self) -> Iterator[str]:
-        """On joints with rejected models, the same at all points, and on rounded periods."""
+        """On joints with rejected models, the same at all points."""
         for point in self.grid():
             with suppress(PlannerError):  # such as a point out of reach
                 desired = self.desired(point)
                 if refused := refused_models(desired.names, desired.models):
                     yield refused
                 break
-        rounded = [
-            f"{each:g} becomes {whole:g}"
-            for each in self.values.get("period_s", ())
-            if abs((whole := round(each / self.period) * self.period) - each) > 1e-6 * each
-        ]
-        if rounded and self.settings.sweep.method == "grid":  # a search chooses between the ends
-            words = f"{', '.join(rounded)} s, rounded to requests {self.period:g} s apart"
-            yield f"‹sweep.parameters.period_s›: {words}"
 
     def inputs(self) -> dict[str, Any]:
         """The inputs of all outcomes, beside the point."""
@@ -142,16 +134,7 @@ def read_sweep(path: str) -> Space:
         if gait and leg is None:
             raise BadSetting("‹sweep.parameters›: a gait needs a leg; set ‹leg.name›")
         if leg is not None and "period_s" in values:
-            period, samples = models_of(run, leg.joint_names, leg)[0].period, Kind(Samples)
-            for value in values["period_s"]:
-                try:
-                    samples.fitted(round(value / period))
-                except (ValueError, OverflowError) as error:
-                    count = samples.expected.removeprefix("a whole number from ")
-                    raise BadSetting(
-                        f"‹sweep.parameters.period_s›: got {value:g}, expected {count} requests, "
-                        f"which are {period:g} s apart"
-                    ) from error
+            period = models_of(run, leg.joint_names, leg)[0].period
     swept = Swept(
         file=run.source.path,
         names=tuple(values),

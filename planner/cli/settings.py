@@ -29,6 +29,7 @@ JointNames = Annotated[tuple[Text, ...], Expected("a list of names of joints")]
 Tick = Annotated[int, within(ge=1 - 10**9, le=10**9 - 1)]
 Length = Annotated[float, within(gt=0.0, le=2.0, words="a number above 0, up to 2, in metres")]
 Height = Annotated[float, within(ge=0.0, le=2.0, words="a number from 0 to 2, in metres")]
+Period = Annotated[float, within(gt=0.0, le=1e3, words="a number above 0, up to 1000")]
 Fraction = Annotated[float, within(gt=0.0, lt=1.0)]
 Share = Annotated[float, within(ge=0.0, le=1.0, words="a number from 0 to 1, 0.05 for 5 %")]
 Seed = Annotated[int, within(ge=0, le=10**9)]
@@ -404,7 +405,7 @@ class SweptParameters(Settings):
     hip_height: Values | None = _tried(0.07, 0.09)
     ground_fraction: Annotated[Values, _each(Fraction)] | None = _tried(0.5, 0.6, 0.75)
     heading_deg: Values | None = _tried(0.0, 90.0)
-    period_s: Annotated[Values, _each(Positive)] | None = _tried(0.5, 0.6, 0.7, 0.8, active=True)
+    period_s: Annotated[Values, _each(Period)] | None = _tried(0.5, 0.6, 0.7, 0.8, active=True)
     speed: Annotated[Values, _each(Positive)] | None = _tried(1.0, 1.5, 2.0)
     smoothness: Annotated[Values, _each(Share)] | None = _tried(0.0, 0.01, 0.1)
 

@@ -144,12 +144,6 @@ def _files_in(folder: Path) -> Iterator[str]:
     return (file.relative_to(folder).as_posix() for file in files)
 
 
-def all_there(folder: Path | str) -> bool:
-    """Whether every file that the manifest of a folder lists is there."""
-    files = _files_of_run(Path(folder))
-    return bool(files) and all(Path(folder, name).is_file() for name in files)
-
-
 @contextmanager
 def writing(path: Path | str) -> Iterator[None]:
     """Turn an error of the system in the block into one about this output."""

@@ -165,7 +165,6 @@ WRONG_SWEEPS = {
     "an unknown parameter": SWEPT + "lenght = [0.1]\n",
     "values that fall": SWEPT + "length = [0.2, 0.1]\n",
     "a value out of range": SWEPT + "length = [0.0, 0.1]\n",
-    "a period of a request": SWEPT + "period_s = [0.01]\n",
     "a period without end": SWEPT + "period_s = [0.5, 1e308]\n",
     "the speed of a gait": SWEPT + "speed = [1.0, 2.0]\n",
     "no parameter": SWEPT,
