@@ -12,6 +12,7 @@ from planner.identification.joint_fit import fit_joint
 from planner.identification.residual_patterns import (
     _contradiction,
     _drift,
+    contacts,
     patterns,
     stops,
 )
@@ -90,6 +91,23 @@ def test_a_stop_is_met_twice_for_long_by_a_model_that_goes_beyond_it(wave, limit
             f"{'largest' if way > 0.0 else 'least'} angle, {way * 28.6:g} deg, while it is "
             "requested to go on; too many rows to leave out"
         )
+
+
+@pytest.mark.parametrize(
+    ("count", "touching", "found"), [(12, 3, 3), (12, 4, 0), (12, 0, 0), (9, 2, 0), (10, 2, 2)]
+)
+def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places(
+    count, touching, found
+):
+    places = np.arange(count)
+    levels, friction = 0.2 * places, 0.001 * (-1.0) ** places
+    pushed = 0.05 * (places % 3 == 1) * (places < 3 * touching)
+    angles, predicted = (np.repeat(each, 50) for each in (levels + friction + pushed, levels))
+    (contact,) = contacts([seen(angles, predicted)], 0.001)
+    assert [held.known["places"] for held in contact] == ([found] if found else [])
+    for held in contact:
+        assert held.rows.tolist() == np.flatnonzero(np.repeat(pushed, 50)).tolist()
+        assert held.known["most"] == pytest.approx(0.05, abs=0.003)
 
 
 def test_the_dead_band_is_that_of_calm_motion():
