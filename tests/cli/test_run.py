@@ -107,36 +107,6 @@ def test_a_missed_tolerance_is_status_1_and_all_files(run, write, tmp_path):
     assert run("run", "it.toml", "--json").exit_code == 1
 
 
-def test_exports_are_those_of_export(run, write, tmp_path):
-    content = JOINTS + (
-        '[output]\nangles = ""\ndesired = ""\n'
-        '[[export]]\nformat = "csv"\nfile = "servos/ticks.csv"\nunit = "ticks"\ncycles = 2\n'
-        "rate_hz = 250\nzero_tick = 1000\nzero_ticks = {knee = 500}\n"
-        '[[export]]\nformat = "csv"\nfile = "deg.csv"\nunit = "deg"\njoint_names = ["a", "b"]\n'
-        '[[export]]\nformat = "csv"\nfile = "slow.csv"\nrate_hz = 50\nbetween = "linear"\n'
-    )
-    result = run("run", write(content))
-    assert result.exit_code == 0, result.stderr
-    folder = tmp_path / "it"
-    assert results(folder)["files"] == ["deg.csv", "requests.csv", "servos/ticks.csv", "slow.csv"]
-    ticks = "--unit ticks --cycles 2 --rate-hz 250 --zero-tick 1000 --zero-tick knee=500"
-    documents = {each.pop("file"): each for each in results(folder)["exports"]}
-    assert documents["slow.csv"]["requests_never_sent"] > 0
-    for file, options in (
-        ("servos/ticks.csv", ticks),
-        ("deg.csv", "--unit deg --joint-names a,b"),
-        ("slow.csv", "--rate-hz 50 --between linear"),
-    ):
-        asked = ("export", folder / "requests.csv", "--format", "csv", *options.split())
-        assert json.loads(run(*asked, "-o", "again", "--json").stdout) == documents[file]
-        exported, written = run(*asked), (folder / file).read_text()
-        assert exported.stdout.splitlines()[0] == written.splitlines()[0]
-        both = (text.splitlines()[1:] for text in (exported.stdout, written))
-        numbers = [np.loadtxt(lines, delimiter=",") for lines in both]
-        assert numbers[0] == pytest.approx(numbers[1], abs=1e-9)
-    assert result.stderr.count("deg.csv: 88 rows of a, b at 125 Hz, 0.704 s") == 1
-
-
 PAGE = (Path(__file__).parents[2] / "docs" / "run.md").read_text(encoding="utf-8")
 
 DECLARED = [

@@ -1,4 +1,4 @@
-"""Tasks, replays and sweeps on a real Dask cluster: a scheduler and two workers on loopback.
+"""Tasks and sweeps on a real Dask cluster: a scheduler and two workers on loopback.
 
 One cluster serves them all, and its end is the last test.
 """
@@ -7,11 +7,9 @@ import json
 import os
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from planner import JointModel, parallel, simulate
-from planner.files.exports import Layout, lerobot_dataset
+from planner import parallel
 from planner.files.results import Results
 from planner.files.staging import list_files
 from planner.parallel import SchedulerLost
@@ -19,7 +17,6 @@ from tests.parallel import work
 from tests.parallel.test_parallel import run
 
 pytestmark = pytest.mark.usefixtures("importable")
-SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.02)
 
 GAITS = """
 [leg]
@@ -74,40 +71,21 @@ def test_a_task_that_fails_on_a_cluster_is_reported(results, cluster):
     assert failures == {"task 3": "episode: got nothing, expected samples"}
 
 
-@pytest.fixture
-def dataset(tmp_path, monkeypatch):
-    """Four episodes of an elbow, its model, and the words that replay them."""
-    pytest.importorskip("pyarrow", reason="needs the extra parquet")
-    monkeypatch.chdir(tmp_path)
-    SERVO.to_toml("arm.toml")
-    layout = Layout(features={"action": ("elbow",), "observation.state": ("elbow",)}, rate=50)
-    with lerobot_dataset("walks", layout) as add:
-        for size in (0.3, 0.5, 0.7, 0.9):
-            requests = size * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 60))) / 2.0
-            angles = simulate(SERVO, requests, cyclic=False)
-            add({"action": requests[:, None], "observation.state": angles[:, None]}, "swing")
-    return ("replay", "walks", "--unit", "rad", "--model", "arm.toml", "--as", "lerobot", "-o")
-
-
-def test_a_replay_and_a_sweep_on_a_cluster_are_those_of_this_machine(
-    cluster, dataset, command_line, tmp_path, monkeypatch
-):
+def test_a_sweep_on_a_cluster_is_that_of_this_machine(cluster, command_line, tmp_path, monkeypatch):
     """Slow as both workers import the package; they work in another folder than the command."""
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "gaits.toml").write_text(GAITS)
     for place in ("there", "here"):
-        made = command_line(*dataset, place, "--scheduler", cluster[0])
-        assert made.exit_code == 0, made.stderr
-        where = ("--out", f"sweep_{place}", "--scheduler", cluster[0])
+        where = ("--out", place, "--scheduler", cluster[0])
         swept = command_line("sweep", "gaits.toml", "--json", *where)
         assert swept.exit_code == 0, swept.stderr
         assert len(json.loads(swept.stdout)["front"]) == 2
         monkeypatch.setattr(parallel, "executor_of", work.in_this_process)
-    for name in ("{}", "sweep_{}"):
-        made = [tmp_path / name.format(place) for place in ("there", "here")]
-        files = list_files(made[0])
-        assert files == list_files(made[1]) != []
-        for file in files:
-            assert (made[0] / file).read_bytes() == (made[1] / file).read_bytes(), file
+    files = list_files(tmp_path / "there")
+    assert files == list_files(tmp_path / "here") != []
+    for file in files:
+        there, here = ((tmp_path / place / file).read_bytes() for place in ("there", "here"))
+        assert there == here, file
 
 
 def test_a_scheduler_that_goes_away_leaves_what_was_finished(results, cluster):

@@ -243,20 +243,3 @@ def test_a_tolerance_for_the_foot_counts_its_distance_in_the_order_of_the_legs_j
     assert [each.name for each in found.late(made)] == [each.name for each in made.planned]
     with pytest.raises(InvalidInput, match="leg: its joint 'knee' is not planned"):
         Search(recorded_path(logs[2:], SERVO), None, 0.004, leg)
-
-
-def test_of_several_joints_and_units_the_largest_share_of_its_tolerance_counts():
-    logs = [log(swing(0.8, 60)), log(swing(0.8, 60), "jaw", unit="1")]
-    path = recorded_path(logs, SERVO, joints=["elbow", "jaw"])
-    made = replay_at(path, path.moments(2.0))
-    found = Search(path, np.radians(2.0), None, None)
-    elbow, jaw = (np.abs(each.error_of("direct")) for each in made.planned)
-    expected = np.maximum(elbow / np.radians(2.0), jaw / 0.02)
-    np.testing.assert_allclose(found.errors(made, "direct"), expected)
-    strict = Search(path, 1e-9, None, None)
-    assert strict.late(made) == list(made.planned)
-    assert Search(path, 10.0, None, None).late(made) == []
-    # A tolerance of 1.1 rad is one of 63 % of a range.
-    between = 1.1 * made.planned[1].inversion.max_error
-    late = Search(path, between, None, None).late(made)
-    assert made.planned[1] in late

@@ -7,8 +7,6 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from planner.robot.arm import Arm, Servo
-from planner.robot.bus import Bus, SerialPort
 from planner.robot.protocols import BROADCAST, WRITE
 from planner.virtual.servo_bus import KINDS, VirtualServos, serve, terminal
 from tests.docs.blocks import ROOT
@@ -106,28 +104,6 @@ def assert_followed(positions):
     assert (np.ptp(positions, axis=0) > 0.35 * np.ptp(requests)).all()
     late = [np.mean((positions[k:, 0] - requests[: len(requests) - k]) ** 2) for k in range(30)]
     assert 3 <= int(np.argmin(late)) <= 25
-
-
-@pytest.mark.parametrize("kind", ["sts3215", "xl430"])
-def test_our_driver_measures_the_same_on_the_terminal_at_every_run(kind):
-    kind = KINDS[kind]
-    runs = []
-    for _ in range(2):
-        with served(kind) as path:
-            port = SerialPort(path)
-            bus = Bus(port, kind.protocol)
-            bus.patience = 1e-3 * PATIENCE
-            zero = kind.protocol.middle
-            arm = Arm(bus, {str(k): Servo(id=k, zero_tick=zero) for k in IDS})
-            angles = []
-            with arm.powered():
-                for k in range(60):
-                    arm.send(np.full(6, 0.4 * np.sin(0.1 * k)))
-                    angles.append(arm.measure().angles)
-            port.close()
-        runs.append(np.array(angles))
-    assert np.array_equal(*runs)
-    assert np.ptp(runs[0][:, 0]) > 0.3
 
 
 @pytest.mark.parametrize("kind", ["sts3215", "xl430", "xl-320"])

@@ -93,19 +93,3 @@ def test_joints_with_the_same_model_share_what_is_not_known_of_it_and_others_do_
         lags = [[models[1 + 2 * pair + side].lag for side in (0, 1)] for models in (one, two)]
         for (below, above), middle in zip(lags, (SLOWER.lag, 0.033), strict=True):
             assert (below - middle) * (above - middle) < 0.0
-
-
-def test_a_plan_for_several_speeds_is_not_much_rougher_than_that_for_one():
-    walk, share = reference_walk(), 0.1
-    models = [
-        replace(ERS210A, v_max=speed * ERS210A.v_max, theta_0=speed * ERS210A.theta_0)
-        for speed in (1.0, 1.0 - share, 1.0 + share)
-    ]
-    plan = invert_foot([models] * 3, walk.leg, walk.desired_foot, robust="worst")
-    bends, usual = (
-        np.sum(np.diff(np.vstack([each[-2:], each]), 2, axis=0) ** 2)
-        for each in (plan.requests, plan.nominal.requests)
-    )
-    assert bends <= 2.0 * usual
-    exact = invert_foot([models] * 3, walk.leg, walk.desired_foot, robust="worst", smoothness=0.0)
-    assert plan.over_models.worst <= 1.02 * exact.over_models.worst
