@@ -141,13 +141,6 @@ def canonical_order(problem: Problem, ideal: Array) -> tuple[int, int]:
     return first, 1
 
 
-def in_order(problem: Problem, places: Array, values: Array) -> tuple[Array, Array]:
-    """Places [samples], within the cycle if there is one, and their values, in order."""
-    places = np.mod(places, problem.samples) if problem.cyclic else places
-    order = np.argsort(places)
-    return places[order], values[order]
-
-
 def by_error(curve: Candidate) -> float:
     """The squared error to nine digits, so that rounding decides nothing: the first one counts."""
     return float(f"{curve.error:.8e}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -33,14 +32,12 @@ class Certificate(NamedTuple):
         solver_gap: Relative distance between the bound and the best known value of the same level,
             for "exact" the error of a plan; 0 where one set of multipliers proves the bound, inf
             where there is none.
-        seconds: Time it took [s].
     """
 
     bound: float
     norm: Norm
     level: Level
     solver_gap: float
-    seconds: float
 
 
 def lower_bound(
@@ -141,7 +138,7 @@ def certify(
 
 def certified(joint: Task, level: Level, *, time_limit: float = TIME_LIMIT) -> Certificate:
     """:func:`certify` of the task of one joint, whose limits do not count."""
-    began, (model,) = perf_counter(), joint.nominal
+    (model,) = joint.nominal
     if level == "exact" and (model.dead_band or model.most_pose_sag or model.has_inertia):
         level = "envelope"  # its speed is not the sum of the requests' contributions
     if level == "exact":
@@ -151,7 +148,7 @@ def certified(joint: Task, level: Level, *, time_limit: float = TIME_LIMIT) -> C
         plan_error = planned_error(joint)
         bound = max(bound, exact_bound(joint, plan_error, time_limit=time_limit))
         gap = max(relative_gap(plan_error, bound), 0.0)
-    return Certificate(bound, joint.norm, level, gap, perf_counter() - began)
+    return Certificate(bound, joint.norm, level, gap)
 
 
 def planned_error(joint: Task) -> float:
