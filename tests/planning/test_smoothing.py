@@ -9,8 +9,11 @@ import pytest
 from planner import invert_foot, invert_optimal, reference_walk
 from planner.model.evidence import ENCODER_STEP, UNFORESEEN, Evidence
 from planner.planning import search
+from planner.planning.problem import problem_of
 from planner.planning.search import (
     NARROW,
+    allowed,
+    judged,
     known_errors,
     minimise,
     smoothed,
@@ -244,3 +247,25 @@ def test_a_share_of_a_measured_disturbance_replaces_what_models_were_known_to_mi
     errors = [[model.evidence.error for model in each.models[0]] for each, _ in single]
     shares = [[pytest.approx(UNFORESEEN * size)] * 2 for size in (0.01, 0.02, 0.0)]
     assert errors == [[0.1] * 2] * 3 + shares
+
+
+def foot_problem():
+    """The reference walk's foot, every fourth sample."""
+    walk = reference_walk()
+    return problem_of(Task.of(ERS210A, walk.desired_foot[::4], leg=walk.leg))
+
+
+def test_no_more_is_allowed_than_the_share_but_where_many_requests_lead_to_one_motion():
+    """The share is of the shown error; for a foot and dry friction an encoder's step is."""
+    sticky = track(replace(ERS210A, dead_band=0.01), np.zeros(5), cyclic=True)
+    for problem in (track(ERS210A, np.zeros(5), cyclic=True), sticky, foot_problem()):
+        smooth, plan = replace(problem, smoothness=0.1), replace(problem, smoothness=0.0)
+        motion = judged(problem, problem.resting)
+        many = problem.goal == "foot" or problem is sticky
+        assert motion.negligible == (motion.unseen if many else 0.0)
+        best = motion._replace(error=0.3, model_error=0.4, negligible=0.05 if many else 0.0)
+        assert allowed(smooth, best._replace(error=0.37), best)  # hypot(0.37, 0.4) is 0.545
+        assert not allowed(smooth, best._replace(error=0.39), best)
+        assert allowed(smooth, best._replace(error=0.04, model_error=2.0), best) == many
+        assert allowed(plan, best, best)
+        assert not allowed(plan, best._replace(error=0.3001), best)
