@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.arrays import Array, Mask, as_flag, rms
 from planner.exceptions import InvalidInput
+from planner.identification import joint_fit, residual_patterns, terms
 from planner.identification.grid import (
     Timing,
     fine_hold,
@@ -28,40 +29,11 @@ from planner.identification.intervals import (
     over_top_speeds,
     speed_bounded,
 )
-from planner.identification.joint_fit import (
-    errors_of,
-    fit_joint,
-    moving,
-    never_saturating,
-    refitted,
-    simple_fits,
-    with_even_rows,
-    with_observed_speed,
-    with_speed_of,
-)
-from planner.identification.judgement import (
-    notes_on,
-    verdict_on,
-    wrong_columns,
-)
-from planner.identification.least_squares import (
-    FULL,
-    Fit,
-    better,
-    sound_rms,
-)
+from planner.identification.judgement import notes_on, verdict_on, wrong_columns
+from planner.identification.least_squares import FULL, Fit, better, sound_rms
 from planner.identification.log import Log, as_logs, check_alike, check_periods, unwrapped
 from planner.identification.parameters import only
-from planner.identification.residual_patterns import (
-    Held,
-    contacts,
-    joined,
-    patterns,
-    shaken,
-    stops,
-    stuck,
-    with_weights,
-)
+from planner.identification.residual_patterns import Held
 from planner.identification.result import (
     Alternative,
     Finding,
@@ -71,44 +43,11 @@ from planner.identification.result import (
     LogFit,
     told,
 )
-from planner.identification.terms import (
-    INTEGRALS,
-    MOTOR,
-    ORDER,
-    backlash_of,
-    has_large_sag,
-    pays,
-    with_calm_friction,
-    with_integral,
-    with_motor,
-    with_needed,
-    with_terms,
-)
+from planner.identification.terms import INTEGRALS, MOTOR, ORDER
 from planner.model.joint import JointModel
-
-SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
-"""Standard deviations of the noise that the angles at both ends of 0.1 s may be off [1/s]."""
-
-PAPER_TICK = 0.008
-"""Ticks of the paper's robot, by which its joints move [s]."""
-
-MOSTLY_FREE = 0.5
-"""Share of the rows of a log that have to remain where something holds the joint in others."""
-
-ASTRAY, LOST = 1.5, 0.2
-"""Held-out error, over that of the fit to all rows, from which on another joint is sought among the
-first halves; and the share of the loss by which it may fit them worse. (Of 38 logs of 1 to 3.5 s
-four were refused without that which a search of each half accepted, with it two are.)"""
-
-MAYBE_UNLIMITED = 10.0
-"""Up to how many times its loss without further terms a joint that never saturates is tried with
-them. (With slow ramps it is 2 or 3 times, with steps 60 and more.)"""
 
 LEFT_OUT = "these rows are left out"
 """What becomes of rows in which something holds the joint, unless these are too many."""
-
-CONTACT_ROUNDS = 3
-"""How often contact is sought, each time without the rows that are known to have it."""
 
 
 @np.errstate(under="ignore")  # too small to matter, whatever the caller has set
@@ -152,26 +91,26 @@ def identify(
     sound = [*map(sound_rows, logs)]
     failed = [int(np.sum(log.measured & ~rows)) for log, rows in zip(logs, sound, strict=True)]
     logs = [replace(log, measured=rows) for log, rows in zip(logs, sound, strict=True)]
-    free, stuck_rows = _without(logs, [*map(stuck, logs)])
+    free, stuck_rows = _without(logs, [*map(residual_patterns.stuck, logs)])
     timing = timing_of(free, tick=tick, hold=hold)
-    fits = fit_joint(free, timing, choose_tick=choose_tick)
-    even = with_even_rows(free, timing, fits[-1])
+    fits = joint_fit.fit_joint(free, timing, choose_tick=choose_tick)
+    even = joint_fit.with_even_rows(free, timing, fits[-1])
     if even is not None:
         free, timing = even, timing_of(even, tick=tick, hold=hold)
-        fits = fit_joint(free, timing, choose_tick=choose_tick)
+        fits = joint_fit.fit_joint(free, timing, choose_tick=choose_tick)
     plain = [*map(_with_terms, fits)]
-    free, touched = _without_contact(refitted(free, plain[0]))
+    free, touched = _without_contact(joint_fit.refitted(free, plain[0]))
     if touched:
-        plain = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
+        plain = [*map(_with_terms, joint_fit.fit_joint(free, timing, choose_tick=choose_tick))]
     pair = _with_motor(free, plain)
     timing = timing.ticking(pair.joint.grid.tick)
     pair, stopped = _without_stops(pair, timing)
     pair = _weighed(pair)
-    coarse, others = over_top_speeds(with_integral(pair.joint))
+    coarse, others = over_top_speeds(terms.with_integral(pair.joint))
     # The loss is as rough in the top speed at short ticks. (Else one log of 160 simulated motors is
     # fitted with 1.5 times the noise.)
     fine = over_top_speeds(_with_shorter_ticks(coarse, timing))[0] if choose_tick else coarse
-    coarse = with_observed_speed(coarse)
+    coarse = joint_fit.with_observed_speed(coarse)
     every = [
         replace(used, torque_on=log.torque_on)
         for log, used in zip(logs, coarse.grid.logs, strict=True)
@@ -205,8 +144,8 @@ class _Pair(NamedTuple):
 
     def refitted(self, logs: Sequence[Log]) -> _Pair:
         """The same joints, fitted to other rows."""
-        plain = refitted(logs, self.plain)
-        return _Pair(plain, refitted(logs, self.joint) if self.motor else plain)
+        plain = joint_fit.refitted(logs, self.plain)
+        return _Pair(plain, joint_fit.refitted(logs, self.joint) if self.motor else plain)
 
 
 def _without(
@@ -222,7 +161,7 @@ def _without(
         free = log.torque_on.copy()
         for part in parts:
             free[part.rows] = False
-        few = np.sum(free) < MOSTLY_FREE * np.sum(of.torque_on)
+        few = np.sum(free) < 0.5 * np.sum(of.torque_on)
         kept.append(log if few or not parts else replace(log, torque_on=free))
         notes += [
             part.finding(log, "too many rows to leave out" if few else LEFT_OUT) for part in parts
@@ -231,11 +170,14 @@ def _without(
 
 
 def _with_terms(fit: Fit) -> Fit:
-    """The fit with its terms, or that of a joint which never saturates, where that is better."""
-    found = with_terms(fit)
-    unlimited = never_saturating(found)
-    if unlimited is not None and unlimited.cost < MAYBE_UNLIMITED * found.cost:
-        other = with_terms(unlimited)
+    """The fit with its terms, or that of a joint which never saturates, where that is better.
+
+    With slow ramps its loss without further terms is 2 or 3 times that, with steps 60 and more.
+    """
+    found = terms.with_terms(fit)
+    unlimited = joint_fit.never_saturating(found)
+    if unlimited is not None and unlimited.cost < 10.0 * found.cost:
+        other = terms.with_terms(unlimited)
         if better(found, other):
             return replace(other, free=other.free | only("v_max"))
     return found
@@ -250,8 +192,8 @@ def _without_contact(fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
     logs: Sequence[Log] = fit.grid.logs
     free = logs
     touched = [list[Held]() for _ in logs]
-    for _ in range(CONTACT_ROUNDS):
-        found = contacts(_log_fits(fit), fit.noise)
+    for _ in range(3):
+        found = residual_patterns.contacts(_log_fits(fit), fit.noise)
         if not any(found):
             break
         rest, _ = _without(free, found, logs)
@@ -260,12 +202,14 @@ def _without_contact(fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
         free = rest
         fit = fit.again(grid=resampled_like(fit.grid, free, fit.grid.tick))
     named = zip(logs, touched, strict=True)
-    return free, [joined(parts).finding(log, LEFT_OUT) for log, parts in named if parts]
+    return free, [
+        residual_patterns.joined(parts).finding(log, LEFT_OUT) for log, parts in named if parts
+    ]
 
 
 def _with_motor(logs: Sequence[Log], fits: Sequence[Fit]) -> _Pair:
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
-    pairs = [_Pair(plain, with_motor(plain)) for plain in fits]
+    pairs = [_Pair(plain, terms.with_motor(plain)) for plain in fits]
     better_one = len(pairs) > 1 and better(pairs[0].joint, pairs[1].joint)
     return pairs[better_one].refitted(logs)
 
@@ -276,10 +220,12 @@ def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
     A large sag may imitate a stop: there the joint that misses less is kept.
     """
     (plain, joint), logs = pair, pair.joint.grid.logs
-    for fit in (joint, *([plain] if pair.motor and has_large_sag(joint) else [])):
-        free, stopped = _without(logs, [stops(of, fit.noise) for of in _log_fits(fit)])
+    for fit in (joint, *([plain] if pair.motor and terms.has_large_sag(joint) else [])):
+        free, stopped = _without(
+            logs, [residual_patterns.stops(of, fit.noise) for of in _log_fits(fit)]
+        )
         if stopped:
-            rival = _with_motor(free, [*map(_with_terms, fit_joint(free, timing))])
+            rival = _with_motor(free, [*map(_with_terms, joint_fit.fit_joint(free, timing))])
             shares = [each.rms / each.grid.signal for each in (rival.joint, joint)]
             if fit is joint or shares[0] < shares[1]:
                 return rival, stopped
@@ -292,7 +238,7 @@ def _weighed(pair: _Pair) -> _Pair:
     A motor may show only there: it is sought again, and the better of the one found so and the same
     one refitted is kept.
     """
-    logs = with_weights(_log_fits(pair.joint), pair.joint.noise)
+    logs = residual_patterns.with_weights(_log_fits(pair.joint), pair.joint.noise)
     if logs is None:
         return pair
     again = pair.refitted(logs)
@@ -307,10 +253,10 @@ def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:
     these unless the log tells otherwise; of any other the log has to tell.
     """
     tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
-    fine = refitted(fit.grid.logs, fit, tick=tick)
-    paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
+    fine = joint_fit.refitted(fit.grid.logs, fit, tick=tick)
+    paper = abs(fit.grid.tick - 0.008) <= 1e-3 * 0.008
     likely = paper and fit.parameters.time_constant <= 0.0
-    if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
+    if timing.hold == 1 and (not better(fit, fine) if likely else terms.pays(fine, fit)):
         return fit
     return fine
 
@@ -323,7 +269,7 @@ def _bounded(
     Its top speed is at least that of all rows of the logs: those that are not fitted refute the fit
     where they are faster than the fitted ones allow. Also whether they do, and findings on them.
     """
-    fit = with_observed_speed(with_calm_friction(fit))
+    fit = joint_fit.with_observed_speed(terms.with_calm_friction(fit))
     bounds, notes = intervals_of(coarse, others), []
     if _friction_shown(fit) == math.inf:  # or it is a sag
         bounds["offset"] = Interval(-math.inf, math.inf)
@@ -335,7 +281,8 @@ def _bounded(
     most = float(np.max(np.abs(limits))) + model.gain * model.most_pose_sag
     seen = max(outside)
     most *= upper / coarse.parameters.v_max  # of a joint with that v_max
-    refuted, unit = seen - SPEED_NOISE * fit.noise > most, logs[0].unit
+    noise = 4.0 * math.sqrt(2.0) * fit.noise / 0.1  # of angles at both ends of 0.1 s
+    refuted, unit = seen - noise > most, logs[0].unit
     if refuted:
         name = logs[outside.index(seen)].name
         notes.append(told("log", "faster_than_bounded", unit, log=name, seen=seen, most=most))
@@ -348,7 +295,7 @@ def _bounded(
     if notes:
         bounds["v_max"] = Interval(max(seen, lower), math.inf)
         if seen > fit.parameters.v_max:
-            fit = with_speed_of(fit, seen)
+            fit = joint_fit.with_speed_of(fit, seen)
     return fit, bounds, refuted, notes
 
 
@@ -378,34 +325,41 @@ def _held_out(
     if not rows.any():
         return None
     try:
-        moving(resampled_like(coarse.grid, known, coarse.grid.tick))
-        fit = with_needed(refitted(known, coarse), (*MOTOR, *ORDER, *INTEGRALS), effort=FULL)
+        joint_fit.moving(resampled_like(coarse.grid, known, coarse.grid.tick))
+        fit = terms.with_needed(
+            joint_fit.refitted(known, coarse), (*MOTOR, *ORDER, *INTEGRALS), effort=FULL
+        )
         missed = fit.along(coarse.grid).predicted - grid.angles
-        if rms(missed[rows]) > ASTRAY * rms(coarse.residuals[rows]):
-            alone = _with_terms(fit_joint(known, timing)[0])
+        # Of 38 logs of 1 to 3.5 s four were refused without what follows, with it two are.
+        if rms(missed[rows]) > 1.5 * rms(coarse.residuals[rows]):
+            alone = _with_terms(joint_fit.fit_joint(known, timing)[0])
             if pair.motor:
-                alone = with_motor(alone, pair.joint.parameters)
-            alone = refitted(known, alone)
-            fit = alone if alone.cost <= (1.0 + LOST) * fit.cost else fit
-        fit = refitted(known, fit, tick=grid.tick) if grid.tick < coarse.grid.tick else fit.again()
+                alone = terms.with_motor(alone, pair.joint.parameters)
+            alone = joint_fit.refitted(known, alone)
+            fit = alone if alone.cost <= 1.2 * fit.cost else fit
+        fit = (
+            joint_fit.refitted(known, fit, tick=grid.tick)
+            if grid.tick < coarse.grid.tick
+            else fit.again()
+        )
     except InvalidInput:
         return None
     shown = fit.peak_command
-    fit = with_observed_speed(fit)
+    fit = joint_fit.with_observed_speed(fit)
     response = fit.along(grid)
     beyond = response.highest_command(fit.parameters) > 1.1 * shown and not speed_bounded(fit)
     if beyond or faster:
         speed = whole.parameters.v_max
         if not (faster or speed_bounded(whole)):  # what all rows call for is its least one
             speed = max(speed, shown)
-        fit = with_speed_of(fit, speed)
+        fit = joint_fit.with_speed_of(fit, speed)
         response = fit.along(grid)
     predicted = response.predicted[rows]
     fitted = resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0)
-    simple = simple_fits(moving(fitted))
+    simple = joint_fit.simple_fits(joint_fit.moving(fitted))
     every = resampled_like(grid, logs, timing.tick)
     first = every.measured_starts
-    others = {other.name: rms(errors_of(other, every, first)[rows]) for other in simple}
+    others = {other.name: rms(joint_fit.errors_of(other, every, first)[rows]) for other in simple}
     errors = predicted - grid.angles[rows]
     return HeldOut(
         rows=rows,
@@ -438,8 +392,8 @@ def _answer(
     The simpler descriptions are fitted on the ticks of ``coarse``, as the terms were.
     """
     some, rows = thinned(coarse.grid.logs), coarse.grid
-    simple = simple_fits(resampled_like(rows, some, rows.tick))
-    errors = {other.name: rms(errors_of(other, rows, fit.starts)) for other in simple}
+    simple = joint_fit.simple_fits(resampled_like(rows, some, rows.tick))
+    errors = {other.name: rms(joint_fit.errors_of(other, rows, fit.starts)) for other in simple}
     verdict, reason, findings = verdict_on(
         fit,
         intervals,
@@ -449,12 +403,15 @@ def _answer(
         signal=fit.grid.signal,
         tested=tested,
         friction=_friction_shown(fit) - fit.parameters.dead_band,
-        shaken=shaken(model, fits),
+        shaken=residual_patterns.shaken(model, fits),
     )
     gain = intervals.pop("gain")
     if reason.topic == "fit":  # else what a fit to this log shows is not of the joint
         asymmetry = intervals.get("v_offset")
-        findings += [*notes, *patterns(model, fits, fit.noise, asymmetry, backlash_of(fit))]
+        findings += [
+            *notes,
+            *residual_patterns.patterns(model, fits, fit.noise, asymmetry, terms.backlash_of(fit)),
+        ]
     return Identification(
         model=model,
         fits=fits,

@@ -63,62 +63,16 @@ them at most."""
 LEAST_SAVING = 0.1
 """Least share of the loss that an integral explains by itself."""
 
-LEAST_INERTIA = 0.5
-"""Least time constant beside an integral, in ticks: below it an integral reproduces play."""
-
-LEAST_RATE = 0.3
-"""Least rate of a speed loop's integral, times the delay of the joint: a slower one reproduces
-drifts and small errors of a joint that rings. (Of seven simulated cascades it is 1.1 to 2.9, of
-such a joint 0.1 to 0.2.)"""
-
-INTEGRAL_START = 0.5
-"""Rate of an integral, times the delay of the joint, from which the search for one begins."""
-
 MOTOR = ("acceleration", "time_constant", "dead_band", "asymmetry")
 """Terms that may show only together: a slow start hides dry friction, and friction the inertia."""
 
 SAVING = 0.2
-"""Least share of the loss that play explains, or the terms of a motor that are sought together, or
-a sag by the angle beside an asymmetry. (Play explains less in logs of 40 simulated servos without
-play, ``scripts/bench identify``.)"""
-
-LEAST_STRUCTURE = 0.2
-"""Least share of the variance of the residuals that is no noise from row to row: with less neither
-play nor a motor is sought."""
+"""Least share of the loss that play explains, or the terms of a motor that are sought together.
+(Play explains less in logs of 40 simulated servos without play, ``scripts/bench identify``.)"""
 
 EXPLAINED = 0.25
 """Share of the standard deviation of the motion that the enlarged joint misses at most: what
 explains less is another joint."""
-
-POOR = 0.1
-"""Rms of a fit over the standard deviation of the angles from which on a wide box is searched, too:
-of twelve overloaded servos, whose fits without inertia miss 20 to 30 % of the motion, all are found
-so, and none in a box by the fit's own delay."""
-
-LARGE_SAG = 0.3
-"""Sag by the angle [rad] from which on it is believed of an overloaded joint only: else a table on
-which the joint stands is taken for one."""
-
-SAG_DISTANCE = 2.0
-"""How far from 0 a sag by the angle has to be, in half widths of its 95 % region: in logs of servos
-without one it is at most 1.7 of them, with one of 0.25 degrees or more at least 2.7."""
-
-MOST_PLAY = 0.5
-"""Largest play, as a share of the same: a joint whose play is wider hardly moves. It keeps a play
-of 2 degrees from a humanoid's shoulder that moved by 4, and one of 38 from an overloaded servo."""
-
-FRICTION = ("dead_band", "offset", "gain")
-"""What is fitted to each log to see its friction, the rest of the joint being that of all logs."""
-
-FEWEST_ROWS = 100
-"""Of a log, to show its friction."""
-
-MOVING = 0.5
-"""Standard deviation of a log that shows the friction of motion, to that of the widest log. Without
-it a log of an SO-101 that hardly moves (0.3) gives its wrist a dead band 1.3 to 1.4 times as large,
-and motions that were not fitted are missed by 4.1 and 3.9 mrad, not by 3.8 and 3.1; twice as much
-changes nothing there."""
-
 
 INERTIAS, LIMITS = (0.15, 0.5), (0.02, 0.2, 0.6, 2.0)
 """Time constants as shares of a motor's delay, and acceleration limits times that delay over its
@@ -128,17 +82,9 @@ ends 4 % above its least loss, and misses unseen motions by 10.3 mrad, not 8.1.)
 SOME_FRICTION = 2.0
 """Dead band from which a search for friction begins, in standard deviations of the residuals."""
 
-MOST_TICKS = 6000
-"""Of longer logs only so many ticks are compared, in chunks."""
-
 TRIAL = TERM._replace(evaluations=12, tolerance=1e-3)
 ENOUGH = TERM._replace(evaluations=100, tolerance=1e-5)
 """How far each of several beginnings is followed, and the best of them."""
-
-SCREENED, TRIALS, FOLLOWED = 256, 24, 4
-"""Of the search for a motor: points at first, how many of these are followed by derivatives, and
-how many then on all rows. (Of 41 joints differential evolution beside it finds two by 1 and 2.6 %
-of the loss better, and two by 1.3 and 2.8 % worse.)"""
 
 
 def with_terms(fit: Fit) -> Fit:
@@ -179,8 +125,9 @@ def with_motor(fit: Fit, begin: Parameters | None = None) -> Fit:
 
     A load and a sag by the angle that were not kept are tried again beside them: they may show only
     there. Where the fit is poor a wide box is searched, too, and with the sag: first without a
-    sag, then, where that is new, with it. The motor found on other rows of the joint may be given
-    to begin with instead.
+    sag, then, where that is new, with it. (Of twelve overloaded servos, whose fits without inertia
+    miss 20 to 30 % of the motion, all are found so, and none in a box by the fit's own delay.) The
+    motor found on other rows of the joint may be given to begin with instead.
     """
     excerpt, loaded = _excerpt_to_search(fit, spread=True), None
     if excerpt is None:
@@ -188,7 +135,7 @@ def with_motor(fit: Fit, begin: Parameters | None = None) -> Fit:
     free = fit.free | only(*MOTOR)
     begins = [begin] if begin else _beginnings(fit, excerpt, free, partial(_near, fit), 7)
     motor = _motor(fit, begins, free, fit.starts)
-    if fit.rms > POOR * float(np.std(fit.grid.angles)):
+    if fit.rms > 0.1 * float(np.std(fit.grid.angles)):
         sag = only(*SAG) & ~free & fit.grid.unloaded
         if not begin:
             begins = _beginnings(fit, excerpt, free | sag, partial(_anywhere, fit), 9)
@@ -232,7 +179,7 @@ def with_integral(fit: Fit) -> Fit:
     at = trial.parameters
     ends = {name: model_interval(trial, name) for name in (*INTEGRALS, *MOTOR, *SAG, "compliance")}
     needed = ("time_constant", *(name for name in INTEGRALS if trial.has(name)))
-    possible = at.time_constant >= LEAST_INERTIA * tick
+    possible = at.time_constant >= 0.5 * tick  # with less it reproduces play
     possible &= at.integral < at.fastest_integral(tick)
     possible &= not _imitates_drift(at)
     determined = all(ends[name].lower > 0.0 for name in needed)
@@ -244,8 +191,12 @@ def with_integral(fit: Fit) -> Fit:
 
 
 def _imitates_drift(at: Parameters) -> bool:
-    """Whether the integral of a speed loop is far slower than the joint."""
-    return 0.0 < at.integral_rate < LEAST_RATE / at.whole_delay
+    """Whether the integral of a speed loop is far slower than the joint.
+
+    Of seven simulated cascades its rate is 1.1 to 2.9 times that of the joint; one that reproduces
+    small errors of a joint that rings has 0.1 to 0.2 times.
+    """
+    return 0.0 < at.integral_rate < 0.3 / at.whole_delay
 
 
 def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit] | None:
@@ -255,7 +206,7 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit] | None:
     """
     at, sag = fit.parameters, SAG if fit.grid.unloaded else ()
     sag = (*sag, *(["compliance"] if _shows("compliance", fit) else []))
-    rate, friction = INTEGRAL_START / at.whole_delay, SOME_FRICTION * fit.scale
+    rate, friction = 0.5 / at.whole_delay, SOME_FRICTION * fit.scale
     motors = _divisions(fit, [None])
     if at.time_constant > 0.0:
         motors.insert(0, at)
@@ -299,7 +250,9 @@ def with_calm_friction(fit: Fit) -> Fit:
     joint show different amounts; the largest is that of calm motion. A log counts where the lower
     end of its own interval lies above what all logs together show, and its angles spread at least
     half as far as those of the widest log: static friction, which holds a joint that hardly moves,
-    is more than what slows it down.
+    is more than what slows it down. (Without that a log of an SO-101 that spreads 0.3 times as far
+    gives its wrist a dead band 1.3 to 1.4 times as large, and motions that were not fitted are
+    missed by 4.1 and 3.9 mrad, not by 3.8 and 3.1.)
     """
     grid, at, logs = fit.grid, fit.parameters, fit.grid.logs
     if len(logs) < 2 or not fit.has("dead_band"):
@@ -307,12 +260,12 @@ def with_calm_friction(fit: Fit) -> Fit:
     least, size = at.dead_band, at.dead_band
     spreads = [float(np.std(log.angles[log.torque_on])) for log in logs]
     for log, spread in zip(logs, spreads, strict=True):
-        if spread < MOVING * max(spreads):
+        if spread < 0.5 * max(spreads):
             continue
         part = resampled([log], tick=grid.tick, reach=grid.reach, burn_in=grid.burn_in)
-        if len(part.angles) < FEWEST_ROWS:
+        if len(part.angles) < 100:
             continue
-        alone = least_squares(part, at, free=only(*FRICTION), effort=TERM)
+        alone = least_squares(part, at, free=only("dead_band", "offset", "gain"), effort=TERM)
         if alone.rms > EXPLAINED * float(np.std(part.angles)) or at_edge(alone, "dead_band"):
             continue
         lower = model_interval(alone, "dead_band").lower
@@ -424,10 +377,11 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
 def has_large_sag(fit: Fit) -> bool:
     """Whether a sag by the angle is believed of an overloaded joint only.
 
-    A sag of theta_0 exceeds the torque of the joint, which then stops as at a mechanical stop.
+    It may be a table on which the joint stands, and one of theta_0 exceeds the torque of the joint,
+    which then stops as at a mechanical stop.
     """
     at = fit.parameters
-    return math.hypot(at.sag_sin, at.sag_cos) >= min(LARGE_SAG, at.v_max / at.gain)
+    return math.hypot(at.sag_sin, at.sag_cos) >= min(0.3, at.v_max / at.gain)
 
 
 def _any_dead_band_does(fit: Fit, trial: Fit) -> bool:
@@ -448,7 +402,9 @@ def _sag_is_determined(fit: Fit) -> bool:
     """Whether a sag by the angle is far from 0 in the metric of its covariance, and bounded.
 
     What the model does not explain, such as a mechanical stop, may be like a sag, and logs of few
-    or close angles do not tell a sag by the angle from a constant one.
+    or close angles do not tell a sag by the angle from a constant one. (In logs of servos without
+    one it is at most 1.7 half widths of its 95 % region from 0, with one of 0.25 degrees or more at
+    least 2.7.)
     """
     pair, uncertainty = np.flatnonzero(only(*SAG)), uncertainty_of(fit)
     sag = coordinates_of(fit.grid, fit.parameters)[pair]
@@ -458,7 +414,7 @@ def _sag_is_determined(fit: Fit) -> bool:
     if np.linalg.matrix_rank(covariance) < len(pair):  # no noise, or no information
         return False
     far = float(sag @ np.linalg.solve(covariance, sag))
-    return far > (SAG_DISTANCE * uncertainty.quantile) ** 2
+    return far > (2.0 * uncertainty.quantile) ** 2
 
 
 def pays(without: Fit, with_it: Fit) -> bool:
@@ -478,7 +434,11 @@ class Backlash(NamedTuple):
 
 
 def backlash_of(fit: Fit) -> Backlash | None:
-    """The play of the joint of a fit, if it explains much; inertia and friction are free, too."""
+    """The play of the joint of a fit, if it explains much; inertia and friction are free, too.
+
+    A joint whose play is more than half of its motion hardly moves. (That keeps a play of 2 degrees
+    of a humanoid's shoulder that moved by 4.)
+    """
     excerpt = _excerpt_to_search(fit)
     if excerpt is None:
         return None
@@ -506,7 +466,7 @@ def backlash_of(fit: Fit) -> Backlash | None:
         bare = min(bare, fitted(found.parameters._replace(play=0.0), ENOUGH), key=lambda f: f.cost)
     motion, play = float(np.std(excerpt.angles)), found.parameters.play
     named = _saving(bare, found) >= SAVING
-    if not (named and found.rms <= EXPLAINED * motion and play <= MOST_PLAY * motion):
+    if not (named and found.rms <= EXPLAINED * motion and play <= 0.5 * motion):
         return None
     places = zip(excerpt.places, fit.grid.places, strict=True)
     compared = np.concatenate([used[rows] for used, rows in places])
@@ -527,25 +487,25 @@ def _beginnings(
     """Motors of a box that are good on an excerpt, where the search on all rows begins.
 
     The loss has many local optima. Points fill the box evenly (Roberts' additive sequence, 2018);
-    of those with the least loss the search by derivatives is begun. None where the best explains
-    less than half of what a motor has to. (Of 60 logs that is 0 to 13 % of the loss where no motor
-    is found, 18 % and more where one is.)
+    of the 24 with the least loss the search by derivatives is begun, and the best four are to be
+    followed on all rows. None where the best explains less than half of what a motor has to. (Of 60
+    logs that is 0 to 13 % of the loss where no motor is found, 18 % and more where one is.)
     """
     ratio = 2.0  # the root above 1 of x^(dimensions + 1) = x + 1
     for _ in range(50):
         ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1.0))
     steps = ratio ** -np.arange(1.0, dimensions + 1.0)
-    points = [joint(point) for point in (0.5 + np.outer(np.arange(SCREENED), steps)) % 1.0]
+    points = [joint(point) for point in (0.5 + np.outer(np.arange(256), steps)) % 1.0]
 
     def loss(at: Parameters) -> float:
         errors = respond(excerpt, at, excerpt.measured_starts).predicted - excerpt.angles
         return huber(excerpt.weights * errors, fit.scale)
 
     near = partial(fit.trial, grid=excerpt, effort=TRIAL)
-    trials = [near(at, free=free) for at in sorted(points, key=loss)[:TRIALS]]
+    trials = [near(at, free=free) for at in sorted(points, key=loss)[:24]]
     trials.sort(key=lambda trial: trial.cost)
     explains = _saving(near(), trials[0]) >= 0.5 * SAVING
-    return [trial.parameters for trial in trials[:FOLLOWED]] if explains else []
+    return [trial.parameters for trial in trials[:4]] if explains else []
 
 
 def _anywhere(fit: Fit, place: Array) -> Parameters:
@@ -589,26 +549,26 @@ def _near(fit: Fit, place: Array) -> Parameters:
 
 
 def _excerpt_to_search(fit: Fit, *, spread: bool = False) -> Grid | None:
-    """Parts of about 4 s, as runs of their own, in which to seek more.
+    """Parts of about 4 s, as runs of their own, in which to seek more: at most some 6,000 ticks.
 
     They are those that the model misses most, as play shows in few; with ``spread`` they are spread
     over the logs, so that what fits them best is near what fits all rows best. Their first half
     seconds are left out, in which the unknown speed at the start matters. None where the residuals
     are noise, or the rows are few.
     """
-    if fit.exact or fit.structure < LEAST_STRUCTURE:
+    if fit.exact or fit.structure < 0.2:
         return None
-    grid, length = fit.grid, 4.0
+    grid, length, most = fit.grid, 4.0, 6000
     since = grid.times - grid.times[grid.first_rows][grid.run]
     of_run = np.stack([grid.run, np.floor(since / length)])
     part = np.cumsum(np.any(np.diff(of_run, prepend=of_run[:, :1]) != 0.0, axis=0))
     ticks = np.bincount(part) * (len(grid.ticks) / len(part))
     if spread:
-        count = max(1, int(len(ticks) * min(1.0, MOST_TICKS / np.sum(ticks))))
+        count = max(1, int(len(ticks) * min(1.0, most / np.sum(ticks))))
         parts = np.unique(np.linspace(0, len(ticks) - 1, count).round().astype(np.intp))
     else:
         worst = np.argsort(-np.bincount(part, fit.weighted**2), kind="stable")
-        longest = np.searchsorted(np.cumsum(ticks[worst]), MOST_TICKS, side="right")
+        longest = np.searchsorted(np.cumsum(ticks[worst]), most, side="right")
         parts = worst[: max(1, int(longest))]
     kept = np.isin(part, parts)
     settles = (since % length < 0.5) & (np.diff(part, prepend=-1) == 0)

@@ -15,12 +15,7 @@ from planner.files.joint_model import PARAMETER_UNITS
 from planner.identification.excitation import Excitation
 from planner.identification.judgement import is_loose
 from planner.identification.parameters import TERMS
-from planner.identification.result import (
-    Identification,
-    Interval,
-    Topic,
-    telling_error,
-)
+from planner.identification.result import Identification, Interval, Topic, telling_error
 from planner.report.page import PARAMETERS, shown_in
 from planner.report.wording import (
     UNITS,

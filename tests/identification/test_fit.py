@@ -12,22 +12,10 @@ import planner
 from planner.arrays import rms
 from planner.identification import grid
 from planner.identification.grid import MOST_ROWS, glitches, resampled, thinned
-from planner.identification.least_squares import (
-    USUAL,
-    least_squares,
-    respond,
-)
+from planner.identification.least_squares import USUAL, least_squares, respond
 from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, only
-from tests.identification.made import (
-    AIBO,
-    NOISE,
-    QUANTUM,
-    changed,
-    measured,
-    rich_log,
-    step_logs,
-)
+from tests.identification.made import AIBO, NOISE, QUANTUM, changed, measured, rich_log, step_logs
 from tests.instances import joint_of
 from tests.strategies import models, trajectories
 

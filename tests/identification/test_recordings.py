@@ -5,7 +5,6 @@ import math
 import pytest
 
 import planner
-from planner.identification.terms import LARGE_SAG
 from tests.identification.made import pendulum, so101
 
 KNOWN = {"Pitch": 0.0126, "Wrist_Roll": 0.0054, "Jaw": 0.0031}
@@ -71,7 +70,7 @@ def test_an_overloaded_servo_is_refused_and_explained_by_inertia_friction_and_sa
     found = planner.identify([pendulum(recordings, "xl330", f"xl330_kp800_{m}") for m in motions])
     assert found.rms <= 0.075
     assert found.accepted
-    assert found.model.sag_sin < -LARGE_SAG
+    assert found.model.sag_sin < -0.3
     assert found.model.has_inertia
 
 
