@@ -76,10 +76,9 @@ def refine(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import model_words, repeats, units_in_messages
+    from planner.cli.desired import model_words, units_in_messages
     from planner.cli.planning import inputs_of, origins_of, prepare
     from planner.files.executed import read_executed, read_history, read_measured, write_history
-    from planner.learning.refine import in_a_cycle
     from planner.learning.refine import refine as learn
     from planner.model.response import load_columns
     from planner.planning.plan import joined
@@ -90,11 +89,6 @@ def refine(
     begun = history is not None and Path(history).is_file()
     if not begun:  # else the first trial has said it
         options.warn_of(desired.remarks)
-    if desired.foot is not None and "method" not in run.plan.keys_set:
-        warn(
-            f"learning joint by joint, as --method is {run.plan.method}: after a plan for the foot "
-            "give --method foot-optimal here too"
-        )
     period = desired.period
     executed = read_executed(requests, desired.names, len(desired.angles), period)
     names, angles, unused = read_measured(
@@ -102,13 +96,6 @@ def refine(
     )
     columns = [desired.names.index(name) for name in names]
     sent = executed.values[:, columns]
-    if not desired.cyclic and repeats(sent, None)[0]:
-        starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
-        if in_a_cycle([desired.models[j] for j in columns], sent, angles, starts):
-            warn(
-                "the measured angles begin as in a cycle that repeats, and --no-cyclic is for a "
-                "motion from rest: if the requests were repeated, leave it out, here and in plan"
-            )
     if unused:
         warn(f"{unused} measured rows after the last whole cycle are not used")
     every = executed_plans(desired, executed.values, by_joint=names != desired.names)
@@ -214,19 +201,12 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers
     from planner.report.wording import CARRIED
 
     trials = {}
-    file_models = dict(zip(desired.names, desired.models, strict=True))
     for name, plan in learnt.items():
         learning, foot = plan.learning[0], plan.task.goal == "foot"
         unit = "cm" if foot else desired.shown_units[name]
         factor = CARRIED[unit].factor
         bound, noise = learning.floor
         remarks = [as_options(text, desired.names) for text in learning.remarks]
-        models = zip(desired.names if foot else (name,), plan.models, strict=True)
-        changed = [joint for joint, model in models if model != file_models[joint]]
-        if changed and not any("identified anew" in text for text in remarks):
-            whose = f" of {', '.join(changed)}" if foot else ""
-            anew = "is not that of the file: earlier trials identified it anew"
-            remarks.append(f"the model{whose} {anew}")
         trials[name] = {
             "unit": unit,
             "trials": len(learning.errors),

@@ -61,8 +61,8 @@ def read_json(path: Path | str) -> Any:
 def write_text(path: Path | str, text: str) -> None:
     """Write ``text`` to a file, whole or not at all, or to standard output for ``-``."""
     if str(path) != STANDARD_STREAM:
-        write_bytes(path, text.encode())
-        return
+        with staged(path, text.encode()):
+            return
     try:
         sys.stdout.write(text)
         sys.stdout.flush()
@@ -70,12 +70,6 @@ def write_text(path: Path | str, text: str) -> None:
         raise
     except OSError as error:
         raise cannot_write(STANDARD_STREAM, error) from error
-
-
-def write_bytes(path: Path | str, content: bytes) -> None:
-    """Write ``content`` to a file, whole or not at all; see :func:`write_text`."""
-    with staged(path, content):
-        pass
 
 
 def to_json(content: Mapping[str, Any]) -> str:

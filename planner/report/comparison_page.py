@@ -125,20 +125,11 @@ def spoken_of(check: CrossCheck) -> dict[str, Any]:
         "has_expected": bool(np.isfinite(expected).any()),
         "farthest": lambda joint, method: index_of_largest(np.abs(joint.difference(method))),
         "closest": closest,
-        "reasons": tolerance_reasons(check.checks),
         "untested": untested_words(
             [joint.name for joint in check.joints],
             [joint.plans["optimal"].expected for joint in check.joints],
         ),
     }
-
-
-def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:
-    """Every reason of a tolerance: the unit and the names of its checks, and the reason."""
-    names: dict[tuple[str, str], dict[str, None]] = {}
-    for each in checks:
-        names.setdefault(each.claim[2:], {})[each.name] = None
-    return [(unit, "; ".join(each), reason) for (unit, reason), each in names.items()]
 
 
 # The figures.

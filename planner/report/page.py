@@ -129,7 +129,7 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
     folder = files("planner.report").joinpath("scripts")
     parts += [
         f"<script>\n{folder.joinpath(name).read_text('utf-8')}</script>"
-        for name in ("live.js", "plots.js", "leg.js", "moment.js", "tables.js")
+        for name in ("live.js", "plots.js", "leg.js", "tables.js")
     ]
     return Markup("\n".join(parts))  # our own, and JSON without markup
 

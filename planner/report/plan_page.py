@@ -16,11 +16,8 @@ from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
 from planner.report.plan_results import Numbers, PlanAnswer, no_bound, sizes_of
 from planner.report.wording import (
-    Row,
-    Table,
     at_most,
     in_each,
-    labelled,
     signed,
     two_digits,
     words_of,
@@ -35,11 +32,6 @@ def plan_page(
 ) -> Page:
     """The whole page; ``foot_given`` [m], (n, 3), is what the leg may not reach."""
     plan, role, timeline = answer.plan, figure.ROLES[answer.method], Timeline.of(answer.plan)
-    unit, labels = labelled(answer.shown)
-    requests = [  # may be long
-        Row(f"{timeline.step * k:.6g}", [f"{angle:.3f}" for angle in angles])
-        for k, angles in enumerate(np.degrees(plan.requests).tolist())
-    ]
     foot, joints, as_given = answer.foot, answer.joints, None
     groups = dict[str, Numbers]()  # by the name of their unit
     if foot_given is not None:
@@ -90,7 +82,6 @@ def plan_page(
         **limits_of(answer),
         no_bound=no_bound(plan),
         pictures=[joint_figure(answer, role, j) for j in range(len(plan.names))],
-        requests=Table(timeline.unit, labels.values(), requests, f"Requests [{unit}]"),
         models=models_table(dict(zip(plan.names, plan.models, strict=True)), answer.shown),
     )
 
