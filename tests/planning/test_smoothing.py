@@ -257,6 +257,8 @@ def foot_problem():
 
 def test_no_more_is_allowed_than_the_share_but_where_many_requests_lead_to_one_motion():
     """The share is of the shown error; for a foot and dry friction an encoder's step is."""
+    known = track(ERS210A.with_evidence(Evidence(0.1)), np.zeros(5), cyclic=True)
+    assert judged(known, known.resting).model_error == pytest.approx(0.1)
     sticky = track(replace(ERS210A, dead_band=0.01), np.zeros(5), cyclic=True)
     for problem in (track(ERS210A, np.zeros(5), cyclic=True), sticky, foot_problem()):
         smooth, plan = replace(problem, smoothness=0.1), replace(problem, smoothness=0.0)
