@@ -79,19 +79,6 @@ def test_changelog_and_citation_tell_the_version_and_its_date():
     assert CITATION["version"] == __version__
 
 
-def test_the_scripts_look_for_the_pythons_that_the_metadata_names():
-    named = [
-        found[1]
-        for line in PROJECT["classifiers"]
-        if (found := re.fullmatch(r"Programming Language :: Python :: (3\.\d+)", line))
-    ]
-    assert PROJECT["requires-python"] == f">={named[0]}"
-    scripts = (ROOT / "scripts" / "_venv").read_text(encoding="utf-8")
-    listed = re.search(r"^supported=\((.*)\)$", scripts, re.MULTILINE)
-    assert listed is not None
-    assert listed[1].split() == [f"python{version}" for version in reversed(named)]
-
-
 def test_the_extra_for_developers_has_what_the_others_need_in_the_same_versions():
     extras = PROJECT["optional-dependencies"]
     inside = {*extras["dev"]}

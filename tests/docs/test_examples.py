@@ -37,19 +37,6 @@ def test_the_script_runs_and_leaves_the_files_that_it_names(script, tmp_path, mo
     assert len(list(tmp_path.iterdir())) == told.count(".svg") + told.count("requests.csv")
 
 
-def test_the_servos_script_takes_a_log(tmp_path, monkeypatch):
-    script = ROOT / "examples" / "own_servo.py"
-    log = runpy.run_path(str(script))["recorded"]()
-    rows = [f"{t},{r},{a}" for t, r, a in zip(log.times, log.requests, log.angles, strict=True)]
-    file = tmp_path / "my_log.csv"
-    file.write_text("\n".join(["t_s,requested_rad,actual_rad", *rows]))
-    monkeypatch.setattr(sys, "argv", [str(script), str(file)])
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        runpy.run_path(str(script), run_name="__main__")
-    assert "planned: 3.8" in printed.getvalue()
-
-
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")  # no window is meant
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.name)
 def test_the_cells_of_the_notebook_print_what_it_shows(notebook):

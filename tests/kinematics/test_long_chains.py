@@ -10,31 +10,9 @@ from hypothesis import strategies as st
 from kinematics import InvalidInput, Leg, Limits, UnsupportedLeg
 from kinematics.inverse import jumps
 from planner.gait.stride import dexterity, standing_pose
-from tests.kinematics.made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
+from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, reference_leg, urdf_text
 
 REACHED = 1e-9  # largest distance to the foot that the inverse leaves [m]
-
-ARM = [
-    Joint((0.0, 0.0, 0.1), Z, kind="continuous"),
-    Joint((0.0, 0.05, 0.1), Y, rpy=(0.1, 0.2, 0.3)),
-    Joint((0.0, 0.0, 0.2), Y),
-    Joint((0.0, 0.02, 0.2), X, rpy=(-0.3, 0.0, 0.1)),
-    Joint((0.03, 0.0, 0.05), Z, kind="continuous"),
-]
-TIP = (0.02, 0.01, 0.06)
-
-
-def test_the_speeds_are_those_of_the_urdf_where_they_can_be_meant(tmp_path):
-    text = urdf_text(ARM[:3], TIP)
-    for number, speed in enumerate(("7.5", "101", "0")):
-        text = text.replace('velocity="1"', f'velocity="{speed}" ', 1) if number else text
-    path = tmp_path / "fast.urdf"
-    path.write_text(text, encoding="utf-8")
-    speeds = Leg.from_urdf(path, base="link_0", foot="tip").speeds
-    np.testing.assert_array_equal(speeds, [np.nan, np.nan, np.nan])
-    path.write_text(text.replace('velocity="0"', 'velocity="7.5"'), encoding="utf-8")
-    speeds = Leg.from_urdf(path, base="link_0", foot="tip").speeds
-    np.testing.assert_array_equal(speeds, [np.nan, np.nan, 7.5])
 
 
 def test_a_leg_of_two_joints_has_an_inverse(tmp_path):
