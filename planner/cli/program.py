@@ -38,7 +38,6 @@ COMMANDS = {
     "run": ("run", "Carry out what one TOML file describes."),
     "simulate": ("simulate", "Simulate joints under requests."),
     "sweep": ("run", "Plan for ranges of gaits or speeds: fast at a small error."),
-    "view": ("simulate", "Write a page that shows the robot moving."),
     "virtual-bus": ("servos", "Put virtual servos behind a pseudo-terminal."),
 }
 """The commands, their modules and their help: each is the function of this name, with _ for -."""

@@ -16,7 +16,6 @@ HEAVY = (
     "cvxpy",
     "jinja2",
     "matplotlib",
-    "meshcat",
     "mujoco",
     "numpy",
     "osqp",
