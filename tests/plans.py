@@ -10,12 +10,11 @@ from planner.planning.problem import Problem
 from planner.planning.task import Task
 
 
-def inversion(model, desired, requests, *, method="optimal", approximation=None, **asked):
+def inversion(model, desired, requests, *, method="optimal", **asked):
     """The requests as a plan for the desired angles, with further options of a task."""
     requests = np.array(requests, dtype=float)[:, np.newaxis]
     task = Task.of([model], desired, names=("",), smoothness=0.0, **asked)
-    curves = () if approximation is None else (approximation,)
-    return Inversion(Plan(task=task, requests=requests, method=method, approximations=curves))
+    return Inversion(Plan(task=task, requests=requests, method=method))
 
 
 def joint_task(model, desired, *, cyclic=True, norm="rms", start=None, load=None):

@@ -18,12 +18,10 @@ LEG = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal
 def execute():
     """Play requests from a file on joints that are not the model; measured angles to a file."""
 
-    def execute(requests="requests.csv", measured="measured.csv", *, cycles=1, ending=None):
+    def execute(requests="requests.csv", measured="measured.csv"):
         path = read_joint_path(requests)
         angles = np.column_stack([simulate(TRUE, column) for column in path.values.T])
-        rows = np.tile(angles, (cycles, 1))
-        rows = rows if ending is None else rows[:ending]
-        write_joint_path(measured, path.names, rows, period=0.008)
+        write_joint_path(measured, path.names, angles, period=0.008)
         return angles
 
     return execute
@@ -65,9 +63,9 @@ def late(run, desired, execute):
     angles = np.degrees(execute())
     count = len(angles)
 
-    def late(*names, jitter=0.2, lost=(100,), drift=1.0):
+    def late(*names, lost=(100,), drift=1.0):
         rows = np.arange(3 * count)
-        at = rows + jitter * np.sin(rows**2)  # as uneven as it gets
+        at = rows + 0.2 * np.sin(rows**2)  # as uneven as it gets
         columns = [np.interp(at, rows, np.tile(column, 3)) for column in angles.T]
         table = np.delete(np.column_stack([0.008 * drift * at + 7.0, *columns]), lost, axis=0)
         np.savetxt("late.csv", table, "%.5f", ",", header=",".join(names), comments="")

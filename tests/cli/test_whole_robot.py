@@ -15,7 +15,7 @@ LEGS = ("front-left", "front-right", "hind-left", "hind-right")
 TURNED = "hind_left_knee"  # a joint whose servo is mounted the other way round
 
 
-def robot_text(*, reach=2.6, legs=LEGS):
+def robot_text(*, reach=2.6):
     """A model file of the ERS-210A on a virtual bus."""
     joints = [
         f"{leg.replace('-', '_')}_{joint}"
@@ -31,7 +31,7 @@ def robot_text(*, reach=2.6, legs=LEGS):
         block = block.replace("limits = [-0.7, 0.7]", f"limits = [{-reach}, {reach}]")
         turned = "-1" if joint == TURNED else "1"
         blocks.append(block.replace("direction = 1", f"direction = {turned}"))
-    for leg in legs:
+    for leg in LEGS:
         foot = f"{leg.replace('-', '_')}_ball"
         frames = f'urdf = "ers210a.urdf"\nbase = "body"\nfoot = "{foot}"\n'
         blocks.append(f"[leg.{leg}]\n{frames}")

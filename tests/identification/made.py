@@ -64,16 +64,13 @@ def rich_log(model=AIBO, *, seed=0, rows=400, amplitude=0.6, noise=0.0, quantum=
     )
 
 
-def servo(
-    requests, period, *, top, gain, delay, constant, friction, most=math.inf, play=0.0, behind=False
-):
+def servo(requests, period, *, top, gain, delay, constant, friction, most=math.inf, play=0.0):
     """Angles of a servo that is not the model, in steps of a millisecond [rad].
 
     The speed that it is called to follows the error of ``delay`` before; it gains that speed with a
     time constant and at most ``most`` [rad/s^2]. Coulomb friction, which holds an error of
     ``friction``, opposes the speed; ``top`` is the top speed that it leaves.
-    Between motor and joint is play; the error is that of the joint, or of the motor where the
-    sensor of its loop is before the play and the joint is measured behind it.
+    Between motor and joint is play; the error is that of the joint.
     """
     fine = round(period / 0.001)
     step, half = period / fine, play / 2.0
@@ -83,7 +80,7 @@ def servo(
     for k, request in enumerate(late[: fine * len(requests)].tolist()):
         if k % fine == 0:
             angles.append(angle)
-        error, most_called = request - (motor if behind else angle), top + gain * friction
+        error, most_called = request - angle, top + gain * friction
         called = min(max(gain * error, -most_called), most_called)
         speed += min(max(step / constant * (called - speed), -step * most), step * most)
         held = step / constant * gain * friction

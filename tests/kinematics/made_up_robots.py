@@ -57,9 +57,9 @@ def made_up_leg(folder: Path, joints: list[Joint], tip: Vector) -> Leg:
     return Leg.from_urdf(path, base="link_0", foot="tip")
 
 
-def ers210a_leg(name: str, point: str = "ball") -> Leg:
+def ers210a_leg(name: str) -> Leg:
     """A leg of the ERS-210A, from the body."""
-    return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot=f"{name}_{point}")
+    return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot=f"{name}_ball")
 
 
 def reference_leg() -> Leg:

@@ -131,7 +131,7 @@ class MadeUp:
         best: Highest factor at which the plan of least rms error keeps the tolerance.
         largest: The same of the plan for the largest error.
         proved: Lowest factor that the bound refutes.
-        tried: Each factor that was planned, with the norm and the plans that were kept.
+        tried: Each factor that was planned, with the norm.
     """
 
     def __init__(self, monkeypatch, *, best, largest=0.0, proved=np.inf):
@@ -143,11 +143,11 @@ class MadeUp:
         kept = self.largest if norm == "max" else self.best
         return TOLERANCE * speed / kept if kept else np.inf
 
-    def replay_at(self, path, moments, *, speed=None, norm="rms", known=None, **_):
+    def replay_at(self, path, moments, *, speed=None, norm="rms", **_):
         if speed is None:
             speed = (moments[-1] - moments[0]) / ((len(moments) - 1) * path.period)
         if path.duration > 2.0:  # not of the hardest second alone
-            self.tried.append((speed, norm, known))
+            self.tried.append((speed, norm))
         size = self.error(speed, norm)
         errors = size * np.resize([1.0, 0.5, -1.0], len(moments))
         factors = {"direct": 5.0, "shifted": 2.0, "planned": 1.0, "resent": 5.0}
@@ -190,7 +190,7 @@ def test_the_largest_factor_is_found_to_a_hundredth_and_keeps_the_tolerance(best
     assert best / 1.0101 <= found.constant <= best
     assert found.replay.speed == found.speed == found.constant
     assert np.max(np.abs(found.replay.joints[0].error_of("planned"))) <= TOLERANCE
-    speeds = [speed for speed, norm, _ in made_up.tried if norm == "rms"]
+    speeds = [speed for speed, norm in made_up.tried if norm == "rms"]
     assert len(set(speeds)) == len(speeds)  # each speed is planned once
 
 
