@@ -258,15 +258,6 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, str]:
     )
 
 
-def check_angles(names: Sequence[str], units: Sequence[str]) -> None:
-    """Refuse joints in shares of their range where angles are needed."""
-    if shares := [name for name, unit in zip(names, units, strict=True) if unit in SHARES]:
-        raise BadSetting(
-            f"'{shares[0]}' is in shares of its range, expected an angle; choose others with "
-            "‹path.joints›"
-        )
-
-
 # Limits, starts and load.
 
 
@@ -466,7 +457,13 @@ def models_of(
             "nothing; name models of theirs, as identify writes them, with ‹model.file›"
         )
     pairs = zip(models, shares, strict=True)
-    return tuple(_in_percent(each) if share else each for each, share in pairs)
+    return tuple(scaled(each) if share else each for each, share in pairs)
+
+
+def model_of(run: settings.Run, joint: str) -> JointModel:
+    """The model of a joint without a path, in its own unit."""
+    (model,) = _by_file(run, [joint], None)
+    return model
 
 
 def _by_file(run: settings.Run, joints: Sequence[str], leg: Leg | None) -> tuple[JointModel, ...]:
@@ -496,12 +493,11 @@ def _by_file(run: settings.Run, joints: Sequence[str], leg: Leg | None) -> tuple
     return tuple(replace(paper, v_max=speeds[j], theta_0=speeds[j] * share) for j in joints)
 
 
-def _in_percent(model: JointModel) -> JointModel:
-    """The model of a joint in shares of its range, scaled so that a percent is a degree."""
-    factor = SHARES["range"]
+def scaled(model: JointModel, factor: float = SHARES["range"]) -> JointModel:
+    """The model of a joint in shares of its range, by default so that a percent is a degree."""
     angles = [each.name for each in fields(model) if each.metadata["unit"].startswith("rad")]
-    scaled = replace(model, **{name: factor * getattr(model, name) for name in angles})
-    return scaled.with_evidence(model.evidence and model.evidence.scaled(factor, angles))
+    other = replace(model, **{name: factor * getattr(model, name) for name in angles})
+    return other.with_evidence(model.evidence and model.evidence.scaled(factor, angles))
 
 
 def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> str:

@@ -35,7 +35,7 @@ def fit(
     ),
     output: str = options.output,
 ) -> Answer:
-    """Approximate DESIRED, a CSV of <joint>_deg or <joint>_rad columns, by lines within ±v_max.
+    """Approximate DESIRED, a CSV of <joint>_deg, _rad or _percent columns, by lines within ±v_max.
 
     \b
     Example, six lines per joint, and their knots:
@@ -46,14 +46,15 @@ def fit(
     import numpy as np
 
     from planner.approximation.fit_pwl import choices, fit_pwl
-    from planner.cli.desired import check_angles, load_joints, model_words
+    from planner.cli.desired import load_joints, model_words, units_in_messages
     from planner.cli.planning import inputs_of, origins_of
     from planner.files.paths import write_curve
     from planner.report.fit_page import fit_page, fit_results, fits_table, proof_words
+    from planner.report.wording import CARRIED
 
     path = load_joints(run)
     options.warn_of(path.remarks)
-    check_angles(path.names, path.units)
+    units = {name: CARRIED[unit] for name, unit in path.shown_units.items()}
     if knots is not None and len(path.names) > 1:
         raise click.UsageError(
             f"--knots writes one joint, got {', '.join(path.names)}; choose one with --joint."
@@ -69,25 +70,28 @@ def fit(
     with Progress(len(path.names)) as progress:
         for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
             progress(name)
-            with about(name):
+            with units_in_messages(path.shown_units), about(name):
                 fits[name] = fit_pwl(
                     path.angles[:, j], v_max=joint.v_max, tick=joint.period, **arguments
                 )
     document = {
         "cyclic": path.cyclic,
         "period_s": path.period,
-        "joints": {name: fit_results(curve) for name, curve in fits.items()},
+        "joints": {name: fit_results(curve, units[name]) for name, curve in fits.items()},
     }
-    words = f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits).text()}"
+    words = (
+        f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits, units).text()}"
+    )
     words += f"\nproved: {proof}" if (proof := proof_words(fits)) else ""
     angles = np.column_stack([curve.angles for curve in fits.values()])
     if knots is not None:
-        write_curve(knots, next(iter(fits.values())))
+        ((name, curve),) = fits.items()
+        write_curve(knots, curve, unit=path.shown_units[name])
     return Answer(
         document,
         words,
         lambda file: path.write(file, angles),
-        lambda: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}),
+        lambda: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}, units),
         origins_of(run),
         [*inputs_of(path), ("lines", output), ("knots", knots)],
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import pickle
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -213,7 +212,10 @@ def excite(
         "the tests of Equation 1.",
         default="combined",
     ),
-    limits_deg: Span = option("Range of the requests.", example=[-27, 147]),
+    limits_deg: Span = option(
+        "Range of the requests; in percent where --model is in shares of the joint's range.",
+        example=[-27, 147],
+    ),
     rate_hz: Positive | None = option(
         "Requests per second.", otherwise="those of the expected model"
     ),
@@ -242,37 +244,47 @@ def excite(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import models_of
+    from planner.cli.desired import model_of
+    from planner.files.columns import SHARES
     from planner.files.paths import write_joint_path
     from planner.files.table import table_text
     from planner.identification.excitation import excite as make
     from planner.identification.excitation import expect
     from planner.report.identification_text import excitation_results, excitation_text
+    from planner.report.wording import UNITS
 
-    (low, high), turns = limits_deg, 720.0
+    model, (low, high), turns = model_of(run, joint), limits_deg, 720.0
+    share = model.evidence is not None and model.evidence.unit == "range"
+    unit = UNITS["1" if share else "rad"]
+    if share and not 0.0 <= low < high <= 100.0:
+        raise click.UsageError(
+            f"--limits-deg: got {low:g}:{high:g}, expected percent of the range, 0 to 100, as the "
+            "model is in shares of it."
+        )
     if high - low > turns:
         raise click.UsageError(
             f"--limits-deg: got {low:g}:{high:g}, expected at most {turns:g} degrees from one to "
             "the other, two turns; are they counts of a sensor?"
         )
-    (model,) = models_of(run, [joint])
     usual = 60.0 if kind == "combined" else 20.0
     excitation = make(
         kind.replace("-", "_"),
-        limits=(math.radians(low), math.radians(high)),
+        limits=(low / unit.factor, high / unit.factor),
         period=model.period if rate_hz is None else 1.0 / rate_hz,
         duration=usual if duration_s is None else duration_s,
     )
-    expected = expect(excitation, model)
+    expected = expect(excitation, model, noise=0.2 / unit.factor, resolution=0.3 / unit.factor)
     (fit,) = expected.fits
     prefix, log = "" if joint == UNNAMED else f"{joint}_", fit.log
-    simulated = np.column_stack([log.times, np.degrees(log.requests), np.degrees(log.angles)])
-    names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
+    both = unit.factor * np.column_stack([log.requests, log.angles])
+    simulated = np.column_stack([log.times, both])
+    names = ["t_s", f"{prefix}requested_{unit.name}", f"{prefix}actual_{unit.name}"]
+    carried = excitation.requests[:, None] * (SHARES["range"] if share else 1.0)
     return Answer(
         excitation_results(excitation, expected),
         excitation_text(excitation, expected, model=run.model.file),
         lambda file: write_joint_path(
-            file, [joint], excitation.requests[:, None], period=excitation.period
+            file, [joint], carried, period=excitation.period, units=[unit.name]
         ),
         files=[(expected_log, table_text(names, simulated))],
     )

@@ -101,18 +101,20 @@ def compare(
         request-planner gait -o foot.csv
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
-    from planner.cli.desired import check_angles, desired_of, model_words
+    from planner.cli.desired import desired_of, model_words, scaled, units_in_messages
     from planner.cli.planning import inputs_of, notes_of, origins_of
     from planner.evaluation.cross_check import cross_check
+    from planner.files.columns import SHARES
     from planner.report.comparison_page import comparison_page, comparison_text, verdict_line
+    from planner.report.wording import CARRIED, renamed
 
     desired = desired_of(run)
     options.warn_of(desired.remarks)
-    check_angles(desired.names, desired.units)
-    leg = desired.leg
+    leg, units = desired.leg, desired.shown_units
     whole = leg if leg is not None and set(desired.names) == set(leg.joint_names) else None
     desired = desired if whole is None else desired.of_leg(whole)  # in its order
-    with Progress(len(desired.names) + (whole is not None)) as progress:
+    steps = len(desired.names) + (whole is not None)
+    with Progress(steps) as progress, units_in_messages(units):
         check = cross_check(
             desired.models,
             desired.angles,
@@ -128,18 +130,24 @@ def compare(
         )
     title, unreachable, notes = desired.title, desired.unreachable, notes_of(desired)
     with fitted_to(terminal_width(sys.stdout)):
-        table = f"{model_words(run.model)}\n{comparison_text(check)}"
+        table = f"{model_words(run.model)}\n{comparison_text(check, units)}"
     verdict, words = verdict_line(check), []
     if unreachable:
         words.append(f"{unreachable} samples were out of the leg's reach")
     if check.passed:
         words.append(verdict)
+    document = {**check.to_dict(), "unreachable_samples": unreachable}
+    for name, model in zip(desired.names, desired.models, strict=True):
+        if units[name] == "percent":
+            own = renamed(document["joints"][name], CARRIED["percent"])
+            own["model"] = scaled(model, 1.0 / SHARES["range"]).parameters()  # as in its file
+            document["joints"][name] = own
     return Answer(
-        {**check.to_dict(), "unreachable_samples": unreachable},
+        document,
         "\n".join(words),
         lambda _: click.echo(table),
         lambda: comparison_page(
-            check, title=title, leg=whole, unreachable=unreachable, notes=notes
+            check, units, title=title, leg=whole, unreachable=unreachable, notes=notes
         ),
         [*origins_of(run), ("bounds up to", level)],
         inputs_of(desired),

@@ -205,13 +205,15 @@ def write_samples(path: Path | str, titles: Sequence[str], rows: Array, *, perio
     write_table(path, [TIME, *titles], np.column_stack([times, rows]))
 
 
-def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:
-    """Write a curve: its knots as CSV, or all of it as JSON for ``*.json``."""
+def write_curve(path: Path | str, curve: PiecewiseLinear, *, unit: str = "deg") -> None:
+    """Write a curve: its knots as CSV, or all of it as JSON for ``*.json``, in rad or shares."""
     if str(path).lower().endswith(".json"):  # which `PiecewiseLinear(**...)` takes back
-        write_text(path, json.dumps(curve.to_dict(), indent=2, allow_nan=False) + "\n")
+        content, whole = curve.to_dict(), SHARES["range"] if unit == "percent" else 1.0
+        content["values"] = (curve.values / whole).tolist()
+        write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
     else:
         columns = np.column_stack([curve.knots * curve.tick, np.degrees(curve.values)])
-        write_table(path, ["knot_s", "value_deg"], columns)
+        write_table(path, ["knot_s", f"value_{unit}"], columns)
 
 
 def read_times(table: Table, *, even: bool = True) -> Array | None:

@@ -280,8 +280,9 @@ def expect(
 ) -> Identification:
     """Identify the expected joint, at any rate, from what it would answer to the signal.
 
-    Its intervals are those to expect from the robot, as far as the robot is like the model.
-    InvalidInput is raised where noise or resolution is negative.
+    Its intervals are those to expect from the robot, as far as the robot is like the model. The log
+    has angles, or shares of a range where the evidence of the model says so. InvalidInput is raised
+    where noise or resolution is negative.
     """
     for name, value in (("noise", noise), ("resolution", resolution)):
         if not 0.0 <= value < math.inf:
@@ -296,5 +297,6 @@ def expect(
         requests=excitation.requests,
         angles=angles,
         name=f"simulated {excitation.kind}",
+        unit="1" if model.evidence is not None and model.evidence.unit == "range" else "rad",
     )
     return identify(log, tick=joint.tick, hold=joint.hold, hold_out=False)

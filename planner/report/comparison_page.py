@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,16 @@ from planner.model.evidence import untested_words
 from planner.report import figure
 from planner.report.figure import Axis, Figure, Panel, Timeline, line
 from planner.report.page import Page, models_table
-from planner.report.wording import percent, rendered_text, words_of
+from planner.report.wording import (
+    CARRIED,
+    Unit,
+    in_each,
+    labelled,
+    largest_of,
+    percent,
+    rendered_text,
+    words_of,
+)
 
 SHOWN = "closed_form_paper"
 """The closed form that is drawn."""
@@ -36,14 +45,19 @@ FOOT_ROLES = {
 
 def comparison_page(
     check: CrossCheck,
+    units: Mapping[str, str] = {},
     *,
     title: str = "",
     leg: Leg | None = None,
     unreachable: int = 0,
     notes: Sequence[str] = (),
 ) -> Page:
-    """The whole page: verdict and key figures first, sources last; with a leg, it moves."""
-    joints, foot = check.joints, check.foot
+    """The whole page: verdict and key figures first, sources last; with a leg, it moves.
+
+    The ``units`` are those of joints that are not in degrees, by their names in :data:`.CARRIED`.
+    """
+    joints, foot, said = check.joints, check.foot, spoken_of(check, units)
+    of = {joint.name: units.get(joint.name, "deg") for joint in joints}
     names = [joint.name for joint in joints]
     excesses = {
         joint.name: math.degrees(beyond_limits(joint.plans[SHOWN].requests, joint.limits))
@@ -54,21 +68,24 @@ def comparison_page(
     far = [joint for joint in joints if any(math.isinf(joint.gap(each)) for each in shown)]
     gaps: dict[str, dict[str, Any]] = {}  # from smallest to largest, or errors over a bound near 0
     for method in shown:
-        errors = [joint.plans[method].error for joint in far]
+        errors = ((of[joint.name], math.degrees(joint.plans[method].error)) for joint in far)
         ends = [percent(end(joint.gap(method) for joint in joints)) for end in (min, max)]
         gap = ends[0] if ends[0] == ends[1] else f"{ends[0].removesuffix(' %')} – {ends[1]}"
-        gaps[method] = {"degrees": math.degrees(max(errors)) if errors else None, "gap": gap}
+        gaps[method] = {"errors": largest_of(errors), "gap": gap}
     feet = foot and [foot.plans[method].distances for method in ("optimal", "foot_optimal")]
-    moving, pictures = figures_of(check, leg)
+    moving, pictures = figures_of(check, leg, said["shown"])
+    apart = [math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in joints]
     return Page(
         "comparison",
-        **spoken_of(check),
+        **said,
         title=title or ", ".join(names),
         leg=leg,
         good=check.passed,
         zero=bool(far),
         gaps=gaps,
-        apart=max(math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in joints),
+        apart=largest_of(zip(of.values(), apart, strict=True)) if max(apart) > 0.0 else {},
+        units_by_name=CARRIED,
+        each=lambda sizes: in_each(sizes, lambda size: f"{size:.3g}"),
         failures=[*map(failure_words, check.failures)],
         unreachable=unreachable,
         # more than rounding of degrees
@@ -80,16 +97,16 @@ def comparison_page(
         foot_gap=foot and foot.gap("foot_optimal"),
         worst=max(joints, key=lambda joint: joint.plans["optimal"].error),
         pictures=pictures,
-        models=models_table({joint.name: joint.model for joint in joints}),
+        models=models_table({joint.name: joint.model for joint in joints}, said["shown"]),
     )
 
 
 # The tables, and the text of a terminal.
 
 
-def comparison_text(check: CrossCheck) -> str:
+def comparison_text(check: CrossCheck, units: Mapping[str, str] = {}) -> str:
     """The text for a terminal."""
-    return rendered_text("comparison.txt", **spoken_of(check))
+    return rendered_text("comparison.txt", **spoken_of(check, units))
 
 
 def verdict_line(check: CrossCheck) -> str:
@@ -109,18 +126,24 @@ def failure_words(check: Check) -> str:
     )
 
 
-def spoken_of(check: CrossCheck) -> dict[str, Any]:
+def spoken_of(check: CrossCheck, units: Mapping[str, str] = {}) -> dict[str, Any]:
     """What the tables show: of each claim the plan closest to breaking it, or all that do."""
     expected = [joint.plans["optimal"].expected.error for joint in check.joints]
     claims: dict[tuple[str, str], list[Check]] = {}
     for each in check.checks:
         claims.setdefault((each.name, each.claim.unit), []).append(each)
+    shown = {joint.name: CARRIED[units.get(joint.name, "deg")] for joint in check.joints}
+    unit, labels = labelled(shown)
     closest = list[Check]()
     for same in claims.values():
         worst = max(same, key=lambda each: each.value - each.claim.tolerance)
         closest += [each for each in same if not each.passed] or [worst]
     return {
         "check": check,
+        "shown": shown,
+        "unit": unit,
+        "labels": labels,
+        "shares": [name for name, own in shown.items() if own is CARRIED["percent"]],
         "methods": METHODS,
         "has_expected": bool(np.isfinite(expected).any()),
         "farthest": lambda joint, method: index_of_largest(np.abs(joint.difference(method))),
@@ -135,11 +158,13 @@ def spoken_of(check: CrossCheck) -> dict[str, Any]:
 # The figures.
 
 
-def figures_of(check: CrossCheck, leg: Leg | None) -> tuple[Figure | None, list[Figure]]:
+def figures_of(
+    check: CrossCheck, leg: Leg | None, shown: Mapping[str, Unit]
+) -> tuple[Figure | None, list[Figure]]:
     """The leg that moves as desired and under the plans, and figures of the joints and the foot."""
     joints, foot = check.joints, check.foot
     timeline = Timeline(check.period, len(joints[0].desired), check.cyclic)
-    pictures = [joint_figure(timeline, joint, j) for j, joint in enumerate(joints)]
+    pictures = [joint_figure(timeline, each, j, shown[each.name]) for j, each in enumerate(joints)]
     if foot is None:
         return None, pictures
     plans = [(role, foot.plans[method]) for method, role in FOOT_ROLES.items()]
@@ -151,7 +176,7 @@ def figures_of(check: CrossCheck, leg: Leg | None) -> tuple[Figure | None, list[
     return timeline.leg("leg", words_of("comparison_leg"), desired, others), pictures
 
 
-def joint_figure(timeline: Timeline, joint: JointComparison, j: int) -> Figure:
+def joint_figure(timeline: Timeline, joint: JointComparison, j: int, unit: Unit) -> Figure:
     """A joint: its angles, its requests, and how far these differ."""
     plans = [(joint.plans[SHOWN], figure.CLOSED_FORM), (joint.plans["optimal"], figure.OPTIMAL)]
     look = figure.INK._replace(label="difference", width=1.3)
@@ -164,6 +189,7 @@ def joint_figure(timeline: Timeline, joint: JointComparison, j: int) -> Figure:
         words_of("comparison_joint", name=joint.name),
         angles=[(joint.desired, figure.DESIRED), *((plan.predicted, role) for plan, role in plans)],
         requests=[(plan.requests, role) for plan, role in plans],
+        unit=unit,
         limits=joint.limits,
-        below=[Panel(Axis("difference", "deg"), (zero, difference), title, height=0.8)],
+        below=[Panel(Axis("difference", unit.sign), (zero, difference), title, height=0.8)],
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -23,27 +24,44 @@ from planner.report.figure import (
     line,
 )
 from planner.report.page import Page
-from planner.report.wording import Table, table_of, words_of
+from planner.report.wording import (
+    UNITS,
+    Table,
+    Unit,
+    at_most,
+    in_each,
+    labelled,
+    renamed,
+    table_of,
+    two_digits,
+    words_of,
+)
 
 if TYPE_CHECKING:
     from planner.approximation.fit_pwl import Choices, PiecewiseLinearFit
 
 
-def fit_page(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choices]) -> Page:
+def fit_page(
+    fits: Mapping[str, PiecewiseLinearFit],
+    choices: Mapping[str, Choices],
+    units: Mapping[str, Unit],
+) -> Page:
     """The page: every joint's samples and lines, with error against number of lines beside them."""
-    worst = max(fits, key=lambda name: fits[name].max_error)
-    rms, most = np.degrees([fits[worst].rms, fits[worst].max_error])
+    worst = dict[str, str]()  # the joint that is farthest off, by the name of its unit
+    for name in sorted(fits, key=lambda name: fits[name].max_error):
+        worst[units[name].name] = name
     joints = {
-        name: [fit_figure(name, fit, k), choices_figure(choices[name], fit, k)]
+        name: [fit_figure(name, fit, k, unit), choices_figure(choices[name], fit, k, unit)]
         for k, (name, fit) in enumerate(fits.items(), 1)
+        for unit in [units[name].sign]
     }
     return Page(
         "fit",
         joints=joints,
-        errors=fits_table(fits),
-        worst=worst,
-        rms=rms,
-        most=most,
+        errors=fits_table(fits, units),
+        worst=" and ".join(worst.values()),
+        rms=in_each({u: math.degrees(fits[name].rms) for u, name in worst.items()}, two_digits),
+        most=in_each({u: math.degrees(fits[name].max_error) for u, name in worst.items()}, at_most),
         proof=proof_words(fits),
     )
 
@@ -55,9 +73,9 @@ def proof_words(fits: Mapping[str, PiecewiseLinearFit]) -> str:
     return "no curve of as many lines, with knots on samples, has a smaller rms error"
 
 
-def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
+def fit_results(curve: PiecewiseLinearFit, unit: Unit = UNITS["rad"]) -> dict[str, Any]:
     """An approximation for machines."""
-    return {
+    numbers = {
         "segments": len(curve.slopes),
         "fewest_segments": curve.fewest_segments,
         "proved": curve.proved,
@@ -68,22 +86,24 @@ def fit_results(curve: PiecewiseLinearFit) -> dict[str, Any]:
         "slopes_deg_per_s": np.degrees(curve.slopes).tolist(),
         "angles_deg": np.degrees(curve.angles).tolist(),
     }
+    return renamed(numbers, unit)
 
 
-def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:
+def fits_table(fits: Mapping[str, PiecewiseLinearFit], units: Mapping[str, Unit]) -> Table:
     """The number of lines of every joint, and its errors."""
+    unit, labels = labelled({name: units[name] for name in fits})
     bounded = any(fit.fewest_segments is not None for fit in fits.values())
     columns = {
         "lines": "segments",
         **({"fewest possible": "fewest_segments"} if bounded else {}),
-        "rms [deg]": "rms_deg .3f",
-        "max [deg]": "max_deg .3f",
+        f"rms [{unit}]": "rms_deg .3f",
+        f"max [{unit}]": "max_deg .3f",
     }
-    rows = ((name, fit_results(fit)) for name, fit in fits.items())
+    rows = ((labels[name], fit_results(fit)) for name, fit in fits.items())
     return table_of("joint", rows, columns, "Lines")
 
 
-def fit_figure(name: str, fit: PiecewiseLinearFit, number: int) -> Figure:
+def fit_figure(name: str, fit: PiecewiseLinearFit, number: int, unit: str = "deg") -> Figure:
     """A joint's samples, and the lines through them."""
     timeline = Timeline(fit.tick, fit.samples, fit.cyclic)
     step, last = timeline.step, timeline.last
@@ -101,11 +121,13 @@ def fit_figure(name: str, fit: PiecewiseLinearFit, number: int) -> Figure:
         curves.append(Curve(role, step * joined(cuts[pairs]), joined(heights[pairs])))
     knots = np.mod(fit.knots, fit.samples)
     curves.append(Curve(INK, step * knots, np.degrees(fit.values), "knots", marks="rings"))
-    panel = Panel(Axis("angle", "deg"), curves, height=1.3)
-    return timeline.figure(f"fit_{number}", [panel], words_of("fit", name=name, fit=fit))
+    panel = Panel(Axis("angle", unit), curves, height=1.3)
+    return timeline.figure(f"fit_{number}", [panel], words_of("fit", name=name, fit=fit, unit=unit))
 
 
-def choices_figure(choices: Choices, fit: PiecewiseLinearFit, number: int) -> Figure:
+def choices_figure(
+    choices: Choices, fit: PiecewiseLinearFit, number: int, unit: str = "deg"
+) -> Figure:
     """Error against number of lines, its lower bound, and the automatic choice."""
     numbers, errors = np.array(choices.segments, float), np.degrees(choices.rms)
     bound = float(np.degrees(choices.floor))
@@ -123,5 +145,5 @@ def choices_figure(choices: Choices, fit: PiecewiseLinearFit, number: int) -> Fi
         at = choices.segments.index(choices.automatic)
         curves.append(Curve(APPROXIMATION, numbers[[at]], errors[[at]], "automatic", marks="rings"))
     across = Axis("number of lines", names={each: f"{each:.0f}" for each in numbers})
-    panel = Panel(Axis("rms error", "deg", (low, high)), curves, height=1.3)
+    panel = Panel(Axis("rms error", unit, (low, high)), curves, height=1.3)
     return Figure(f"choices_{number}", *words_of("choices"), across, [panel])

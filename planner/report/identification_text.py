@@ -265,7 +265,7 @@ def next_step(identifications: Mapping[str, Identification], model: str) -> str:
         likewise = f" (likewise {_names(joints[1:])})" if joints[1:] else ""
         return (
             f"next: record {_names(joints[:1])}{likewise}, which shows {', '.join(subjects)}: "
-            f"{_excite(kind, first, identifications[first])}; then identify from all logs"
+            f"{_excite(kind, first, identifications[first], model)}; then identify from all logs"
         )
     refused = [joint or "the joint" for joint, each in identifications.items() if not each.accepted]
     if refused:
@@ -273,14 +273,14 @@ def next_step(identifications: Mapping[str, Identification], model: str) -> str:
     return f"next: request-planner plan PATH --model {model} -o requests.csv"
 
 
-def _excite(kind: str, joint: str, identification: Identification) -> str:
+def _excite(kind: str, joint: str, identification: Identification, model: str) -> str:
     """The command that makes a signal within the requests of the logs, at their rate.
 
     Where a finding asks for larger motion it is that, about the same middle. Shares of a range are
-    written in percent, for which `excite` has no option of its own.
+    written in percent, which `excite` takes with a model in shares.
     """
     share, command = identification.unit != "rad", f"request-planner excite --kind {kind}"
-    scale, most = (100.0, 100.0) if share else (math.degrees(1.0), 720.0)  # as `excite` takes it
+    scale, most = UNITS[identification.unit].factor, 100.0 if share else 720.0  # as `excite` takes
     requests = scale * np.concatenate([fit.log.requests for fit in identification.fits])
     low, high = float(np.min(requests)), float(np.max(requests))
     needed = min(scale * max(each.record for each in identification.findings), most)
@@ -294,9 +294,9 @@ def _excite(kind: str, joint: str, identification: Identification) -> str:
     limits = f"{math.ceil(low)}:{math.floor(high)}" if high - low > 4.0 else f"{low:.2f}:{high:.2f}"
     rate = f" --rate-hz {1.0 / identification.fits[0].log.period:.4g}"
     name = f" --joint {shlex.quote(joint)}" if joint else ""
-    notes = [", its numbers in percent of the range"] if share else []
-    notes += [", or as far as the joint can move"] if larger else []
-    return f"{command} --limits-deg {limits}{rate}{name} -o more.csv{''.join(notes)}"
+    name = f" --model {shlex.quote(model)}{name}" if share else name
+    note = ", or as far as the joint can move" if larger else ""
+    return f"{command} --limits-deg {limits}{rate}{name} -o more.csv{note}"
 
 
 def _names(joints: Sequence[str]) -> str:
@@ -325,12 +325,12 @@ def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]
 
 def excitation_results(excitation: Excitation, expected: Identification) -> dict[str, Any]:
     """A test signal, and what it is expected to show, for machines."""
-    answer = expected.to_dict()
+    answer, unit = expected.to_dict(), UNITS[expected.unit]
     return {
         "kind": excitation.kind,
         "period_s": excitation.period,
-        "centre_deg": math.degrees(excitation.centre),
-        "amplitudes_deg": [math.degrees(height) for height in excitation.amplitudes],
+        f"centre_{unit.name}": unit.factor * excitation.centre,
+        f"amplitudes_{unit.name}": [unit.factor * height for height in excitation.amplitudes],
         "identifiable": shown_by(excitation),
         "parts": [
             {"name": name, "begin_s": begin, "end_s": end, "determines": determines}
@@ -338,7 +338,7 @@ def excitation_results(excitation: Excitation, expected: Identification) -> dict
         ],
         "expected": {key: answer[key] for key in ("model", "intervals", "gain_interval")},
         "warnings": list(expected.warnings),
-        "requests_deg": np.degrees(excitation.requests).tolist(),
+        f"requests_{unit.name}": (unit.factor * excitation.requests).tolist(),
     }
 
 
@@ -368,7 +368,7 @@ def excitation_text(excitation: Excitation, expected: Identification, *, model: 
         dead_band=dead_band
         and units.factor * (dead_band.interval.upper - expected.model.dead_band),
         inf=math.inf,
-        unit=units.words,
+        unit=units,
         warnings=expected.warnings,
     )
 

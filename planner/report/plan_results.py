@@ -28,7 +28,17 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.wording import CARRIED, Table, Unit, labelled, number, percent, table, table_of
+from planner.report.wording import (
+    CARRIED,
+    Table,
+    Unit,
+    labelled,
+    largest_of,
+    number,
+    percent,
+    table,
+    table_of,
+)
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -375,8 +385,13 @@ class PlanAnswer:
         if len(shifts) > 6:  # too many to list
             moving = np.ptp(self.plan.desired, axis=0) > 0.0
             few = np.array([*leads.values()])[moving if moving.any() else ...]
-            most = max(early["rms"] for _, early in shifts.values())
-            words = f"at most {most:.3f} ({min(few):.0f} to {max(few):.0f} ms early)"
+            pairs = zip(self.shown.values(), shifts.values(), strict=True)
+            most = largest_of((unit.name, early["rms"]) for unit, (_, early) in pairs)
+            sizes = " and ".join(
+                f"{size:.3f}" + f" {CARRIED[unit].sign}" * (len(most) > 1)
+                for unit, size in most.items()
+            )
+            words = f"at most {sizes} ({min(few):.0f} to {max(few):.0f} ms early)"
         else:
             words = ", ".join(
                 f"{label} {early['rms']:.3f}"

@@ -25,6 +25,7 @@ from planner.report.wording import (
     common,
     in_each,
     labelled,
+    largest_of,
     phrase,
     rendered_text,
     words_of,
@@ -136,10 +137,7 @@ def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dic
 
 def _most(joints: Iterable[Numbers], kind: str) -> str:
     """The largest errors of joints, in words."""
-    most = dict[str, float]()
-    for each in joints:
-        most[each["unit"]] = max(each[kind]["max"], most.get(each["unit"], 0.0))
-    return in_each(most, at_most)
+    return in_each(largest_of((each["unit"], each[kind]["max"]) for each in joints), at_most)
 
 
 def _allowed(fastest: Fastest) -> tuple[float, Unit]:

@@ -83,6 +83,14 @@ def in_each(sizes: Mapping[str, float], written: Callable[[float], str]) -> str:
     return " and ".join(words)
 
 
+def largest_of(sizes: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """The largest of sizes, each with the name of its unit, by unit."""
+    most = dict[str, float]()
+    for unit, size in sizes:
+        most[unit] = max(size, most.get(unit, size))
+    return most
+
+
 def renamed(numbers: Mapping[str, Any], unit: Unit) -> dict[str, Any]:
     """Numbers for machines whose names say degrees, named with the unit that they carry."""
     return {

@@ -1,17 +1,21 @@
 """``compare`` and ``reproduce``: verdict, steps, and tables that hold what was computed."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from planner import JointModel
 from planner.cli.reproduce import STEPS
 from planner.evaluation import cross_check as cross_check_module
-from planner.files.joint_model import read_model_file
+from planner.files.joint_model import models_text, read_model_file
 from planner.files.paths import foot_path, read_joint_path
 from planner.files.table import read_table
+from planner.model.evidence import Evidence
 from planner.report.paper_results import joint_paths
+from tests.corpus.page_text import text_of
 
 WRITTEN = 1e-9  # rounding of 12 decimals [deg, m]
 
@@ -42,6 +46,28 @@ def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, brief
     assert not document["passed"]
     failed = {check["name"] for check in document["checks"] if not check["passed"]}
     assert failed == {f"no worse than closed form, {r} rule" for r in ("paper's", "exact")}
+
+
+def test_a_joint_in_shares_is_compared_in_percent_beside_others_in_degrees(run, tmp_path):
+    model = JointModel(v_max=2.0, theta_0=0.2, lag=0.03, acceleration_time=0.04, tick=0.02)
+    jaw = model.with_evidence(Evidence(unit="range"))
+    (tmp_path / "arm.toml").write_text(models_text({"hip": model, "jaw": jaw}))
+    rows = [
+        f"{20.0 * np.sin(each)},{50.0 + 20.0 * np.sin(each)}" for each in np.arange(0, 6.28, 0.2)
+    ]
+    (tmp_path / "path.csv").write_text("\n".join(["hip_deg,jaw_percent", *rows]) + "\n")
+    asked = ("--cyclic", "--level", "slope", "--model", "arm.toml")
+    result = run("compare", "path.csv", *asked, "--report", "page.html", "--json")
+    assert result.exit_code == 0, result.stderr
+    hip, jaw = json.loads(result.stdout)["joints"].values()
+    assert hip["model"] == pytest.approx(jaw["model"]) == model.parameters()
+    assert np.ptp(jaw["desired_percent"]) == pytest.approx(np.ptp(hip["desired_deg"]))
+    # 0.2 of the range are 20 %, and 0.2 rad 11.5 degrees
+    assert jaw["methods"]["optimal"]["rms_percent"] < hip["methods"]["optimal"]["rms_deg"]
+    page = text_of((tmp_path / "page.html").read_text())
+    assert "jaw [% of its range]" in page
+    assert "Checks of jaw count a percent of the range as a degree" in page
+    assert re.search(r"differ by up to [\d.]+ degrees and [\d.]+ % of the range", page)
 
 
 @pytest.mark.parametrize("robot", ["model", "virtual"])

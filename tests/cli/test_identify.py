@@ -1,5 +1,6 @@
 """From a log to a model file, a page and a plan, at the command line."""
 
+import json
 import math
 import tomllib
 from pathlib import Path
@@ -7,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import JointModel, simulate
+from planner import JointModel, read_logs, simulate
 from planner.files.joint_model import models_text, read_model_file
+from planner.files.paths import read_joint_path
 from planner.files.table import write_table
 from planner.identification.excitation import excite
 from planner.model.evidence import Evidence
@@ -109,3 +111,23 @@ def test_a_model_for_any_joint_keeps_the_name_of_its_own_beside_another_joint(ru
     after = read_model_file("arm.toml")
     assert list(after.models) == ["knee", "hip"]
     assert after.for_joints(["knee"]) == knee
+
+
+def test_a_signal_for_a_joint_in_shares_is_in_percent_of_its_range(run, tmp_path):
+    model = JointModel(v_max=2.0, theta_0=0.2, lag=0.03, acceleration_time=0.04, tick=0.02)
+    model.with_evidence(Evidence(unit="range")).to_toml(tmp_path / "jaw.toml")
+    asked = ("--kind", "steps", "--limits-deg", "10:90", "--duration-s", "8", "--joint", "jaw")
+    files = ("-o", "test.csv", "--expected-log", "log.csv")
+    result = run("excite", *asked, "--model", "jaw.toml", *files, "--json")
+    assert result.exit_code == 0, result.stderr
+    document = json.loads(result.stdout)
+    assert document["centre_percent"] == pytest.approx(50.0)
+    assert document["amplitudes_percent"] == pytest.approx([10.0, 40.0, 80.0])
+    assert document["expected"]["model"]["v_max"] == pytest.approx(2.0, rel=0.02)
+    (log,) = read_logs([str(tmp_path / "log.csv")])
+    assert log.unit == "1"
+    path = read_joint_path(tmp_path / "test.csv")
+    assert path.units == ("percent",)
+    assert np.degrees(path.values[:, 0]) == pytest.approx(100.0 * log.requests)
+    again = run("excite", *asked, "--model", "jaw.toml", "-o", "test.csv")
+    assert "begins and ends at 50 % of range" in again.stderr

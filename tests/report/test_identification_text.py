@@ -82,7 +82,7 @@ def test_what_does_not_hold_and_what_to_do_next_is_said_of_each_joint_once(snaps
         (
             "1",
             0.5,
-            "--limits-deg 2:89 --rate-hz 50 -o more.csv, its numbers in percent of the range; then",
+            "--limits-deg 2:89 --rate-hz 50 --model joint.toml -o more.csv; then",
         ),
     ],
 )

@@ -1,11 +1,14 @@
 """Units: of errors over joints in angles and in shares of a range, and in names for machines."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from planner.approximation.fit_pwl import choices, fit_pwl
 from planner.evaluation.pareto_front import Outcome, Swept
+from planner.report.fit_page import fit_page, fit_results, fits_table
 from planner.report.replay_page import fastest_results
 from planner.report.sweep_page import sweep_results, sweep_text
 from planner.report.wording import CARRIED, common, in_each, renamed, two_digits
@@ -44,6 +47,19 @@ def test_the_tolerance_of_the_fastest_replay_is_in_the_unit_of_its_joints(units,
     results = fastest_results(found)
     assert results[f"tolerance_{name}"] == pytest.approx(3.0)
     assert results[f"largest_error_{name}"] == pytest.approx(1.5)
+
+
+def test_lines_through_shares_have_percent_beside_angles_in_degrees():
+    units = {"hip": CARRIED["deg"], "jaw": CARRIED["percent"]}
+    desired = np.radians(20.0 * np.sin(2.0 * np.pi * np.arange(40) / 40))
+    fits = {name: fit_pwl(desired, v_max=9.0, tick=0.02, segments=3) for name in units}
+    table = fits_table(fits, units)
+    assert [each.about for each in table.rows] == ["hip", "jaw [% of its range]"]
+    both = [fit_results(fits[name], unit) for name, unit in units.items()]
+    assert both[1]["rms_percent"] == both[0]["rms_deg"]
+    page = fit_page(fits, {name: choices(fit) for name, fit in fits.items()}, units).html()
+    assert re.search(r"within ([\d.]+) degrees and \1 % of the range of the path", page)
+    assert '"%"' in page
 
 
 def test_the_errors_of_a_sweep_of_shares_are_percent():
