@@ -23,9 +23,6 @@ from planner.exceptions import (
 from planner.files.paths import read_joint_path, write_joint_path
 from tests.cli.test_servos import ARM
 
-SAME = 1e-9
-"""Files carry 12 decimals of a degree, and a joint's answer does not magnify that much [rad, m]."""
-
 
 def from_compiled_code(cause):
     """What Numba makes of an exception that a signal raises while it calls compiled code."""
