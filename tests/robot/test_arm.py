@@ -254,6 +254,10 @@ def test_a_joint_follows_that_is_near_its_request_or_moves_by_a_degree_in_the_ti
     assert stuck(12.1, 0.9) != ""
     assert stuck(12.1, 1.1) == ""
     assert stuck(-12.1, 1.1) == ""
+    for error, held in ((11.9, False), (12.1, True)):  # requests that stay
+        tick = guarded(limits=(-3.0, 3.0))
+        told = [stops(tick, time, (0.0, error * DEGREE), (0.0, 0.0)) for time in (0.0, 0.3, 0.71)]
+        assert bool(told[-1]) == held
 
 
 def test_a_fault_is_that_of_its_servo_though_another_is_silent(monkeypatch):
