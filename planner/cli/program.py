@@ -107,7 +107,10 @@ class Commands(click.Group):
             return status if isinstance(status, int) else 0
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx else "request-planner"
-            message, status = f"{error.format_message()} See '{where} --help'.", BAD_INPUT
+            words, status = error.format_message(), BAD_INPUT
+            if words.startswith("Got unexpected extra"):
+                words += "; put a name with spaces in quotes."
+            message = f"{words} See '{where} --help'."
         except click.ClickException as error:
             message, status = error.format_message(), error.exit_code
         except (click.Abort, KeyboardInterrupt):
