@@ -95,7 +95,7 @@ def motions_table(rows: Iterable[tuple[str, Numbers]], unit: str) -> Table:
         f"largest step [{unit}]": "largest_step .2f",
         "reversals/s": "reversals_per_s .1f",
         f"length [{unit}]": "path_length .1f",
-        "desired": "desired_path_length .1f",
+        f"desired [{unit}]": "desired_path_length .1f",
         f"outside desired [{unit}]": "beyond_desired .2f",
     }
     return table_of("requests", rows, columns, "How the requests move")

@@ -91,7 +91,7 @@ def replay_page(
         **said,
         title=title,
         planned=joints,
-        titled="joint",
+        page=True,
         signs={name: unit.sign for name, unit in units.items()},
         most={kind: _most(joints.values(), kind) for kind in ("planned", "direct", "resent")},
         good=not missed,
@@ -112,7 +112,7 @@ def replay_text(replay: Replay, models: JointModels, fastest: Fastest | None = N
     said = _spoken(replay, models, fastest)
     motions = [(label, each) for label, each in said["joints"] if each["planned"]]
     requests = motions_table(motions, said["unit"])
-    return rendered_text("replay.txt", **said, titled="rms", requests=requests)
+    return rendered_text("replay.txt", **said, page=False, requests=requests)
 
 
 def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dict[str, Any]:
