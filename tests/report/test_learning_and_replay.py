@@ -114,7 +114,8 @@ def test_the_largest_difference_of_the_requests_is_told_whichever_its_sign(check
 def test_what_does_not_hold_is_said_first(failed):
     page = comparison_page(failed).html()
     said = text_of(page)
-    assert f"1 of {len(failed.checks)} checks do not hold. Gaps" in said
+    whose = f"checks on the plans of {', '.join(joint.name for joint in failed.joints)}"
+    assert f"1 of {len(failed.checks)} {whose} do not hold. Gaps" in said
     assert "\nknee, optimised: holds <always>: got 2 rad" in said
     assert 'class="verdict no"' in page
     assert "holds &lt;always&gt;" in page
