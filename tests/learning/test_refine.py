@@ -10,6 +10,7 @@ from benchmark.plants import MadeJoint, random_joint, random_path
 import planner
 from planner.arrays import Array, rms
 from planner.learning import refine as refining
+from planner.learning.trials import Trial
 from tests.instances import ERS210A
 
 ENCODER_STEP = 2.0 * math.pi / 4096.0
@@ -363,3 +364,28 @@ def test_measured_angles_before_their_requests_are_refused_as_exchanged():
     angles = planner.simulate(model, plan.requests)
     with pytest.raises(planner.InvalidTrajectory, match="are requests and measured angles exch"):
         planner.refine(replace(plan, requests=angles), plan.requests)
+
+
+@pytest.mark.parametrize(
+    ("missed", "noise", "share"),
+    [
+        (0.5, 0.0, 0.5),
+        (0.1, 0.0, 0.2),
+        (0.5, 0.2, math.sqrt(0.5**2 - 1.25 * 0.2**2)),
+        (1.5, 0.9, 0.2),  # the change is within the noise
+    ],
+)
+def test_what_the_last_change_did_not_do_is_expected_of_the_next_too(missed, noise, share):
+    """In shares of the change of the angles by the model, without what noise explains of it."""
+    phase = 2.0 * np.pi * np.arange(88) / 88
+    plan = planner.plan(ERS210A, 0.3 * np.sin(phase)[:, np.newaxis])
+    requests = [plan.requests, plan.requests + 0.02 * np.sin(3.0 * phase)[:, np.newaxis]]
+    first, second = (plan.task.response(each) for each in requests)
+    third = second - missed * (second - first)
+    trials = [
+        Trial(requests=sent, measured=np.stack([angles] * cycles), error=0.1)
+        for sent, angles, cycles in zip(requests, (first, third), (4, 1), strict=True)
+    ]
+    deviation = noise * np.array([rms(second - first)])
+    assert refining._unforeseen(plan, trials, deviation) == pytest.approx(share, rel=1e-6)
+    assert refining._unforeseen(plan, trials[1:], deviation) == 0.2
