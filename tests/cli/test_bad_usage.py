@@ -66,7 +66,6 @@ ODD = (
     f"plan d.csv --norm {'x' * 5000}",
     "'\u202enalp'",
 )
-"""Those that no file should hold."""
 
 WALK = '[leg]\nname = "reference"\nunreachable = "clamp"\n[path.half_ellipse]\n'
 JOINTS = '[path]\nfile = "desired.csv"\n'

@@ -46,7 +46,6 @@ ENDS = {
     "a user, in compiled code": from_compiled_code(KeyboardInterrupt()),
     "a signal, in compiled code": from_compiled_code(SystemExit(143)),
 }
-"""What may be raised."""
 
 
 def test_every_failure_has_its_status_and_one_line(run, desired, monkeypatch, snapshot):

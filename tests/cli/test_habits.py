@@ -25,7 +25,6 @@ HEAVY = (
     "scipy",
     "yaml",
 )
-"""Packages that take long to import."""
 
 
 def command(name):

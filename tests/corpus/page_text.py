@@ -20,12 +20,10 @@ BLOCKS = (
     *("p", "div", "h1", "h2", "h3", "h4", "li", "tr", "table", "figure", "figcaption", "section"),
     *("dt", "header", "footer", "nav", "main", "title", "summary", "details", "pre", "aside"),
 )
-"""Elements that begin a line."""
 
 VOID = ("meta", "link", "br", "img", "hr", "input", "wbr")  # elements that have no end
 
 DATA = re.compile(r'<script type="[^"]*" id=.*?</script>', re.DOTALL)
-"""What only the scripts of a page read."""
 
 
 class _Reader(HTMLParser):

@@ -171,7 +171,6 @@ SABOTAGED = {
     "up to a limit": ("optimal", lambda plan: limited(plan, 0.0), set()),
     "beyond a limit": ("optimal", lambda plan: limited(plan, 1e-11), {INSIDE}),
 }
-"""A plan that is changed, and the checks that it then fails."""
 
 
 def limited(plan, by):

@@ -151,7 +151,6 @@ READ = {
     "centimetres": b"z_cm,note,x_cm,y_cm,t_s\n3,a,1,2,0\n6,b,4,5,0.5\n",
     "millimetres": b"t_us,x_mm,y_mm,z_mm\n0,1,2,3\n2000,4,5,6\n9000,7,8,9\n",
 }
-"""What a file holds, and the joints to read."""
 
 
 def test_a_path_is_what_its_columns_say(tmp_path, snapshot):

@@ -110,7 +110,6 @@ SHAPES: dict[str, tuple[list[Joint], Vector]] = {
     ),
 }
 CLOSED = [name for name in SHAPES if name != "no two axes meet"]
-"""The shapes that have a closed form."""
 
 
 def angles_within(leg: Leg) -> st.SearchStrategy[np.ndarray]:

@@ -43,7 +43,6 @@ FRAMES = (
     *(("pelvis", "tip"), ("link_0", ""), ("tip", "link_0"), ("arm", "tip"), ("link_2", "tip")),
     ("tip", "tip"),
 )
-"""Frames that are not the ends of a leg."""
 
 
 def test_what_is_no_leg_is_refused_in_words_of_ours_alone(tmp_path, snapshot, capfd):

@@ -62,7 +62,6 @@ WITHOUT_EFFECT = {
     "shift": "max_step smoothness robust solver segments rule refine",
     "optimal": "segments rule refine",
 }
-"""The options that a method of planning does not have."""
 
 
 @pytest.mark.parametrize("method", WITHOUT_EFFECT)

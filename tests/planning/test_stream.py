@@ -25,7 +25,6 @@ pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short o
 PREVIEW = 25
 
 NO_ROWS = ("another shape", "one row", "no row", "ragged", "nothing", "text")
-"""Those that are no rows of two angles."""
 
 cost, gauss_newton_step = from_python(tick.cost), from_python(tick.gauss_newton_step)
 SAMPLES, RADIUS, DAMPING = 30, 0.2, 1e-3

@@ -123,7 +123,6 @@ OWN: Mapping[str, Callable[..., Any]] = {
         "inverse",
     )
 }
-"""Functions that are called otherwise than by their name."""
 
 
 def function(name: str) -> Callable[..., Any]:

@@ -66,7 +66,6 @@ READERS = {
     "run.toml": (RUN.encode(), lambda path: read_run(str(path))),
     "robot.urdf": (ROBOT, _read_robot),
 }
-"""A file of every format, and what reads it."""
 
 SPLINTERS = [
     *(b"\0", b"\n", b"\r", b",", b";", b'"', b"'", b"[", b"]", b"{", b"}", b"=", b"#", b".", b"-"),
@@ -74,7 +73,6 @@ SPLINTERS = [
     *(b"true", b"null", b"[[", b"[a]\n", b"a.b = 1\n", b"<", b">", b"</robot>", b"&x;", b"<!--"),
     *(b"\xf0\x9f\x92\xa9", "\u202e".encode(), b"\x1b[31m", b"__import__('os')", b"!!python/none"),
 ]
-"""What is pushed in."""
 
 DAMAGE = st.tuples(
     st.sampled_from(["flip", "cut", "drop", "double", "insert", "swap"]),

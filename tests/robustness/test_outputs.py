@@ -36,14 +36,12 @@ WRITING = {
     },
 }
 NEEDED = {"yaml": "yaml", "bag": "rosbags", "mcap": "rosbags", "lerobot": "pyarrow"}
-"""Packages of formats."""
 
 CHANGES = {
     *("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate"),
     *("os.chmod", "os.chown", "os.utime", "shutil.rmtree", "shutil.move", "shutil.copyfile"),
     *("tempfile.mkstemp", "tempfile.mkdtemp"),
 }
-"""Events that change files or folders."""
 
 REPEATED = {
     "plan": ["plan", "desired.csv", "-o", "out/it"],

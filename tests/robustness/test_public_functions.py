@@ -20,7 +20,6 @@ NUMBERS = [
     *(1e308, -1e308, float("nan"), float("inf"), -float("inf"), True, False),
     *(np.float32(0.3), np.float64("nan"), np.int8(-3), np.bool_(True), 1j, 1.0 + 0.0j),
 ]
-"""Numbers, and what looks like them."""
 
 OTHERS = [
     *(None, "", "x", "nan", "1.0", "\0", "٣", "rms\n", b"1", b"", object(), int, len, ...),
@@ -28,7 +27,6 @@ OTHERS = [
     *((None, None), ("a", "b"), (1.0, 0.0), (0.0, 1.0), (1, 2, 3), iter([1.0]), slice(3)),
     *((1.0, -1.0, 1.0), (-2.0, (2.0, float("nan"), 2.0)), (-2.0, (2.0, 2.0, -3.0))),
 ]
-"""What is no number."""
 
 ARRAYS = [
     *(np.zeros(0), np.zeros((0, 3)), np.zeros((3, 0)), np.zeros(()), np.zeros(1), np.zeros(2)),
@@ -42,7 +40,6 @@ ARRAYS = [
     *(np.broadcast_to(0.1, 20), np.arange(60.0)[::-3], np.arange(20.0).astype(">f4")),
     *([[0.1] * 20] * 3, [float("nan")] * 20, "0.1" * 20, np.full(20, np.float16(0.3))),
 ]
-"""Arrays, lists, and what NumPy makes arrays of."""
 
 
 HOSTILE = {"number": NUMBERS, "other": OTHERS, "array": ARRAYS}

@@ -21,7 +21,6 @@ MOTION = {
     "speed_only": {"profile_speed": 300},
     "soft": {"p_gain": 6, "i_gain": 100, "d_gain": 0},
 }
-"""Registers by the name of a motion, besides those at first."""
 
 FAULTS = {
     "stall": Faults(stall={2: 0.2}),

@@ -6,8 +6,8 @@ import math
 from planner import joints_in, read_logs
 from tests.files.logs.told import told
 
+# Time [s], goal and position [rad] of every entry
 SAMPLES = [(0.01, 0.0, 0.1), (0.03, 0.5, 0.2), (0.06, 1.0, 0.3), (0.08, 1.5, 0.4)]
-"""Time [s], goal and position [rad] of every entry."""
 
 
 def _entries(**changes):

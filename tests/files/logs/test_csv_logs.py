@@ -17,7 +17,6 @@ REQUESTED = np.array([0.0, 10.0, 20.0, 20.0])
 ACTUAL = np.array([0.0, 2.0, 9.0, 17.0])
 
 FOUR = "0,0,0\n0.01,10,2\n0.02,20,9\n0.04,20,17\n"
-"""Rows of a log: time, requested and actual angle."""
 
 ALL = {"joint": "all"}
 
@@ -132,7 +131,6 @@ READ = {
     "probably other units": "t_s,req_rad,act_deg\n0,5,0\n10,1,1.5\n20,3,0\n",
     "a joint at rest": f"t_s,req_deg,act_deg\n{_rows('5', '5')}",
 }
-"""What a file holds, and options."""
 
 
 def test_a_log_says_what_its_columns_and_the_options_say(tmp_path, snapshot):

@@ -128,7 +128,6 @@ READ = {
     "units by joints": (lambda _: None, {"joint": "all", "unit": "ticks,gripper=percent"}),
     "two episodes": (lambda _: None, {"joint": "gripper", "episodes": "2,0"}),
 }
-"""Changes of a dataset, and options."""
 
 
 def test_a_dataset_says_what_its_description_and_the_options_say(tmp_path, snapshot):

@@ -36,7 +36,6 @@ ANY_MODEL = st.one_of(
     models(friction=True, inertia=True, poses=True, integrals=INTEGRALS[1:]),
     models(friction=True, poses=True, overcome=True),
 )
-"""Joints without and with every term."""
 
 OPTIMAL = 1e-6  # how close the solver's multipliers come to the best ones [relative to the range]
 

@@ -17,7 +17,6 @@ from tests.plans import foot_distances
 LEG = reference_walk().leg
 
 SLOWER = ERS210A.with_evidence(Evidence(intervals={"v_max": (4.0, 5.6), "lag": (0.03, 0.034)}))
-"""A joint that may be slower than its model."""
 
 OTHERS = tuple(
     replace(ERS210A, lag=lag, v_max=speed * ERS210A.v_max)
