@@ -111,6 +111,9 @@ def test_what_is_given_is_kept(leg):
     stretched = stride(leg, length=0.16, height=0.01)  # farther than one made unasked may be
     reached, stands = (dexterity(leg.chain, each) for each in (stretched.angles, both.pose[None]))
     assert 0.0 < reached.min() < DEXTEROUS * stands[0]
+    high = stride(leg, hip_height=0.29)  # nearly stretched, by bisection to a thousandth
+    assert high.length < 0.9 * LONGEST * leg.chain.size
+    assert dexterity(leg.chain, high.angles).min() == pytest.approx(DEXTEROUS * stands[0], rel=0.02)
 
 
 def test_a_stride_out_of_reach_or_on_which_the_leg_would_leap_is_an_error(leg):
