@@ -7,7 +7,6 @@ its messages, the template, the reference and the options of commands (:mod:`pla
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import KW_ONLY, dataclass, field
@@ -137,29 +136,17 @@ class Settings:
         return {name: _plain(getattr(self, name)) for name in self.keys}
 
     @classmethod
-    def of(
-        cls,
-        content: Any,
-        place: Place = (),
-        *,
-        whole: type[Settings] | None = None,
-        standard_input: bool = False,
-    ) -> Self:
+    def of(cls, content: Any, place: Place = (), *, standard_input: bool = False) -> Self:
         """Settings from values by key and table, or BadSetting.
 
-        A table at a ``place`` is one of the settings of the ``whole`` file. ``-`` may name a file
-        to read where there is ``standard_input``.
+        ``-`` may name a file to read where there is ``standard_input``.
         """
-        whole, of = whole or cls, f" of [{key_name(place)}]" if place else ""
+        of = f" of [{key_name(place)}]" if place else ""
         if not isinstance(content, Mapping):
             raise _unfit(place, content, f"a table [{key_name(place)}]")
         for name in content:
             if name not in cls.keys:
-                hint = nearest(str(name), list(cls.keys))
-                others = (table.place for table in tables(whole) if name in table.keys)
-                if not hint and (other := next(others, None)) is not None:
-                    hint = f" (did you mean '{key_name((*other, name))}'?)"
-                words = f"'{hint}; keys{of}: {', '.join(cls.keys)}"
+                words = f"'{nearest(str(name), list(cls.keys))}; keys{of}: {', '.join(cls.keys)}"
                 raise BadSetting(f"unknown key '{marked((*place, name))}{words}")
         for name, key in cls.keys.items():
             if key.default is ... and name not in content:
@@ -169,7 +156,7 @@ class Settings:
         def checked(kind: Kind, value: Any, place: Place) -> Any:
             if kind.is_table:
                 table: type[Settings] = kind.type
-                return table.of(value, place, whole=whole, standard_input=standard_input)
+                return table.of(value, place, standard_input=standard_input)
             if kind.is_repeated:
                 if not isinstance(value, list):
                     raise _unfit(place, value, f"tables [[{key_name(place)}]]")
@@ -183,7 +170,8 @@ class Settings:
                 result = kind.fitted(value)
             except (ValueError, OverflowError) as error:
                 own = isinstance(error, ValueError) and str(error)
-                raise _unfit(place, value, kind.expected, own or _hint(kind, value)) from error
+                hint = own or nearest(str(value), kind.choices)
+                raise _unfit(place, value, kind.expected, hint) from error
             if result == "-" and SOURCE in kind.notes and not standard_input:
                 hint = "; a run reads no standard input, so write it to a file first"
                 raise _unfit(place, value, kind.expected, hint)
@@ -236,19 +224,6 @@ def _unfit(place: Place, value: Any, expected: str, hint: str = "") -> BadSettin
     got = toml_value(value) if isinstance(value, bool) else shown(value)
     got = "a table" if isinstance(value, Mapping) else got
     return BadSetting(f"{marked(place)}: got {got}, expected {expected}{hint}")
-
-
-def _hint(kind: Kind, value: Any) -> str:
-    """The nearest choice to a text, or that it would fit without its quotes."""
-    if not isinstance(value, str):
-        return ""
-    if kind.choices:
-        return nearest(value, kind.choices)
-    try:
-        kind.fitted(tomllib.loads(f"value = {value}")["value"])
-    except (ValueError, OverflowError, RecursionError):
-        return ""
-    return "; without quotes"
 
 
 class Table(NamedTuple):
@@ -311,8 +286,6 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
 def _is_text(value: str) -> str:
     if not value.strip() or not value.isprintable():
         raise ValueError
-    if len(value) > 1000:  # beyond any name
-        raise ValueError(" of at most 1000 characters")
     return value
 
 

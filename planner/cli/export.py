@@ -98,7 +98,7 @@ def exported(
     Refuses what has no effect, and what the format cannot hold. ``servos`` count the angles of an
     export in their units, by default those of the settings.
     """
-    from planner.files.exports import check_format, repeated, resampled
+    from planner.files.exports import check_installed, repeated, resampled
 
     export.check_effect("export", "format")
     for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
@@ -117,7 +117,7 @@ def exported(
     rows, skipped = repeated(schedule, export.cycles), 0
     if export.rate_hz is not None:
         rows, skipped = resampled(rows, export.rate_hz, between=export.between or "hold")
-    check_format(export.format, rows, lead=export.lead_s, topic=export.topic)
+    check_installed(export.format)
     if export.unit in COUNTED and servos is None:
         if rows.in_shares:
             raise InvalidInput(

@@ -17,10 +17,10 @@ from planner.arrays import Array, error_norm
 from planner.cli import desired as loading
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.cli.export import FOLDERS, check_place, exported
+from planner.cli.export import check_place
 from planner.cli.planning import search_options
 from planner.exceptions import PlannerError
-from planner.files.exports import Schedule, check_installed, lerobot_dataset
+from planner.files.exports import check_installed, lerobot_dataset
 from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, find_dataset
@@ -235,33 +235,18 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 
 def check_writing(form: str, recordings: Sequence[Recording], output: str) -> None:
     """Refuse outputs that cannot be written, before anything is computed."""
-    if form in FOLDERS:
-        check_place("replay.write_as", form, output)
     if form != "lerobot" and len(recordings) > 1:
         raise BadSetting(
             f"{len(recordings)} recordings, and {marked('replay.write_as', form)} holds one: name "
             "one file, or one episode (--episodes 0), or write them all with ‹replay.write_as = "
             '"lerobot"›'
         )
-    if form not in ("csv", "joints"):
-        check_installed(form)
-    if form in FOLDERS:
-        check_folder(output)
-    else:
+    if form != "lerobot":
         check_writable(output)
-
-
-def write(file: str, task: ReplayTask, replay: Replay) -> None:
-    """Write the requests of one recording."""
-    form = task.settings.replay.write_as
-    if form in ("csv", "joints", "lerobot"):
-        episode.write_replay(file, task.recording, replay, form)
         return
-    export = settings.Export(format=form, file=file)
-    units = tuple(joint.path.unit for joint in replay.joints)
-    schedule = Schedule(replay.names, replay.requests, replay.period, units)
-    *_, write_rows = exported(export, schedule)
-    write_rows(file)
+    check_place("replay.write_as", form, output)
+    check_installed(form)
+    check_folder(output)
 
 
 ABOUT = "replay.json"  # the file of a planned dataset with its settings and errors

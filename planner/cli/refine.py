@@ -98,7 +98,14 @@ def refine(
     sent = executed.values[:, columns]
     if unused:
         warn(f"{unused} measured rows after the last whole cycle are not used")
-    every = executed_plans(desired, executed.values, by_joint=names != desired.names)
+    about_missing = ""
+    if missing := [name for name in desired.names if name not in names]:
+        about_missing = f"no measured angles of {', '.join(missing)}: requests kept as they are"
+        if run.plan.method == "foot-optimal":
+            words = "a plan for the foot is learnt by the angles of all its joints"
+            raise BadSetting(f"no measured angles of {', '.join(missing)}: {words}")
+        warn(about_missing)
+    every = executed_plans(desired, executed.values)
     states: dict[str, LearningState] = {}  # others stay in the history: of the foot, or of joints
     if history is not None and begun:
         of_foot = [FOOT] * (run.plan.method == "foot-optimal")
@@ -117,13 +124,6 @@ def refine(
                 every[name] = learn(
                     every[name], cycles_of_plan, sensor_delay=delay, reidentify=reidentify
                 )
-    about_missing = ""
-    if missing := [name for name in desired.names if name not in names]:
-        about_missing = f"no measured angles of {', '.join(missing)}: requests kept as they are"
-        if run.plan.method == "foot-optimal":
-            learnt_by = "learnt by the angles of the plan for the foot, joint by joint"
-            about_missing += f"; {', '.join(names)} {learnt_by}"
-        warn(about_missing)
     if history is not None:
         states |= {
             name: (each.models, each.learning[0]) for name, each in every.items() if each.learning
@@ -173,12 +173,9 @@ def refine(
     )
 
 
-def executed_plans(desired: Desired, requests: Array, *, by_joint: bool) -> dict[str, Plan]:
-    """The plans whose requests [rad], (n, k), were executed, planned by any method.
-
-    ``by_joint``: each joint of a plan for the foot is to follow its predicted angles in that plan.
-    """
-    from planner.cli.planning import plan_of, task_of
+def executed_plans(desired: Desired, requests: Array) -> dict[str, Plan]:
+    """The plans whose requests [rad], (n, k), were executed, planned by any method."""
+    from planner.cli.planning import task_of
     from planner.planning.plan import Plan
 
     chosen = desired.settings.plan
@@ -187,10 +184,8 @@ def executed_plans(desired: Desired, requests: Array, *, by_joint: bool) -> dict
         raise BadSetting('‹plan.method = "foot-optimal"› plans for a foot path of a leg')
     task = task_of(replace(desired, load=desired.torques))
     task = replace(task, load_of_pose=callable(desired.load) and task.load is not None)
-    if of_foot and not by_joint:
+    if of_foot:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
-    if of_foot:  # what its joints were to do there, not the executed requests
-        task = replace(task, desired=plan_of(desired, bounded=False).predicted)
     plan = Plan(task=task, requests=requests, solver=chosen.solver)
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}
 

@@ -101,7 +101,8 @@ def replay(
 
 
 def _replay_one(task: ReplayTask, output: str) -> Answer:
-    from planner.cli.recordings import missed, write
+    from planner.cli.recordings import missed
+    from planner.recording.episode import write_replay
     from planner.report.replay_page import fastest_results, replay_page, replay_results, replay_text
 
     with Progress() as progress:
@@ -135,7 +136,7 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
     return Answer(
         content,
         words,
-        lambda file: write(file, task, result),
+        lambda file: write_replay(file, task.recording, result, task.settings.replay.write_as),
         page,
         [("recording", task.recording.name), ("track", result.path.track)],
         [("recording", task.recording.path), ("requests", output)],

@@ -50,7 +50,7 @@ LegName = Annotated[
 ]
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
-ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
+ReplayFormat = Literal["csv", "joints", "lerobot"]
 
 
 class Leg(Settings):
@@ -329,7 +329,7 @@ class Replay(Settings):
             slower where errors are large.
         urdf_joints: With a URDF: what a joint of the recording is called there.
         write_as: What to write: csv has the columns and units of the recording, joints those of
-            `plan`; lerobot, bag and mcap are folders.
+            `plan`, which `export` converts; lerobot is a folder.
     """
 
     track: Literal["state", "action"] = option(default="state")

@@ -130,22 +130,6 @@ def _check_length(rows: float, length: str, advice: str) -> None:
         )
 
 
-def check_format(form: str, schedule: Schedule, *, lead: float = 0.0, topic: str = TOPIC) -> None:
-    """Refuse rows that a format cannot hold, a lead [s] to the first point, or a bag's topic."""
-    check_installed(form)
-    if form == "lerobot":
-        frame_rate(schedule.period)
-    elif form in NEEDS:
-        longest = 2**31 - 1  # that builtin_interfaces/Duration holds [s]
-        if schedule.duration + lead >= longest or schedule.period * NANOSECONDS < 1.0:
-            raise InvalidInput(
-                f"a request every {schedule.period:g} s until {schedule.duration + lead:g} s: ROS "
-                f"has whole nanoseconds up to {longest} s; export fewer cycles, or at another rate"
-            )
-    if form in ("bag", "mcap") and (not topic.strip("/") or any(map(str.isspace, topic))):
-        raise InvalidInput(f"topic: got '{topic}', expected a name such as {TOPIC}")
-
-
 def check_installed(form: str) -> None:
     """Refuse a format whose package is missing."""
     if form in NEEDS:

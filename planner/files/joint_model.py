@@ -42,7 +42,7 @@ class Key(NamedTuple):
 
 
 def _named(name: str) -> str:
-    if not name or "\0" in name:
+    if not name:
         raise ValueError
     return name
 
@@ -129,7 +129,7 @@ MODEL = {
 # Keys above all tables: the place and the type of the servos, and all.
 BUS = {
     "bus": Key(bus_name, EXPECTED_BUS),
-    "port": Key(_text, "a text in quotes, without null characters"),
+    "port": Key(_text, "a text in quotes"),
     "baud_rate": Key(as_whole, "a whole number"),
 }
 OF_ANY = "was identified; this model holds for joints of any name"
@@ -368,9 +368,6 @@ def _model(
     declared = {key.removesuffix("_interval"): key for key in own if key.endswith("_interval")}
     if doubtful and not declared:  # identify writes them, and radians
         raise wrong("; ".join(doubtful))
-    if declared.keys() >= {GAIN, "theta_0"}:
-        expected = "expected one of them: by v_max one follows from the other"
-        raise wrong(f"got {declared[GAIN]} and {declared['theta_0']}, {expected}")
     intervals = {}
     for name, key in declared.items():
         value = getattr(model, name)

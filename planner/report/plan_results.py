@@ -12,7 +12,6 @@ import numpy as np
 
 from planner.arrays import Array, error_norm, excess, rms, size
 from planner.model.evidence import (
-    ENCODER_STEP,
     OPEN_TOP_SPEED,
     Expectation,
     expectation,
@@ -21,10 +20,8 @@ from planner.model.evidence import (
 from planner.model.joint import JointModel
 from planner.planning.plan import DEGREE, ErrorsOfModels, FootInversion, Inversion, Plan
 from planner.planning.time_shift import (
-    CLEARLY,
     has_refused,
     refining_recommended,
-    shift_allowed,
     shift_recommended,
     shifted,
 )
@@ -224,7 +221,7 @@ class PlanAnswer:
             self.refining and f"recommended: {refine}: {self.refining}",
         ]
         untested = untested_words(self.plan.names, self.plan.expected)
-        return list(filter(None, [untested, *lines, start_words(self.plan, self.shown)]))
+        return list(filter(None, [untested, *lines]))
 
     @property
     def fast(self) -> dict[str, Numbers]:
@@ -380,35 +377,14 @@ class PlanAnswer:
 
     def _shift_words(self) -> str:
         """The errors of the best time shift."""
-        shifts = {label: (each, each["best_shift"]) for label, each in self.rows}
-        leads = {label: 1e3 * early["lead_s"] for label, (_, early) in shifts.items()}
-        if len(shifts) > 6:  # too many to list
-            moving = np.ptp(self.plan.desired, axis=0) > 0.0
-            few = np.array([*leads.values()])[moving if moving.any() else ...]
-            pairs = zip(self.shown.values(), shifts.values(), strict=True)
-            most = largest_of((unit.name, early["rms"]) for unit, (_, early) in pairs)
-            sizes = " and ".join(
-                f"{size:.3f}" + f" {CARRIED[unit].sign}" * (len(most) > 1)
-                for unit, size in most.items()
-            )
-            words = f"at most {sizes} ({min(few):.0f} to {max(few):.0f} ms early)"
-        else:
-            words = ", ".join(
-                f"{label} {early['rms']:.3f}"
-                + f", on the robot {early['expected_rms']:.3f}"
-                * math.isfinite(early["expected_rms"])
-                + f" ({leads[label]:.0f} ms early)"
-                for label, (_, early) in shifts.items()
-            )
+        words = ", ".join(
+            f"{label} {early['rms']:.3f}"
+            + f", on the robot {early['expected_rms']:.3f}" * math.isfinite(early["expected_rms"])
+            + f" ({1e3 * early['lead_s']:.0f} ms early)"
+            for label, early in ((label, each["best_shift"]) for label, each in self.rows)
+        )
         if self.of_foot and self.foot is not None:
             words += f"; foot {self.foot['best_shift']['rms']:.3f} cm"
-        better = any(
-            early["expected_rms"] < CLEARLY * each["expected_rms"]
-            for each, early in shifts.values()
-        )
-        possible = shift_allowed(self.plan, self.shift) and not has_refused(self.plan)
-        if better and possible and not self.recommended:
-            words += "; on the robot that is better for some joints: see --method shift"
         return words
 
 
@@ -421,34 +397,6 @@ def no_bound(plan: Plan) -> str:
     if not faster:
         return ""
     return f"for {', '.join(faster)}: with the integral of a speed loop v_max may be exceeded"
-
-
-def start_words(plan: Plan, units: Mapping[str, Unit]) -> str:
-    """How to bring joints to the start of a plan from rest; "" where it makes no difference.
-
-    The first request holds a joint in the middle of its dead band; one that comes to rest under it
-    stops short by that band. An integral term overcomes the friction.
-    """
-    if plan.cyclic:
-        return ""
-    off = {
-        name: math.degrees(model.steady.dead_band)
-        for name, model, expected, own in zip(
-            plan.names, plan.models, plan.expected, map(rms, plan.errors.T), strict=True
-        )
-        if model.steady.dead_band > max(np.nan_to_num(expected.error, nan=own), ENCODER_STEP)
-    }
-    if not off:
-        return ""
-    joints = ", ".join(
-        f"{name or 'the joint'} by up to {size:.2g} {units[name].long}"
-        for name, size in off.items()
-    )
-    return (
-        f"by dry friction a joint may rest beside the start that the plan assumes ({joints}): lead "
-        "it there slowly, from below to a request as much above the first one, or from above to "
-        "one as much below"
-    )
 
 
 def over_models(plan: Inversion | FootInversion, factor: float) -> Numbers | None:

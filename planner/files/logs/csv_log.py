@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache, partial
@@ -106,7 +105,6 @@ def _recorded(
 ) -> Recorded:
     """The recording in a table; ``units`` says in words what defines the units of all angles."""
     joints = {pair.joint: pair for pair in _pairs(table, options)}
-    several = options.joint == ALL_JOINTS and ALL_JOINTS not in joints and len(joints) > 1
 
     @cache
     def shared() -> tuple[Array, str, str, Mask | None]:  # names of joints need no times
@@ -129,11 +127,6 @@ def _recorded(
             )
             check_radians(table, columns[0], numbers[:, 0], advice)
         load = f"{joint}{LOAD}" if joint else LOAD.removeprefix("_")
-        names = columns
-        if several and joint:  # joints whose columns are alike have one note
-            # The joint as a word: `a` of `act_a` is not the first letter.
-            word = rf"(?:(?<![^\W_])|(?<=[a-z])(?=[A-Z])){re.escape(joint)}(?![^\W_A-Z])"
-            names = [re.sub(word, "<joint>", each) for each in columns]
         both = " and ".join(dict.fromkeys(each.name for each in scales))
         said = "the columns said" if user_units[1] is None else "--unit said"
         return Rows(
@@ -147,7 +140,7 @@ def _recorded(
             load=table.numbers([load], missing=True)[:, 0] if load in table.names else None,
             requested=columns[0],
             notes=(
-                f"{clock}, requested from '{names[0]}', actual from '{names[1]}'{torque}",
+                f"{clock}, requested from '{columns[0]}', actual from '{columns[1]}'{torque}",
                 f"angles in {both}, as {units or said}",
                 *notes,
             ),
