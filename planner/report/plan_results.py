@@ -30,7 +30,6 @@ from planner.report.wording import (
     Table,
     Unit,
     labelled,
-    largest_of,
     number,
     percent,
     table,
