@@ -7,8 +7,9 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from planner.robot.protocols import BROADCAST, WRITE
-from planner.virtual.servo_bus import KINDS, VirtualServos, serve, terminal
+from planner.robot.bus import Bus
+from planner.robot.protocols import BROADCAST, FEETECH, WRITE
+from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos, serve, terminal
 from tests.docs.blocks import ROOT
 
 STEP = 0.01
@@ -104,6 +105,17 @@ def assert_followed(positions):
     assert (np.ptp(positions, axis=0) > 0.35 * np.ptp(requests)).all()
     late = [np.mean((positions[k:, 0] - requests[: len(requests) - k]) ** 2) for k in range(30)]
     assert 3 <= int(np.argmin(late)) <= 25
+
+
+def test_a_servo_that_is_held_gives_up_as_real_ones_do():
+    bus = Bus(VirtualPort(VirtualServos(1, faults=Faults(stall={1: 0.1}))), FEETECH)
+    bus.write(1, "torque", 1)
+    bus.write(1, "goal", 3500)
+    bus.port.sleep(4.0)
+    reading = bus.sync_read([1])[1]
+    assert FEETECH.error_words(reading["error"]) == "overload"
+    assert abs(reading["load"]) <= 200
+    assert reading["temperature"] > 25
 
 
 @pytest.mark.parametrize("kind", ["sts3215", "xl430", "xl-320"])
