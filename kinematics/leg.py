@@ -107,7 +107,7 @@ class Leg(Summarised):
             UnsupportedLeg: The base is not above the foot, no joint lies between them, or a joint
                 that is neither revolute nor continuous, or mimics another joint.
         """
-        if not isinstance(path, str | os.PathLike) or "\0" in str(path):
+        if not isinstance(path, str | os.PathLike):
             raise InvalidInput(f"path: got {type(path).__name__}, expected that of a URDF file")
         path = Path(path)
         robot = read_robot(path, base=base, foot=foot, locked=locked)

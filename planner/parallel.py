@@ -1,8 +1,6 @@
 """Many tasks on an executor: processes of this machine, or a Dask cluster; resumable.
 
-A task is an argument of a function that returns bytes. Each result is kept in a file of its own,
-from which the caller builds its output in its own order: it does not depend on the number of
-workers, and a process that is killed loses no finished result.
+Results are kept in files, from which the caller builds its output in its own order.
 """
 
 from __future__ import annotations
@@ -14,28 +12,18 @@ import signal
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
+from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from itertools import islice
 from multiprocessing import get_context
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from planner._version import __version__
 from planner.exceptions import InvalidInput, PlannerError, importing, in_degrees
 from planner.files.results import Results, Task
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
 
 AHEAD = 100
 """Tasks handed over at once: more than one command keeps busy, and memory grows no further."""
@@ -102,13 +90,13 @@ def outcomes(
             running[executor.submit(attempt, task.argument)] = task
         if not running:
             return
-        finished, _ = wait(running, PATIENCE, FIRST_COMPLETED)
+        finished, _ = futures.wait(running, PATIENCE, futures.FIRST_COMPLETED)
         if not finished:
             getattr(executor, "check_workers", lambda: None)()
         for future in [each for each in running if each in finished]:
             try:
                 outcome = future.result()
-            except CancelledError as error:  # by a client of Dask that lost its scheduler
+            except futures.CancelledError as error:  # by a client of Dask that lost its scheduler
                 raise SchedulerLost(
                     "the scheduler went away; what was finished is kept, and --resume goes on with "
                     "the rest"
@@ -133,7 +121,7 @@ def executor_of(
     return Processes(workers or len(os.sched_getaffinity(0)))
 
 
-class Processes(ThreadPoolExecutor):
+class Processes(futures.ThreadPoolExecutor):
     """Processes on this machine; a task whose process dies is tried once more, on a new one.
 
     Each thread hands its tasks to a spawned process of its own: in one pool for all, every
@@ -160,7 +148,9 @@ class Processes(ThreadPoolExecutor):
     def _call(self, call: Callable[[], Any]) -> Any:
         for _ in range(2):
             if not hasattr(self._own, "pool"):
-                self._own.pool = ProcessPoolExecutor(1, self._spawn, _watch, (self._watched,))
+                self._own.pool = futures.ProcessPoolExecutor(
+                    1, self._spawn, _watch, (self._watched,)
+                )
             try:
                 return self._own.pool.submit(call).result()
             except BrokenProcessPool:  # it may have been killed for another's memory
@@ -170,7 +160,7 @@ class Processes(ThreadPoolExecutor):
         return Outcome(None, "its process died, 2 times (out of memory?)")
 
 
-def _watch(lifeline: Connection) -> None:
+def _watch(lifeline: Any) -> None:
     """In a worker: end when the process that started it ends or closes the pipe, and only then."""
 
     def watch() -> None:

@@ -221,10 +221,11 @@ def _by_joint(
     loads: Loads | Array | None,
 ) -> Array:
     """A function of a model, its column of values and its load, for each joint."""
-    torques = [0.0] * len(models) if loads is None else [0.0 if x is None else x for x in loads]
-    columns = (values[..., j] for j in range(len(models)))
-    each = map(of, models, columns, torques)
-    return np.stack(np.broadcast_arrays(*each), axis=-1)
+    columns = []
+    for j, model in enumerate(models):
+        load = None if loads is None else loads[j]
+        columns.append(of(model, values[..., j], 0.0 if load is None else load))
+    return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
 
 def load_columns(loads: Loads, samples: int) -> Array | None:

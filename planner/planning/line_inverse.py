@@ -161,11 +161,9 @@ def _limits_at(model: JointModel, load: npt.ArrayLike, angle: Array | None) -> t
     return np.clip(low, -most, -least), np.clip(high, least, most)
 
 
-def slope_limits(
-    model: JointModel, load: Array | None = None, angles: Array | None = None
-) -> tuple[float, float]:
-    """Least and largest slope that the joint can follow at every sample [rad/s], at some angles."""
-    low, high = _limits_at(model, 0.0 if load is None else load, angles)
+def slope_limits(model: JointModel, load: Array) -> tuple[float, float]:
+    """Least and largest slope that a joint can follow at every sample, without gravity [rad/s]."""
+    low, high = model.speed_limits(load)
     return float(np.max(low)), float(np.min(high))
 
 
