@@ -124,9 +124,8 @@ def _keeps_to(period: float, times: Array) -> bool:
 def fine_hold(period: float, window: float) -> int:
     """Ticks of about 1 ms in a period [s], at most 20, and fewer for a long window [s].
 
-    What is found with these belongs to the joint, not to the rate of its log: with ticks of 5 ms
-    v_max / theta_0 comes out 4 % too small, and the lag 3 ms too long. The weights of a window that
-    is twice as long still make a model (``MOST_TERMS``).
+    With ticks of 5 ms v_max / theta_0 comes out 4 % too small, and the lag 3 ms too long. The
+    weights of a window that is twice as long still make a model (``MOST_TERMS``).
     """
     most = math.isqrt(int(0.5 * MOST_TERMS * period / max(window, period)))
     return max(min(round(period / 0.001), 20, most), 1)
@@ -135,8 +134,7 @@ def fine_hold(period: float, window: float) -> int:
 def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], float]:
     """The logs with each row at the next whole period, and by how much times were off [s], rms.
 
-    Pauses of several periods are dropped rows, and every piece between two gaps begins anew. The
-    period is that of all pieces together, or ``period`` where the times agree with it.
+    The period is that of all pieces together, or ``period`` where the times agree with it.
     """
     lines = []
     for log in logs:
@@ -164,10 +162,8 @@ def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], f
 class Grid:
     """Every run of some logs on ticks, one after another on one axis of time.
 
-    The axis is cut between the pieces of a log that a gap separates, and between logs: there the
-    first request of a piece is taken to have been in force for ``reach`` before it. A run of T
+    The first request of a piece is taken to have been in force for ``reach`` before it. A run of T
     ticks has T + 1 states, the first of which is its start.
-
     """
 
     tick: float  # time step [s]
@@ -249,10 +245,9 @@ class Grid:
 
 
 def glitches(angles: Array) -> Mask:
-    """Rows that are no position of the joint: single or double jumps away and back.
+    """Rows that are off the median of five by more than a joint can be: jumps away and back.
 
-    They are off the median of five by more than twice the largest step that this median takes, and
-    six standard deviations of the noise; a real turning point is off by less than one such step.
+    That is twice the largest step of this median, and six standard deviations of the noise.
     """
     from scipy.ndimage import median_filter
 
@@ -303,14 +298,12 @@ def sound_rows(log: Log) -> Mask:
 
 
 def thinned(logs: Sequence[Log]) -> tuple[Log, ...]:
-    """Some stretches of long logs, the other rows as if without torque; other logs as they are.
+    """Some stretches of logs of twice :data:`MOST_ROWS` and more; shorter ones as they are.
 
-    Logs of twice :data:`MOST_ROWS` and more are divided into stretches of at least 4 s and 500
-    rows, and these into groups. Two stretches of each group are kept: that with the largest steps
-    of the requests, and loads, which may alone show a limit; and one by an additive sequence of the
-    golden ratio, so that all parts of a motion that repeats itself are seen. In a stretch the half
-    second after the first row is left out, in which the unknown speed at its start matters.
-    (Without this the log of a motor takes 1.6 times as long.)
+    Of each group of stretches two are kept, the other rows are as if without torque: that with the
+    largest steps of requests and loads, which may alone show a limit, and one by an additive
+    sequence of the golden ratio. (Without the half second that is left out, in which the unknown
+    speed at the start of a stretch matters, the log of a motor takes 1.6 times as long.)
     """
     torque = np.concatenate([log.torque_on for log in logs])
     size = 2 * (int(np.sum(torque)) // MOST_ROWS)  # of a group [stretches]
@@ -343,9 +336,8 @@ def thinned(logs: Sequence[Log]) -> tuple[Log, ...]:
 def measured_speed(log: Log, among: Mask | None = None) -> float:
     """Highest mean speed over 0.1 s, or three rows of slower logs, with torque [rad/s].
 
-    Of all rows, whether their requests are known or not: no joint is as fast in the mean as it can
-    be, so that but for noise and for what pushes it this bounds its top speed from below. Only
-    motion with some of the rows ``among`` in it counts, by default all.
+    It bounds the top speed of a joint that nothing pushes from below. Only motion with some of the
+    rows ``among`` in it counts, by default all.
     """
     rows = np.flatnonzero(sound_rows(log) & log.torque_on)
     far = max(3, round(0.1 / log.period))
@@ -368,11 +360,9 @@ def resampled(
     burn_in: float,
     settled: Collection[Place] = (),
 ) -> Grid:
-    """Put the runs of the logs on ticks: see :class:`Grid`; without runs it has no ticks.
+    """Put the runs of the logs, rows in a row with torque, on ticks: see :class:`Grid`.
 
-    A joint is simulated without a break through rows in a row with torque. Where earlier requests
-    are unknown the first ``burn_in`` [s] is left out. Torque that returns starts a run as well, but
-    there the requests before it are in the log.
+    Where earlier requests are unknown the first ``burn_in`` [s] is left out.
     """
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
     firsts: list[Place] = []

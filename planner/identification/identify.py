@@ -235,8 +235,7 @@ def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
 def _weighed(pair: _Pair) -> _Pair:
     """The joint fitted to rows weighed by the error to expect of them, where it matters.
 
-    A motor may show only there: it is sought again, and the better of the one found so and the same
-    one refitted is kept.
+    A motor, which may show only there, is sought anew.
     """
     logs = residual_patterns.with_weights(_log_fits(pair.joint), pair.joint.noise)
     if logs is None:
@@ -266,8 +265,7 @@ def _bounded(
 ) -> tuple[Fit, dict[str, Interval], bool, list[Finding]]:
     """The joint, and its intervals at ``coarse`` ticks, with the parameters of the ``others``.
 
-    Its top speed is at least that of all rows of the logs: those that are not fitted refute the fit
-    where they are faster than the fitted ones allow. Also whether they do, and findings on them.
+    Also whether rows that are not fitted are faster than the fit allows, and findings on them.
     """
     fit = joint_fit.with_observed_speed(terms.with_calm_friction(fit))
     bounds, notes = intervals_of(coarse, others), []
@@ -304,15 +302,13 @@ def _held_out(
 ) -> HeldOut | None:
     """Fit the first half of each log, predict the second; None where these hold nothing to fit.
 
-    It begins at ``coarse``, the fit to all rows on the ticks of the pair, with those of its terms
-    that the first halves call for, so that what these do not determine at all stays. Where that
-    leads far astray, as in logs of a few seconds, a joint is sought among the first halves alone,
-    and taken unless it fits them much worse. It is refined on the ticks of ``whole``.
+    It begins at ``coarse``, so that what the first halves do not determine at all stays. Where that
+    leads far astray, as in logs of a few seconds, a joint is sought among these alone, and taken
+    unless it fits them much worse. It is refined on the ticks of ``whole``.
 
     A top speed that the first halves do not bound, and the others may exceed, cannot be predicted
-    from them: there that of the fit to all rows is taken, or, where these do not bound it either,
-    what the first halves call for if that is more; the other parameters are fitted beside it, and
-    tested. It is taken, too, where it is ``faster`` than any that is fitted.
+    from them: it is that of the fit to all rows, or, where these do not bound it either, what the
+    first halves call for if that is more. So it is where it is ``faster`` than any that is fitted.
     """
     logs, grid = pair.joint.grid.logs, whole.grid
     out: list[Mask] = []

@@ -59,10 +59,9 @@ V_MAX = Parameters._fields.index("v_max")
 def over_top_speeds(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
     """The best fit over top speeds, and fits with others that are not refuted.
 
-    Where the acceleration is limited few rows are at the top speed, and the loss is rough in it: a
-    local optimum, and its covariance, say little of other speeds. Each fit is also begun with a
-    window of a tick and the same latency. (Of 160 simulated motors two logs of one seemed to bound
-    a top speed of a tenth without this.)
+    Where the acceleration is limited few rows are at the top speed, and the loss is rough in it.
+    Each fit is also begun with a window of a tick and the same latency. (Of 160 simulated motors
+    two logs of one seemed to bound a top speed of a tenth without this.)
     """
     if not fit.free[V_MAX] or math.isinf(fit.parameters.acceleration):
         return fit, ()
@@ -131,8 +130,7 @@ def _interval(fit: Fit, name: str, possible: list[Parameters]) -> Interval:
     def end(side: int) -> float:
         """Where the profile has risen as far as the interval reaches, below (0) or above (1).
 
-        The end is sought from where the covariance puts it outwards, so an interval may come out
-        wider than its profile but not narrower.
+        It is sought outwards from where the covariance puts it: no interval is narrower than that.
         """
         last = fit
 
@@ -241,9 +239,8 @@ class Uncertainty(NamedTuple):
 def uncertainty_of(fit: Fit) -> Uncertainty:
     """Covariance of a fit: the sandwich of Huber's loss, raised where residuals are not white.
 
-    A clock that jitters, or a joint that is not the model, errs most in fast motion, on the very
-    rows that tell lag and acceleration time. What the model does not have errs otherwise in other
-    motions, however many rows a log has of one: the loss may rise by a share of it (18).
+    What the model does not have errs otherwise in other motions, however many rows a log has of
+    one: the loss may rise by a share of it (18).
     """
     by_parameter = _beside_starts(fit)
     count = len(fit.residuals)
@@ -304,10 +301,10 @@ def _beside_starts(fit: Fit) -> Array:
 
 
 def all_intervals(coarse: Fit, bounds: Mapping[str, Interval], fit: Fit) -> dict[str, Interval]:
-    """Intervals of :data:`PARAMETERS`, and the "gain", in SI units, from those of a fit.
+    """Intervals of :data:`PARAMETERS`, and the "gain", in SI units, moved to another ``fit``.
 
-    They are moved to another ``fit`` with the same ticks or shorter ones. The top speed is open
-    above where its end is then beyond the highest speed that the log calls for.
+    The top speed is open above where its end is then beyond the highest speed that the log calls
+    for.
     """
     known = dict(bounds)
     for name in ("asymmetry", "slowing"):
@@ -333,9 +330,9 @@ def all_intervals(coarse: Fit, bounds: Mapping[str, Interval], fit: Fit) -> dict
 def over_ticks(intervals: Mapping[str, Interval], coarse: Fit, fine: Fit) -> dict[str, Interval]:
     """Intervals of a fit, moved to one with shorter ticks, that hold for any shorter ones, too.
 
-    What the fits differ by is what ticks make of the parameters, in proportion to their length,
-    and by how much a search in a rough loss ends beside its optimum, so that its part that the
-    shorter ticks still have counts to both sides.
+    The fits differ by what ticks make of the parameters, in proportion to their length, and by how
+    far a search in a rough loss ends beside its optimum: what shorter ticks still have of that
+    counts to both sides.
     """
     at, moved = (
         vars(each.parameters.model(tick=each.grid.tick, hold=1)) | {"gain": each.parameters.gain}

@@ -131,8 +131,7 @@ def _initial_fit(grid: Grid) -> Fit:
 def _without_saturation(best: Fit) -> Fit:
     """The better of a fit and one begun where the joint never saturates.
 
-    Small steps of a joint that never saturates are fitted to 0.5 % with a top speed far too low;
-    begun without one they are fitted to rounding.
+    Without it small steps, and slow ramps, of such a joint are fitted with a top speed far too low.
     """
     at, shown = best.parameters, best.peak_command
     if at.v_max > shown or best.exact:
@@ -217,11 +216,10 @@ def with_speed_of(fit: Fit, speed: float) -> Fit:
 
 
 def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, ...] | None:
-    """The logs with even times, if a joint with these explains them clearly better.
+    """The logs with even times, if a joint with these explains them clearly better; else None.
 
     Times that a program notes may come late by a millisecond or so, though the servo is read
-    evenly. Rows that really are uneven fit worse on an even clock. Recorded loops of 50 Hz are off
-    by 1.4 %, which is even. None where the logs, to which the joint was fitted, are to stay.
+    evenly. Recorded loops of 50 Hz are off by 1.4 %, which is even.
     """
     if unequal(logs):
         return None
@@ -249,11 +247,7 @@ class Simple(NamedTuple):
 
 
 def simple_fits(grid: Grid) -> tuple[Simple, ...]:
-    """Fit no model, a delay and a first-order lag, the simplest first.
-
-    The lag never saturates, and its window is a tick. Its search starts with none, half and nine
-    tenths of the whole delay as pure delay.
-    """
+    """Fit no model, a delay and a first-order lag, which never saturates, the simplest first."""
     grid = replace(grid, weights=np.ones_like(grid.weights))
     delay, tick = best_delay(grid), grid.tick
     whole = max(delay, 2.0 * tick)

@@ -70,15 +70,9 @@ def verdict_on(
 ) -> tuple[Verdict, Finding, list[Finding]]:
     """Judge a fit by its error, without gross outliers, on all rows and on those held out.
 
-    A model is refused beyond 25 %, where it is hardly better than a delay, or where the joint seems
-    to move against its requests. It is worse than a delay where the best pure delay is 5 % closer
-    to held-out rows. It holds where it misses at most 10 %, nothing simpler predicts held-out rows
-    better, and the log shows the dry friction: the joint is not shaken, and the dead band is known
-    to 10 % of the motion. Else it is usable.
-
-    ``simple`` is the error of the simpler descriptions on the same rows [rad], ``signal`` the
-    standard deviation of the motion [rad], and ``friction`` by how much the dead band may be larger
-    than that of the model [rad].
+    The rules are those of ``docs/math.md``. ``simple`` is the error of the simpler descriptions on
+    the same rows [rad], ``signal`` the standard deviation of the motion [rad], and ``friction`` by
+    how much the dead band may be larger than that of the model [rad].
 
     Returns the verdict, its reason and what else to know; the topic of the reason is "fit", or what
     makes a fit to the log meaningless.
@@ -255,12 +249,8 @@ def notes_on(
 def wrong_columns(grid: Grid) -> Columns:
     """Evidence for a wrong sign and for exchanged columns, and the spans of columns in two scales.
 
-    Against its requests: the angles are as much like requests of the opposite sign, after a shorter
-    delay. Half a cycle of motion that repeats itself looks like the other sign, too. There the
-    shorter delay is taken for the true one: what a joint is late by is less than half a cycle.
-
-    Exchanged: the angles come before their requests. Motion that repeats itself is as like the
-    requests before as those after.
+    Half a cycle of motion that repeats itself looks like the other sign: the shorter delay is taken
+    for the true one. Such motion is as like the requests before as those after.
     """
     delays, against, exchanged = np.linspace(0.0, grid.reach, 200), None, None
     before, after = _likeness(grid, delays), _likeness(grid, -delays)

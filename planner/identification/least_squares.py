@@ -264,8 +264,7 @@ class Fit:
     def noise(self) -> float:
         """Standard deviation of residuals that are independent from row to row [rad].
 
-        What the model does not explain is alike in neighbouring rows, so that it cancels in their
-        differences.
+        What the model does not explain cancels in the differences of neighbouring rows.
         """
         sound, run = self.weights >= 1.0, self.grid.run
         steps = np.diff(self.weighted)[(run[1:] == run[:-1]) & sound[1:] & sound[:-1]]
@@ -338,13 +337,11 @@ def least_squares(
     """Fit the free parameters and the first angle of every run: (15) of ``docs/math.md``.
 
     Gauss-Newton steps in a trust region (Moré, 1978, in *Numerical Analysis*, Lecture Notes in
-    Mathematics 630), with the derivatives of (16). The first angles, each of which acts on the rows
-    of its own run alone, are eliminated from the normal equations (Golub and Pereyra, 1973).
-    Coordinates stay within their bounds by projection. The scale of the loss follows the residuals,
-    from round to round, unless it is given. Begins at ``begin``, where what is not free stays, and
-    with the first angles ``starts`` [rad], by default those measured. A loss of ``enough`` [rad^2]
-    need not be improved on, nor is one that cannot come near it. The answer is never worse than
-    where it began.
+    Mathematics 630), with the derivatives of (16); first angles are eliminated (Golub and Pereyra,
+    1973), and bounds kept by projection. The scale of the loss follows the residuals, from round to
+    round, unless it is given. Begins at ``begin``, where what is not free stays, and with the first
+    angles ``starts`` [rad], by default those measured. A loss of ``enough`` [rad^2] need not be
+    improved on, nor is one that cannot come near it. The answer is never worse than where it began.
     """
     floor = 1e-12 * max(float(np.std(grid.angles)), 1e-300)  # less are rounding errors
     if starts is None:
@@ -458,9 +455,8 @@ def better(fit: Fit, other: Fit) -> bool:
 def correlation_time(series: Array) -> float:
     """Rows that count as one because they are alike: 1 + 2 times the sum of autocorrelations.
 
-    The sum ends at five times itself, where what follows is noise (Sokal's window), and at the
-    square root of the number of rows, beyond which it would mistake a cycle for one long
-    correlation; at least 1.
+    The sum ends at five times itself (Sokal's window), and at the square root of the number of
+    rows, beyond which it would mistake a cycle for one long correlation; at least 1.
     """
     count = len(series)
     transformed = np.fft.rfft(series, 2 * count)

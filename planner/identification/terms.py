@@ -90,11 +90,8 @@ ENOUGH = TERM._replace(evaluations=100, tolerance=1e-5)
 def with_terms(fit: Fit) -> Fit:
     """Add one term after another, and keep those that reduce the loss by (16a).
 
-    A term is kept where it lowers the Bayesian information criterion (Schwarz, 1978) of as many
-    rows as are independent, ``n_eff log(loss without / loss with) > log(n_eff)`` with
-    ``n_eff = n / correlation time of the residuals``, and saves at least 1 % of the loss. Terms
-    that the fit has are kept. The interval of a dead band that cannot be told from a sag has no
-    upper end.
+    Terms that the fit has are kept. The interval of a dead band that cannot be told from a sag has
+    no upper end.
     """
     fit = replace(fit, terms={name: term for name, term in fit.terms.items() if term.kept})
     for name in ORDER:
@@ -162,9 +159,8 @@ def with_motor(fit: Fit, begin: Parameters | None = None) -> Fit:
 
 
 def with_integral(fit: Fit) -> Fit:
-    """The fit, with the terms of a motor, with the integral of a loop of the servo if that pays.
+    """The fit with the integral of a loop of the servo, and the terms of a motor, if that pays.
 
-    It is sought together with the terms of a motor and with the sag, which it hides at rest.
     A slow integral imitates a drift: a speed loop's has to act in a time not far above the joint's
     delay, and the log has to determine it, and the time constant beside it. Without inertia it
     imitates play, with a dead band as wide.
@@ -246,13 +242,12 @@ def with_needed(fit: Fit, names: Sequence[str], *, effort: Effort) -> Fit:
 def with_calm_friction(fit: Fit) -> Fit:
     """The fit with the dead band of the log that surely shows most of it; or the same fit.
 
-    Whatever shakes a joint, other joints or the ground, hides its dry friction, so that logs of one
-    joint show different amounts; the largest is that of calm motion. A log counts where the lower
-    end of its own interval lies above what all logs together show, and its angles spread at least
-    half as far as those of the widest log: static friction, which holds a joint that hardly moves,
-    is more than what slows it down. (Without that a log of an SO-101 that spreads 0.3 times as far
-    gives its wrist a dead band 1.3 to 1.4 times as large, and motions that were not fitted are
-    missed by 4.1 and 3.9 mrad, not by 3.8 and 3.1.)
+    Whatever shakes a joint hides its dry friction; the largest is that of calm motion. A log counts
+    where the lower end of its own interval lies above what all logs together show, and its angles
+    spread at least half as far as those of the widest log: static friction is more than what slows
+    a joint down. (Without that a log of an SO-101 that spreads 0.3 times as far gives its wrist a
+    dead band 1.3 to 1.4 times as large, and motions that were not fitted are missed by 4.1 and 3.9
+    mrad, not by 3.8 and 3.1.)
     """
     grid, at, logs = fit.grid, fit.parameters, fit.grid.logs
     if len(logs) < 2 or not fit.has("dead_band"):
@@ -551,10 +546,9 @@ def _near(fit: Fit, place: Array) -> Parameters:
 def _excerpt_to_search(fit: Fit, *, spread: bool = False) -> Grid | None:
     """Parts of about 4 s, as runs of their own, in which to seek more: at most some 6,000 ticks.
 
-    They are those that the model misses most, as play shows in few; with ``spread`` they are spread
-    over the logs, so that what fits them best is near what fits all rows best. Their first half
-    seconds are left out, in which the unknown speed at the start matters. None where the residuals
-    are noise, or the rows are few.
+    They are those that the model misses most, or, with ``spread``, spread over the logs. Their
+    first half seconds are left out, in which the unknown speed at the start matters. None where the
+    residuals are noise, or the rows are few.
     """
     if fit.exact or fit.structure < 0.2:
         return None
