@@ -24,8 +24,7 @@ PARTS = (
 )
 """Of each half of the combined signal: kinds, their shares, what each makes identifiable."""
 
-SWELL = 0.08
-"""Share of a sum of sines in which it, or one of its sines, swells."""
+SWELL = 0.08  # share of a sum of sines in which it, or one of its sines, swells
 
 
 class Part(NamedTuple):

@@ -20,22 +20,17 @@ from planner.model.response import load_by_period
 if TYPE_CHECKING:
     from planner.model.kernel import Track
 
-SURE = 3.0
-"""Standard deviations by which a period estimated from uneven pauses may be off."""
-
-FEWEST_USED = 3
-"""Rows with torque below which a run tells nothing: its first angle is free."""
+SURE = 3.0  # standard deviations by which a period estimated from uneven pauses may be off
+FEWEST_USED = 3  # rows with torque below which a run tells nothing: its first angle is free
 
 MOST_ROWS = 20_000
 """About how many rows :func:`thinned` logs have, by which ticks and terms are chosen. (Of five logs
 of 100,000 rows one is predicted 88 % worse held out with half; twice: the same, in 1.5 times the
 time.)"""
 
-ON_A_TICK = 1e-9
-"""Rows this close to a tick [ticks] are taken to be on it."""
+ON_A_TICK = 1e-9  # rows this close to a tick [ticks] are taken to be on it
 
-Place = tuple[int, int]
-"""A row of a log: number of the log, number of the row."""
+Place = tuple[int, int]  # a row of a log: number of the log, number of the row
 
 
 class Timing(NamedTuple):

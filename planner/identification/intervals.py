@@ -33,10 +33,6 @@ does not have, and that other motions have otherwise. On 29 recordings of an arm
 saturate, an unlimited top speed raises the loss by 0 to 0.18 of it, in those of the gripper that do
 by 1.3 and more (at half two top speeds count as bounded that are not)."""
 
-CERTAIN = 0.1
-"""A logarithm whose 95 % interval is at most so far to either side is determined; no profile is
-asked."""
-
 WIDENING = 2.5
 """By how much each of four steps of a profile is longer than the one before; what is not refuted
 then is open. (At half 3 ends more of 70 are open; at twice intervals are up to 1.6 times wider.)"""
@@ -44,9 +40,6 @@ then is open. (At half 3 ends more of 70 are open; at twice intervals are up to 
 BISECTIONS = 2
 """Halvings that narrow the end of an interval, each one fit (half: up to 1.8 times as wide; twice:
 down to 0.6, in 1.1 times the time)."""
-
-SCALES = ("v_max", "theta_0", "gain")
-"""Parameters whose intervals are symmetric on a logarithmic scale."""
 
 FASTER = 1.4
 """Factor from one top speed to the next among which that of a joint with limited acceleration is
@@ -163,7 +156,7 @@ def _interval(fit: Fit, name: str, possible: list[Parameters]) -> Interval:
             inner, outer = (inner, middle) if refutes(middle) else (middle, outer)
         return outer
 
-    if half <= (max(unit, most) if unit else CERTAIN):
+    if half <= (max(unit, most) if unit else 0.1):
         # so narrow that the slopes at its middle hold at its ends
         low, high = max(moved(-half), reported[0]), moved(half)
     else:
@@ -193,11 +186,7 @@ determine, scatters less. (Of 160 simulated motors the intervals of seven parame
 92 % without this, at 1.5 in 89 to 96 %, at 2 in 92 to 98 %, ``scripts/bench models``; of 240
 others that of the dead band in 91 % without its own, in 95 % with it.)"""
 
-LARGEST = 1e100
-"""Largest derivative that counts: those of a joint that nearly rings for ever outgrow numbers."""
-
-EDGE = 1e-6
-"""A parameter this close to a bound of the search, relative to it, is at the edge."""
+EDGE = 1e-6  # a parameter this close to a bound of the search, relative to it, is at the edge
 
 
 def at_edge(fit: Fit, name: str) -> bool:
@@ -289,8 +278,9 @@ def _beside_starts(fit: Fit) -> Array:
     slopes = fit.slopes(averaging=0.025)
     raw = np.zeros((len(fit.residuals), COUNT))
     weights = grid.weights
-    raw[:, fit.free] = np.clip(weights[:, np.newaxis] * slopes.by_parameter, -LARGEST, LARGEST)
-    by_start = np.clip(weights * slopes.by_start, -LARGEST, LARGEST)
+    most = 1e100  # those of a joint that nearly rings for ever outgrow numbers
+    raw[:, fit.free] = np.clip(weights[:, np.newaxis] * slopes.by_parameter, -most, most)
+    by_start = np.clip(weights * slopes.by_start, -most, most)
     runs = len(grid.starts)
     norms: Array = np.bincount(grid.run, fit.weights * by_start**2, runs).astype(float)
     along: Array = np.stack(
@@ -343,7 +333,7 @@ def over_ticks(intervals: Mapping[str, Interval], coarse: Fit, fine: Fit) -> dic
     share = ticks[0] / (ticks[1] - ticks[0]) if ticks[0] < ticks[1] else 0.0
     for name, ends in intervals.items():
         sizes = np.array([at[name], moved[name], *ends])
-        if logarithmic := name in SCALES and ends.lower > 0.0:
+        if logarithmic := name in ("v_max", "theta_0", "gain") and ends.lower > 0.0:
             sizes = np.log(sizes)
         before, after, *ends_before = sizes.tolist()
         rough, by = 1.0, 0.0

@@ -54,9 +54,6 @@ it. The window begins wide, since a narrow one sees only the nearest change of a
 JUST_ABOVE = 1.0 + 1e-6
 """By how much a top speed that was never reached lies above the fastest call."""
 
-FAR_ABOVE = 4.0
-"""Times the fastest motion of a log, a top speed that is hardly reached."""
-
 
 def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False) -> tuple[Fit, ...]:
     """Fit the joint, without the terms of ``terms.py``, to logs: to some stretches of long ones.
@@ -204,7 +201,7 @@ def never_saturating(fit: Fit) -> Fit | None:
     """
     if fit.parameters.v_max > fit.grid.fastest:
         return None
-    at = fit.parameters._replace(v_max=FAR_ABOVE * fit.grid.fastest)
+    at = fit.parameters._replace(v_max=4.0 * fit.grid.fastest)
     return fit.again(at, free=fit.free & ~only("v_max"))
 
 

@@ -36,8 +36,7 @@ REFUSED = 0.25
 """A model that misses more is refused. Recordings of joints that the model is meant for leave 0.02
 to 0.23, those of an overloaded one 0.23 to 1. (One verdict; one.)"""
 
-SUSPECT = 0.1
-"""From this error on a possible reason is reported (three warnings more; one less)."""
+SUSPECT = 0.1  # from this error on a possible reason is reported (three warnings more; one less)
 
 POOR, NO_BETTER = 0.2, 0.9
 """From the first error on a model has to come below the second share of the error of a mere delay
@@ -52,8 +51,7 @@ worse than a delay; a simpler description that predicts them better by the secon
 Columns = tuple[Finding | None, Finding | None, tuple[float, float] | None]
 """What speaks against the columns of a log: see :func:`wrong_columns`."""
 
-ANOTHER_SCALE = "one column may be in another scale"
-"""A reason to refuse a model, or to doubt it."""
+ANOTHER_SCALE = "one column may be in another scale"  # a reason to refuse a model, or to doubt it
 
 
 def verdict_on(

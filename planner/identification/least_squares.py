@@ -29,8 +29,7 @@ from planner.identification.parameters import (
 from planner.identification.result import Interval, Term
 from planner.model.law import Law
 
-USUAL = only(*BASE)
-"""What is fitted where nothing else is asked for: the terms stay what they are."""
+USUAL = only(*BASE)  # what is fitted where nothing else is asked for: the terms stay what they are
 
 CORNER = 5.0
 """Residuals beyond so many standard deviations count by their size, not by their square. (On seven
@@ -45,12 +44,7 @@ EDGE_DISTANCE = 1e-9
 """Distance from an edge of the window at which requests are read [ticks]: where the edge meets a
 change of the request the derivative jumps, and the mean of both sides is taken."""
 
-ROUNDED = 1e-9
-"""Errors below this, relative to the spread of the angles, are rounding."""
-
-MOST_REDUCTION = 3.0
-"""A search ends where the loss would have to fall by more than so many times the reduction that its
-quadratic predicts."""
+ROUNDED = 1e-9  # errors below this, relative to the spread of the angles, are rounding
 
 
 class Effort(NamedTuple):
@@ -68,8 +62,7 @@ class Effort(NamedTuple):
     first_step: float = 0.2
 
 
-QUICK = Effort(evaluations=12, tolerance=1e-3, rounds=2)
-"""Tells a good start from a poor one."""
+QUICK = Effort(evaluations=12, tolerance=1e-3, rounds=2)  # tells a good start from a poor one
 
 SEARCH = Effort(evaluations=25, tolerance=1e-4, rounds=6)
 """To a loss that is right to a thousandth, which tells one local optimum from another."""
@@ -395,7 +388,7 @@ def _minimised(
         if not np.isfinite(near.matrix).all():  # derivatives of a joint that hardly comes to rest
             break
         sizes = np.maximum(sizes, near.sizes)
-        if enough > 0.0 and fit.cost - MOST_REDUCTION * most_reduction(near) > enough:
+        if enough > 0.0 and fit.cost - 3.0 * most_reduction(near) > enough:
             break
         step, starts, predicted, length = step_of(near, sizes, radius, lower - here, upper - here)
         if not predicted > 1e-3 * effort.tolerance * fit.cost:

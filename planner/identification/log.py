@@ -33,14 +33,12 @@ SUDDEN = 0.75 * TURN
 UNITS = ("rad", "1")
 """What angles are in: radians, or shares of the joint's range where it is no angle."""
 
-LATEST = 1e12
-"""Times beyond this [s] are in another unit."""
+LATEST = 1e12  # times beyond this [s] are in another unit
 
 SLOWEST, FASTEST = 2.0, 2e-5
 """A log with rows further apart than this [s], or closer, has probably another unit of time."""
 
-FEWEST_ROWS = 3
-"""Rows below which there is no motion to speak of."""
+FEWEST_ROWS = 3  # rows below which there is no motion to speak of
 
 
 ONE_LOG = (

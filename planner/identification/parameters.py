@@ -20,19 +20,9 @@ from planner.model.law import fastest_integral, motor_share
 Free = Mask
 """Which parameters a fit may change, in the order of the fields of :class:`Parameters`."""
 
-MOST_ASYMMETRY = 0.5
-"""Share of v_max by which the top speeds differ at most without a load: 3 to 1."""
-
-MOST_SLOWING = 0.45
-"""Share of v_max by which the largest load changes them at most: both directions stay possible."""
-
 MOST_SAG = 0.63
 """Largest sag by sine and cosine of the angle [rad]: 36 degrees, a motor far too weak for its load;
 both together are within what a model may have."""
-
-SEEN = 0.3
-"""Share of the highest speed of a log below which no top speed is sought: what explains the
-rest of a log better then is no joint."""
 
 
 class Parameters(NamedTuple):
@@ -146,17 +136,18 @@ def box_of(grid: Grid) -> Box:
     """The box of a search on a grid."""
     tick, reach, span, per_load = grid.tick, grid.reach, grid.span, 1.0 / grid.heaviest
     # A joint is not slower than it was seen to be, but for noise, and from 2 / tick on it would not
-    # come to rest. Any weights on two neighbouring requests are those of a window of one tick.
+    # come to rest. Any weights on two neighbouring requests are those of a window of one tick. Top
+    # speeds differ by 3 to 1 at most without a load, and any load leaves both directions possible.
     rows: dict[str, tuple[float, float, float]] = {
         "gain": (0.0, 1e-3 / reach, 1.9 / tick),
-        "v_max": (0.0, max(SEEN * grid.fastest, 1e-6 * span / reach), 1e3 * span / tick),
+        "v_max": (0.0, max(0.3 * grid.fastest, 1e-6 * span / reach), 1e3 * span / tick),
         "lag": (tick, 0.0, reach - tick),
         "acceleration_time": (tick, tick, reach),
         "offset": (span, -10.0 * span, 10.0 * span),
         "dead_band": (span, 0.0, 0.5 * span),
-        "asymmetry": (1.0, -MOST_ASYMMETRY, MOST_ASYMMETRY),
+        "asymmetry": (1.0, -0.5, 0.5),
         "compliance": (span * per_load, 0.0, 10.0 * span * per_load),
-        "slowing": (per_load, 0.0, MOST_SLOWING * per_load),
+        "slowing": (per_load, 0.0, 0.45 * per_load),
         "sag_sin": (span, -MOST_SAG, MOST_SAG),
         "sag_cos": (span, -MOST_SAG, MOST_SAG),
         "time_constant": (tick, 0.0, reach),
@@ -184,8 +175,7 @@ TERMS = {
 }
 """Parameters that are 0 unless they reduce the loss, with their names in a JointModel."""
 
-BASE = Parameters._fields[:5]
-"""The parameters of the paper, and the offset: every fit has them."""
+BASE = Parameters._fields[:5]  # the parameters of the paper, and the offset: every fit has them
 
 PARAMETERS = ("v_max", "theta_0", *BASE[2:], *TERMS.values())
 """The same as attributes of a :class:`planner.JointModel`, in the order of a covariance."""

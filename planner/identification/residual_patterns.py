@@ -27,32 +27,19 @@ from planner.identification.terms import Backlash
 from planner.model.evidence import errors_of_motion
 from planner.model.joint import JointModel
 
-FEW_ROWS = 20
-"""Fewer rows show neither a stop nor where a joint rests."""
-
-CLEAR = 5.0
-"""Standard deviations of the noise that a pattern has to exceed."""
-
-REST = 0.3
-"""Time over which a joint at rest is observed, and an acceleration averaged [s]."""
+FEW_ROWS = 20  # fewer rows show neither a stop nor where a joint rests
+CLEAR = 5.0  # standard deviations of the noise that a pattern has to exceed
+REST = 0.3  # time over which a joint at rest is observed, and an acceleration averaged [s]
 
 SETTLED = 3.0
 """A step shows where a joint rests if no other follows within so many of its latencies."""
 
-APART = 5
-"""Rows that show a pattern and are at most so many apart are one place."""
-
-STILL = 0.005
-"""Share of its travel within which a joint does not move."""
+APART = 5  # rows that show a pattern and are at most so many apart are one place
+STILL = 0.005  # share of its travel within which a joint does not move
 
 REFUSED = (0.1, 0.3)
 """Shares of its travel by which the requests are at least to either side of a joint that is stuck,
 and to one of them: no friction holds it there."""
-
-TOUCHING = 4.0
-"""A joint rests against something where it is beside its model by so many standard deviations of
-what it is beside it in other places of rest. (Of an arm that pushed on its table 4.4 to 10; of
-joints that touched nothing, within their friction, up to 3.)"""
 
 
 class Held(NamedTuple):
@@ -156,7 +143,8 @@ def contacts(fits: Sequence[LogFit], noise: float) -> list[list[Held]]:
     An arm that stands on a table, or on itself, stays there however far the request is beyond, and
     its other joints are pushed back. Friction holds a joint to both sides of the model, by the same
     amount everywhere: what is far from the median of all places of rest is none. Where many places
-    are, it is the model that errs, and fewer than ten places do not tell.
+    are, it is the model that errs, and fewer than ten places do not tell. (Of an arm that pushed on
+    its table they are 4.4 to 10 standard deviations of all places away, within friction up to 3.)
     """
     places = [(k, rows) for k, fit in enumerate(fits) for rows in _rests(fit, noise)]
     contacts: list[list[Held]] = [[] for _ in fits]
@@ -166,7 +154,7 @@ def contacts(fits: Sequence[LogFit], noise: float) -> list[list[Held]]:
     middle = float(np.median(beside))
     usual = float(np.median(np.abs(beside - middle))) / 0.6745
     motion = max(float(np.ptp(fit.log.angles[fit.used])) for fit in fits if fit.used.any())
-    clear = max(TOUCHING * usual, CLEAR * noise, 0.01 * motion)
+    clear = max(4.0 * usual, CLEAR * noise, 0.01 * motion)
     touching = np.flatnonzero(np.abs(beside - middle) > clear)
     if len(touching) > 0.25 * len(places):
         return contacts

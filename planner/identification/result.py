@@ -253,11 +253,8 @@ class LogFit(ReadOnly):
         return SpeedPoints(*measured[:2], errors, speeds, off, top)
 
 
-OFF_THE_LAW = 0.02
-"""A point this share of the top speed off f is not on it: the width of its line."""
-
-AT_TOP_SPEED = 0.99
-"""A joint at this share of its top speed, or more, is at it."""
+OFF_THE_LAW = 0.02  # a point this share of the top speed off f is not on it: the width of its line
+AT_TOP_SPEED = 0.99  # a joint at this share of its top speed, or more, is at it
 
 
 class SpeedPoints(NamedTuple):

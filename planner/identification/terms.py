@@ -50,18 +50,14 @@ ORDER = ("time_constant", "dead_band", "compliance", "slowing", "asymmetry", "sa
 sag by the angle, with an offset against it, is nearly as good as an asymmetry, which comes first:
 where an integral term hides the sag at rest gravity shows in the top speeds alone."""
 
-SAG = ("sag_sin", "sag_cos")
-"""The sag by the angle."""
-
-PARTNERS = {SAG[0]: SAG[1:]}
-"""Parameters that a term has beside the one that it is called by."""
+SAG = ("sag_sin", "sag_cos")  # the sag by the angle
+PARTNERS = {SAG[0]: SAG[1:]}  # parameters that a term has beside the one that it is called by
 
 INTEGRALS = ("integral_rate", "position_integral_rate")
 """The integrals of a speed loop and of a position controller, tried after all other terms, one of
 them at most."""
 
-LEAST_SAVING = 0.1
-"""Least share of the loss that an integral explains by itself."""
+LEAST_SAVING = 0.1  # least share of the loss that an integral explains by itself
 
 MOTOR = ("acceleration", "time_constant", "dead_band", "asymmetry")
 """Terms that may show only together: a slow start hides dry friction, and friction the inertia."""

@@ -32,11 +32,8 @@ from planner.report.identification_text import (
 from planner.report.page import Page, parameters_of
 from planner.report.wording import UNITS, words_of
 
-CLOSE_UP = 3.0
-"""Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""
-
-BAR = 9.0
-"""Width of the bar of an interval [pt]."""
+CLOSE_UP = 3.0  # length of the part that is drawn by itself [s]: some ten answers of a hobby servo
+BAR = 9.0  # width of the bar of an interval [pt]
 
 
 def identification_page(identifications: Mapping[str, Identification]) -> Page:
