@@ -37,9 +37,6 @@ hundredth of a degree or finer; and unrounded, of one cycle."""
 LAGGING = 1e-3
 """Range of modelled angles less requests from which on they should not be equal [rad]."""
 
-MOST_SHIFT = math.radians(30.0)
-"""Mean distance from the modelled angles that is more than any sag [rad]."""
-
 NOT_MEASURED = "no joint follows so exactly; give what its sensor measured"
 
 
@@ -136,7 +133,7 @@ def largest_shifts(joints: Plan) -> Array:
     halves = 0.5 * (joints.task.upper - joints.task.lower)
     evidence = [each.evidence for each in joints.models]
     shares = [each is not None and each.unit == "range" for each in evidence]
-    return np.where(shares, halves, MOST_SHIFT)
+    return np.where(shares, halves, math.radians(30.0))  # more than any sag
 
 
 def check_trial(
@@ -144,7 +141,7 @@ def check_trial(
     modelled: Array,
     trials: Sequence[Trial],
     before: Sequence[Array],
-    most: Array | float = MOST_SHIFT,
+    most: Array,
 ) -> None:
     """Refuse another motion or zero, and a cycle already measured under other requests.
 

@@ -11,12 +11,7 @@ import numpy as np
 from kinematics.leg import Leg
 from planner.arrays import error_norm, index_of_largest
 from planner.evaluation.checks import CLAIMS, Check, beyond_limits
-from planner.evaluation.cross_check import (
-    METHODS,
-    SECOND,
-    CrossCheck,
-    JointComparison,
-)
+from planner.evaluation.cross_check import METHODS, SECOND, CrossCheck, JointComparison
 from planner.model.evidence import untested_words
 from planner.report import figure
 from planner.report.figure import Axis, Figure, Panel, Timeline, line
@@ -24,7 +19,6 @@ from planner.report.page import Page, models_table
 from planner.report.wording import (
     CARRIED,
     Unit,
-    in_each,
     labelled,
     largest_of,
     percent,
@@ -84,8 +78,6 @@ def comparison_page(
         zero=bool(far),
         gaps=gaps,
         apart=largest_of(zip(of.values(), apart, strict=True)) if max(apart) > 0.0 else {},
-        units_by_name=CARRIED,
-        each=lambda sizes: in_each(sizes, lambda size: f"{size:.3g}"),
         failures=[*map(failure_words, check.failures)],
         unreachable=unreachable,
         # more than rounding of degrees

@@ -24,18 +24,7 @@ from planner.report.figure import (
     line,
 )
 from planner.report.page import Page
-from planner.report.wording import (
-    UNITS,
-    Table,
-    Unit,
-    at_most,
-    in_each,
-    labelled,
-    renamed,
-    table_of,
-    two_digits,
-    words_of,
-)
+from planner.report.wording import UNITS, Table, Unit, labelled, renamed, table_of, words_of
 
 if TYPE_CHECKING:
     from planner.approximation.fit_pwl import Choices, PiecewiseLinearFit
@@ -60,8 +49,8 @@ def fit_page(
         joints=joints,
         errors=fits_table(fits, units),
         worst=" and ".join(worst.values()),
-        rms=in_each({u: math.degrees(fits[name].rms) for u, name in worst.items()}, two_digits),
-        most=in_each({u: math.degrees(fits[name].max_error) for u, name in worst.items()}, at_most),
+        rms={unit: math.degrees(fits[name].rms) for unit, name in worst.items()},
+        most={unit: math.degrees(fits[name].max_error) for unit, name in worst.items()},
         proof=proof_words(fits),
     )
 

@@ -51,7 +51,6 @@ def learning_page(
         errors=errors_figure(worst, progress[worst]),
         more=[errors_figure(*each, f"_{j}") for j, each in enumerate(rest.items(), 2)],
         short=_short,
-        words={name: CARRIED[unit].words for name, unit in units.items()},
         joints=[
             joint_figure(plan, executed, measured, j, CARRIED[units.get(name, "deg")])
             for j, name in enumerate(plan.names)

@@ -15,13 +15,7 @@ from planner.report import figure
 from planner.report.figure import Figure, Timeline
 from planner.report.page import Page, models_table
 from planner.report.plan_results import Numbers, PlanAnswer, no_bound, sizes_of
-from planner.report.wording import (
-    at_most,
-    in_each,
-    signed,
-    two_digits,
-    words_of,
-)
+from planner.report.wording import signed, words_of
 
 DIRECT = figure.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
@@ -60,16 +54,13 @@ def plan_page(
         of_joints=foot is None,
         subject=subject,
         planned=foot,
-        stays=in_each({unit: each["max"] for unit, each in groups.items()}, at_most),
-        rms=in_each({unit: each["rms"] for unit, each in groups.items()}, two_digits),
-        direct=[
-            in_each({unit: each["without_plan"][size] for unit, each in groups.items()}, written)
-            for size, written in (("max", at_most), ("rms", two_digits))
-        ],
-        expected=in_each(
-            {u: each["expected_rms"] for u, each in groups.items() if each["expected_rms"]},
-            two_digits,
-        ),
+        most={unit: each["max"] for unit, each in groups.items()},
+        rms={unit: each["rms"] for unit, each in groups.items()},
+        direct={
+            size: {unit: each["without_plan"][size] for unit, each in groups.items()}
+            for size in ("max", "rms")
+        },
+        expected={u: each["expected_rms"] for u, each in groups.items() if each["expected_rms"]},
         as_given=as_given,
         jumps=jumps_of(plan),
         unknown=[name for name in answer.fast if name in answer.open_top_speeds],

@@ -25,16 +25,7 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.wording import (
-    CARRIED,
-    Table,
-    Unit,
-    labelled,
-    number,
-    percent,
-    table,
-    table_of,
-)
+from planner.report.wording import CARRIED, Table, Unit, labelled, number, percent, table, table_of
 
 if TYPE_CHECKING:
     from kinematics import Leg

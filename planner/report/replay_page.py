@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Literal
@@ -21,9 +21,7 @@ from planner.report.wording import (
     CARRIED,
     UNITS,
     Unit,
-    at_most,
     common,
-    in_each,
     labelled,
     largest_of,
     phrase,
@@ -93,7 +91,10 @@ def replay_page(
         planned=joints,
         page=True,
         signs={name: unit.sign for name, unit in units.items()},
-        most={kind: _most(joints.values(), kind) for kind in ("planned", "direct", "resent")},
+        most={
+            kind: largest_of((each["unit"], each[kind]["max"]) for each in joints.values())
+            for kind in ("planned", "direct", "resent")
+        },
         good=not missed,
         missed=missed,
         fast={name: seconds for name, seconds in fast.items() if seconds},
@@ -133,11 +134,6 @@ def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dic
         "open": OPEN_TOP_SPEED,
         "resent": {joint.name: numbers[joint.name] for joint in replay.resent_may_serve},
     }
-
-
-def _most(joints: Iterable[Numbers], kind: str) -> str:
-    """The largest errors of joints, in words."""
-    return in_each(largest_of((each["unit"], each[kind]["max"]) for each in joints), at_most)
 
 
 def _allowed(fastest: Fastest) -> tuple[float, Unit]:

@@ -45,11 +45,12 @@ def sweep_page(swept: Swept) -> Page:
     """The whole page."""
     return Page(
         "sweep",
-        **_said(swept),
+        swept=swept,
         good=not missed(swept),
         verdict=verdict(swept),
         commands=[(each.number, command(swept, each)) for each in swept.front],
         figure=front_figure(swept) if swept.front else None,
+        of_point=WORDS,
         parameters_of=partial(parameters, swept),
     )
 
@@ -89,19 +90,14 @@ def sweep_results(swept: Swept) -> list[dict[str, Any]]:
 def sweep_text(swept: Swept) -> str:
     """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
     again = command(swept, swept.best or swept.front[-1]) if swept.front else ""
-    return rendered_text("sweep.txt", **_said(swept), again=again)
+    words = parameters(swept, swept.best) if swept.best else ""
+    return rendered_text("sweep.txt", swept=swept, parameters=words, of_point=WORDS, again=again)
 
 
 def verdict(swept: Swept) -> str:
     """The answer in a few words."""
-    return phrase("sweep.txt", "verdict", **_said(swept))
-
-
-def _said(swept: Swept) -> dict[str, Any]:
-    """What the sentences and tables show."""
     words = parameters(swept, swept.best) if swept.best else ""
-    unit = CARRIED[swept.error_unit].sign
-    return {"swept": swept, "error_unit": unit, "parameters": words, "of_point": WORDS}
+    return phrase("sweep.txt", "verdict", swept=swept, parameters=words)
 
 
 def missed(swept: Swept) -> str:

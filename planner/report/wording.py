@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -52,12 +52,8 @@ CARRIED = {
     "deg": UNITS["rad"],
     "percent": UNITS["1"]._replace(factor=math.degrees(1.0)),
     "cm": Unit("cm", "cm", "cm", "cm", 100.0),
-    "deg_or_percent": Unit(
-        "deg_or_percent",
-        "deg or %",
-        "deg or % of range",
-        "degrees or % of the range",
-        math.degrees(1.0),
+    "deg_or_percent": UNITS["rad"]._replace(
+        name="deg_or_percent", sign="deg or %", long="degrees or % of the range"
     ),
 }
 """Units of plans by their name: paths carry a percent of a range as a degree."""
@@ -75,12 +71,6 @@ def common(units: Iterable[str]) -> Unit:
     """The unit of an error over joints with units of these names, each counted in its own."""
     names = {*units}
     return CARRIED[names.pop() if len(names) == 1 else "deg_or_percent"]
-
-
-def in_each(sizes: Mapping[str, float], written: Callable[[float], str]) -> str:
-    """Sizes by the name of their unit, in words."""
-    words = (f"{written(size)} {CARRIED[unit].long}" for unit, size in sizes.items())
-    return " and ".join(words)
 
 
 def largest_of(sizes: Iterable[tuple[str, float]]) -> dict[str, float]:
@@ -388,6 +378,10 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
         "digits": lambda value, digits=3: f"{value:.{digits}g}",
         "fixed": lambda value, digits=2: f"{value:.{digits}f}",
         "heading": heading,
+        "in_each": lambda sizes, form="digits": " and ".join(
+            f"{templates.filters[form](size)} {CARRIED[unit].long}" for unit, size in sizes.items()
+        ),
+        "unit": lambda name, form="sign": getattr(CARRIED[name], form),
         "signed": lambda value: signed(str(value)),
         "relative": relative,
         "line": lambda words: " ".join(words.split()),

@@ -111,22 +111,26 @@ def test_a_joint_in_shares_may_be_half_of_its_range_off_and_others_30_degrees():
     holding = of_joint_2(MODELLED[:, 1] + np.radians(45.0))
     check_trial(holding, MODELLED, [], [], most)
     with pytest.raises(InvalidTrajectory, match="of joint 2 are on average"):
-        check_trial(holding, MODELLED, [], [])
+        check_trial(holding, MODELLED, [], [], np.radians(30.0))
 
 
 def test_another_motion_and_the_angles_of_an_earlier_trial_are_refused_by_number():
     trials = [Trial(requests=REQUESTS, measured=of_joint_2(k * AWAY), error=0.1) for k in range(3)]
     others, cycles = [0.5 * MODELLED] * 3, of_joint_2(MODELLED[:, 1])
-    check_trial(cycles, MODELLED, trials, others)
+    check_trial(cycles, MODELLED, trials, others, np.radians(30.0))
     with pytest.raises(InvalidTrajectory, match=r"the angles of joint 2 are .* from those of the "):
-        check_trial(of_joint_2(-1.1 * MODELLED[:, 1]), MODELLED, trials, others)
-    check_trial(of_joint_2(MODELLED[:, 1] + np.radians(29.0)), MODELLED, trials, others)
+        check_trial(of_joint_2(-1.1 * MODELLED[:, 1]), MODELLED, trials, others, np.radians(30.0))
+    check_trial(
+        of_joint_2(MODELLED[:, 1] + np.radians(29.0)), MODELLED, trials, others, np.radians(30.0)
+    )
     with pytest.raises(InvalidTrajectory, match=r"of joint 2 are on average 1.6 rad from those of"):
-        check_trial(of_joint_2(MODELLED[:, 1] + np.pi / 2.0), MODELLED, trials, others)
+        check_trial(
+            of_joint_2(MODELLED[:, 1] + np.pi / 2.0), MODELLED, trials, others, np.radians(30.0)
+        )
     again = np.concatenate([cycles, trials[1].measured[1:] + 0.9e-9])
     with pytest.raises(InvalidTrajectory, match="same angles as in trial 2, whose requests were o"):
-        check_trial(again, MODELLED, trials, others)
-    check_trial(again, MODELLED, trials, [MODELLED] * 3)
+        check_trial(again, MODELLED, trials, others, np.radians(30.0))
+    check_trial(again, MODELLED, trials, [MODELLED] * 3, np.radians(30.0))
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

@@ -11,13 +11,14 @@ from planner.evaluation.pareto_front import Outcome, Swept
 from planner.report.fit_page import fit_page, fit_results, fits_table
 from planner.report.replay_page import fastest_results
 from planner.report.sweep_page import sweep_results, sweep_text
-from planner.report.wording import CARRIED, common, in_each, renamed, two_digits
+from planner.report.wording import CARRIED, common, environment, renamed
 
 
 def test_joints_of_one_unit_have_it_in_common_and_others_count_each_in_its_own():
     assert common(["percent", "percent"]) == CARRIED["percent"]
     assert common(["deg", "percent", "deg"]) == CARRIED["deg_or_percent"]
-    words = in_each({"deg": 24.2, "percent": 9.51}, two_digits)
+    in_each = environment(plain=True).filters["in_each"]
+    words = in_each({"deg": 24.2, "percent": 9.51}, "two_digits")
     assert words == "24 degrees and 9.5 % of the range"
 
 
