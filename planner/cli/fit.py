@@ -33,7 +33,7 @@ def fit(
     knots: options.Output | None = option(
         "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json."
     ),
-    output: str = options.output,
+    output: str = options.output,  # noqa: ARG001
 ) -> Answer:
     """Approximate DESIRED, a CSV of <joint>_deg, _rad or _percent columns, by lines within ±v_max.
 
@@ -47,7 +47,7 @@ def fit(
 
     from planner.approximation.fit_pwl import choices, fit_pwl
     from planner.cli.desired import load_joints, model_words, units_in_messages
-    from planner.cli.planning import inputs_of, origins_of
+    from planner.cli.planning import origins_of
     from planner.files.paths import write_curve
     from planner.report.fit_page import fit_page, fit_results, fits_table, proof_words
     from planner.report.wording import CARRIED
@@ -93,5 +93,4 @@ def fit(
         lambda file: path.write(file, angles),
         lambda: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}, units),
         origins_of(run),
-        [*inputs_of(path), ("lines", output), ("knots", knots)],
     )

@@ -119,7 +119,7 @@ def identify(
         identification_text(identifications, "joint.toml" if output == "-" else output),
         lambda file: write_text(file, text),
         page,
-        linked=[*(("log", file) for file in logs), ("model", output)],
+        [("log", file) for file in logs],
         failure=failure,
         status=2 if any(isinstance(each, InvalidInput) for each in left_out.values()) else 1,
     )

@@ -28,7 +28,7 @@ def plan(
         "tolerance: deg cm",
         path=argument(),
     ),
-    output: str = options.output,
+    output: str = options.output,  # noqa: ARG001
 ) -> Answer:
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.
 
@@ -52,7 +52,7 @@ def plan(
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
-    from planner.cli.planning import answer_of, inputs_of, origins_of, page_of, plan_of, prepare
+    from planner.cli.planning import answer_of, origins_of, page_of, plan_of, prepare
 
     desired = prepare(run)
     options.warn_of(desired.remarks)
@@ -67,7 +67,6 @@ def plan(
         lambda file: desired.write(file, result.requests, result.task.load),
         lambda: page_of(desired, answer),
         origins_of(run),
-        [*inputs_of(desired), ("requests", output)],
         failure=f"{missed}; the requests are written all the same" if missed else "",
     )
 
@@ -102,7 +101,7 @@ def compare(
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
     from planner.cli.desired import desired_of, model_words, scaled, units_in_messages
-    from planner.cli.planning import inputs_of, notes_of, origins_of
+    from planner.cli.planning import notes_of, origins_of
     from planner.evaluation.cross_check import cross_check
     from planner.files.columns import SHARES
     from planner.report.comparison_page import comparison_page, comparison_text, verdict_line
@@ -150,6 +149,5 @@ def compare(
             check, units, title=title, leg=whole, unreachable=unreachable, notes=notes
         ),
         [*origins_of(run), ("bounds up to", level)],
-        inputs_of(desired),
         failure="" if check.passed else verdict,
     )

@@ -57,7 +57,7 @@ def refine(
         default=True,
         otherwise="reidentify",
     ),
-    output: str = options.output,
+    output: str = options.output,  # noqa: ARG001
 ) -> Answer:
     """Learn from executed REQUESTS and the angles MEASURED meanwhile: write the next requests.
 
@@ -77,7 +77,7 @@ def refine(
     import numpy as np
 
     from planner.cli.desired import model_words, units_in_messages
-    from planner.cli.planning import inputs_of, origins_of, prepare
+    from planner.cli.planning import origins_of, prepare
     from planner.files.executed import read_executed, read_history, read_measured, write_history
     from planner.learning.refine import refine as learn
     from planner.model.response import load_columns
@@ -162,14 +162,7 @@ def refine(
         f"{count} of {len(rows)} requests; {model_words(run.model)}\n{trials_text(trials)}",
         lambda file: desired.write(file, rows, loads),
         page,
-        origins_of(run),
-        [
-            *inputs_of(desired),
-            ("requests", output),
-            ("executed", requests),  # where it is another file
-            *(("measured", file) for file in measured),
-            ("history", history),
-        ],
+        [*origins_of(run), ("executed", requests), *(("measured", file) for file in measured)],
     )
 
 

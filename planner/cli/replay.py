@@ -87,7 +87,7 @@ def replay(
     for each in tasks[0].models.remarks:
         warn(each)
     if len(tasks) == 1:
-        return _replay_one(tasks[0], output)
+        return _replay_one(tasks[0])
     with (
         executor_of(work["workers"], work["scheduler"]) as executor,
         Progress(len(tasks), parallel=True) as progress,
@@ -100,7 +100,7 @@ def replay(
     return _answer(document, logs, kept)
 
 
-def _replay_one(task: ReplayTask, output: str) -> Answer:
+def _replay_one(task: ReplayTask) -> Answer:
     from planner.cli.recordings import missed
     from planner.recording.episode import write_replay
     from planner.report.replay_page import fastest_results, replay_page, replay_results, replay_text
@@ -139,7 +139,6 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
         lambda file: write_replay(file, task.recording, result, task.settings.replay.write_as),
         page,
         [("recording", task.recording.name), ("track", result.path.track)],
-        [("recording", task.recording.path), ("requests", output)],
         failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",
     )
 
