@@ -94,48 +94,27 @@ class Answer(NamedTuple):
     # between the ends of the predicted cycle, from rest between the first angle and the one it
     # rests at [rad]
     closure: float
-    # distance of another steady cycle into which the joint may settle [rad]; 0 where there is none
-    elsewhere: float
 
 
 def second_answer(plan: Plan, column: int = 0) -> Answer:
     """Simulate a joint of a plan by the law in CasADi symbols, and compare the predicted angles.
 
-    A cycle is run from where the predicted one ends; other steady ones, of a joint that saturates
-    throughout or is held by friction, are sought from where the extreme requests would hold it.
+    A cycle is run from where the predicted one ends.
     """
     model, start, load = plan.models[column], plan.task.starts[column], plan.task.loads[column]
     requests, predicted = plan.requests[:, column].copy(), plan.predicted[:, column]
     run = _symbolic_run(model, requests, load, cyclic=plan.cyclic)
-    torque = 0.0 if load is None else load[0]
-
     if not plan.cyclic:
+        torque = 0.0 if load is None else load[0]
         rest = float(model.rest(requests[0], torque)) if start is None else start
         angles = run(model.at_rest(rest, torque))[0]
         apart = float(np.max(np.abs(predicted - angles)))
-        return Answer(apart, abs(float(predicted[0]) - rest), 0.0)
+        return Answer(apart, abs(float(predicted[0]) - rest))
     acting_load = load_by_period(load, cyclic=True)
     last = motion_under(model, requests, cyclic=True, torques=acting_load)[:, -1]
     following = run(np.array([predicted[-1], *last[1:]]))[0]
     closure = abs(float(following[-1] - predicted[-1]))
-    apart = max(float(np.max(np.abs(predicted - following))), closure)
-    ends = (requests.min() + model.offset, requests.max() + model.offset)
-    cycles = (_settled(run, model.at_rest(end, torque)) for end in ends)
-    away = (float(np.max(np.abs(each - predicted))) for each in cycles if each is not None)
-    elsewhere = max(away, default=0.0)
-    same = elsewhere <= CLAIMS["agrees"].tolerance or apart > CLAIMS["agrees"].tolerance
-    return Answer(apart, closure, 0.0 if same else elsewhere)
-
-
-def _settled(run: Callable[[Array], Array], begun: Array) -> Array | None:
-    """Angles of the cycle into which a joint settles; None where it does not, or creeps into it."""
-    before = run(begun)
-    for _ in range(50):
-        after = run(before[:, -1])
-        if np.max(np.abs(after[0] - before[0])) <= 1e-3 * CLAIMS["agrees"].tolerance:
-            return np.asarray(after[0])
-        before = after
-    return None
+    return Answer(max(float(np.max(np.abs(predicted - following))), closure), closure)
 
 
 def _symbolic_run(

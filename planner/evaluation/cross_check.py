@@ -346,7 +346,6 @@ class JointComparison:
             "largest_step_deg": math.degrees(plan.largest_step),
             "beyond_desired_deg": math.degrees(plan.excess),
             "agreement_rad": self.answers[method].agreement,
-            "other_cycle_deg": math.degrees(self.answers[method].elsewhere),
         }
 
 

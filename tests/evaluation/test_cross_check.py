@@ -185,7 +185,6 @@ def test_a_sabotaged_plan_fails_the_checks_that_are_meant_for_it(name):
     plans[method] = change(plans[method])
     comparison = compare_joint("hip", plans)
     assert _broken(comparison) == {(METHODS[method], each) for each in broken}
-    assert comparison.answers[method].elsewhere == 0.0  # it is no other cycle, but none
 
 
 def test_angles_too_good_to_be_true_are_below_the_bound():
@@ -225,13 +224,11 @@ def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):
     assert (METHODS["foot_optimal"], INSIDE) in broken
 
 
-def test_requests_that_leave_the_angle_open_are_said_to_and_pass():
+def test_requests_that_leave_the_angle_open_pass():
     # A triangle steeper than the joint is fast: the paper's rule saturates it all the time.
     desired = 2.0 * ERS210A.v_max_per_tick * np.abs(np.arange(40.0) - 20.0)
     joint = cross_check(ERS210A, desired).joints[0]
-    assert joint.answers["closed_form_paper"].elsewhere > math.radians(1.0)
     assert not {check.name for check in joint.checks if not check.passed} & {AGREES, CLOSES}
-    assert joint.answers["optimal"].elsewhere == 0.0
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])
