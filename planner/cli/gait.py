@@ -102,8 +102,9 @@ def gait(
                     samples=len(path),
                     progress=progress,
                 )
-            document["fastest"], words = shortest_answer(cycle, run.tolerance.cm, models)
-            path, stretched = in_samples(path, cycle.samples), cycle.samples / samples
+            document["fastest"], words = shortest_answer(cycle, run.tolerance.cm)
+            path = in_samples(path, len(cycle.requests))
+            stretched = len(path) / samples
         document["stride"] = stride_results(leg, leg_stride, stretched * period)
         words += f"\n{stride_text(document['stride'])}"
     document |= {f"{axis}_m": path[:, k].tolist() for k, axis in enumerate("xyz")}

@@ -31,10 +31,6 @@ FEWEST, MOST = 12, 1000
 """Samples of a cycle: below the fewest a path is no half ellipse any more, and the most are 8 s at
 the Aibo's rate."""
 
-PROOFS = 4
-"""Lower bounds that are computed, each up to seconds, between the shortest period found and the one
-that is proved too short."""
-
 
 @dataclass(frozen=True, eq=False)
 class Stride:
@@ -239,26 +235,6 @@ def dexterity(chain: Chain, angles: Array) -> Array:
     return np.asarray(np.prod(np.linalg.svd(jacobians, compute_uv=False), axis=-1))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ShortestCycle:
-    """The shortest cycle found."""
-
-    plan: FootInversion  # its requests, under which the foot stays within the tolerance
-    # the most samples that are proved too few, and the lower bound on the largest distance of the
-    # foot [m]; None where none are
-    too_short: tuple[int, float] | None
-
-    @property
-    def samples(self) -> int:
-        """Samples of the cycle."""
-        return len(self.plan.requests)
-
-    @property
-    def period(self) -> float:
-        """Time of the cycle [s]."""
-        return self.samples * self.plan.models[0].period
-
-
 def shortest_cycle(
     models: JointModel | Sequence[JointModel],
     leg: Leg,
@@ -267,8 +243,8 @@ def shortest_cycle(
     tolerance: float,
     samples: int = 88,
     progress: Callable[[str], None] = lambda _: None,
-) -> ShortestCycle:
-    """The fewest samples of a cycle at which the foot never is further off than a tolerance [m].
+) -> FootInversion:
+    """The cycle of fewest samples whose foot never is further off than a tolerance [m].
 
     Each trial, from ``samples`` on, is a plan for the foot along the ``path`` in n samples [m],
     (n, 3): :func:`planner.invert_foot` with the norm "max". Infeasible is raised where not even the
@@ -296,20 +272,7 @@ def shortest_cycle(
         middle = (low + high) // 2
         within = plan(middle).max_error <= tolerance
         low, high = (low, middle) if within else (middle, high)
-    # The longest cycle tried that a lower bound refutes
-    shortest, proof, count = plan(high), None, low
-    low, high = FEWEST, low
-    for _ in range(PROOFS):
-        if low > high:
-            break
-        progress(f"the lower bound for {count} samples")
-        bound = plan(count).lower_bound
-        if bound > tolerance:
-            proof, low = (count, bound), count + 1
-        else:
-            high = count - 1
-        count = (low + high) // 2
-    return ShortestCycle(plan=shortest, too_short=proof)
+    return plan(high)
 
 
 def in_samples(path: Array, count: int) -> Array:

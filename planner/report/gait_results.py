@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from kinematics.leg import Leg
-from planner.gait.stride import ShortestCycle, Stride
-from planner.model.evidence import OPEN_TOP_SPEED, untested_words
-from planner.model.joint import JointModel
+from planner.gait.stride import Stride
+from planner.model.evidence import untested_words
+from planner.planning.plan import FootInversion
 from planner.report.wording import phrase
 
 
@@ -39,30 +39,16 @@ def stride_text(results: Mapping[str, Any]) -> str:
     )
 
 
-def shortest_answer(
-    cycle: ShortestCycle, tolerance: float, models: Sequence[JointModel]
-) -> tuple[dict[str, Any], str]:
+def shortest_answer(cycle: FootInversion, tolerance: float) -> tuple[dict[str, Any], str]:
     """The shortest cycle that keeps a tolerance [cm], for machines and for people."""
-    too_short, plan = None, cycle.plan.plan
-    if cycle.too_short is not None:
-        samples, bound = cycle.too_short
-        too_short = {
-            "samples": samples,
-            "cycle_s": samples * models[0].period,
-            "lower_bound_cm": 100.0 * bound,
-            "of_model_only": any(
-                each.evidence and each.evidence.leaves_top_speed_open for each in models
-            ),
-        }
+    plan = cycle.plan
     pairs = zip(plan.names, plan.expected, strict=True)
     document = {
         "tolerance_cm": tolerance,
-        "samples": cycle.samples,
-        "cycle_s": cycle.period,
-        "max_cm": 100.0 * cycle.plan.max_error,
+        "samples": len(plan.requests),
+        "cycle_s": len(plan.requests) * plan.period,
+        "max_cm": 100.0 * cycle.max_error,
         "untested": {name: list(each.untested) for name, each in pairs},
-        "too_short": too_short,
     }
     beyond = untested_words(plan.names, plan.expected)
-    more = {"open": OPEN_TOP_SPEED, "beyond": beyond}
-    return document, phrase("gait.txt", "shortest", **document, **more)
+    return document, phrase("gait.txt", "shortest", **document, beyond=beyond)
