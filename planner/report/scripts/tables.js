@@ -39,6 +39,7 @@ function titleCells(table) {
       const more = c > 0 && grid[0][c] === grid[0][c - 1]; // under the title of the cell before
       cell.dataset.title = grid.slice(more, heads).map((head) => cellText(head[c])).filter(Boolean).join(", ");
       cell.classList.toggle("more", more);
+      cell.classList.toggle("numbered", c === 0 && /^\d/.test(cellText(cell)));
       cell.classList.toggle("none", (more ? ["", "–"] : [""]).includes(cellText(cell)));
     });
   }
