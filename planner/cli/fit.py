@@ -31,7 +31,7 @@ def fit(
     ),
     exact: bool = option("Prove that no other knots on samples are better."),
     knots: options.Output | None = option(
-        "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json."
+        "Also write the knots of a single joint: knot_s and value_deg."
     ),
     output: str = options.output,  # noqa: ARG001
 ) -> Answer:

@@ -123,14 +123,6 @@ def tasks_of(
         rate = 1.0 / float(np.median([log.period for log in logs]))
     if len(recordings) > 1:
         run.folder = folder = str(Path.cwd())  # workers have another one
-    else:  # of several, recordings of unsuitable length are left out
-        recorded_path.check_length(
-            recordings[0].read(),
-            speed=run.path.speed or 1.0,
-            begin=replay.begin_s,
-            end=replay.end_s,
-            rate=run.path.rate_hz or rate,
-        )
     models = _models_of(run, recordings, progress)
     return tuple(
         ReplayTask(recording=replace(each, folder=folder), models=models, settings=run, rate=rate)

@@ -9,7 +9,6 @@ the columns ``x_m, y_m, z_m`` (or ``_cm``, ``_mm``). Both may have times, as log
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -40,7 +39,6 @@ from planner.files.columns import (
 )
 from planner.files.staging import writing
 from planner.files.table import Table, read_table, write_table
-from planner.files.text import write_text
 
 LOAD = "_load_Nm"  # ending of the columns that hold the torque on a joint [N m]
 UNEVEN = 0.01  # share by which a time step may differ from the period: clocks have few decimals
@@ -206,14 +204,9 @@ def write_samples(path: Path | str, titles: Sequence[str], rows: Array, *, perio
 
 
 def write_curve(path: Path | str, curve: PiecewiseLinear, *, unit: str = "deg") -> None:
-    """Write a curve: its knots as CSV, or all of it as JSON for ``*.json``, in rad or shares."""
-    if str(path).lower().endswith(".json"):  # which `PiecewiseLinear(**...)` takes back
-        content, whole = curve.to_dict(), SHARES["range"] if unit == "percent" else 1.0
-        content["values"] = (curve.values / whole).tolist()
-        write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
-    else:
-        columns = np.column_stack([curve.knots * curve.tick, np.degrees(curve.values)])
-        write_table(path, ["knot_s", f"value_{unit}"], columns)
+    """Write the knots of a curve as CSV, in degrees or percent."""
+    columns = np.column_stack([curve.knots * curve.tick, np.degrees(curve.values)])
+    write_table(path, ["knot_s", f"value_{unit}"], columns)
 
 
 def read_times(table: Table, *, even: bool = True) -> Array | None:

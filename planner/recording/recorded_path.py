@@ -118,15 +118,6 @@ def _rows(name: str, duration: float, period: float, speed: float) -> int:
     return rows
 
 
-def check_length(
-    recording: Any, *, speed: float, begin: float | None, end: float | None, rate: float | None
-) -> None:
-    """Raise InvalidInput where a replay has too many or too few requests; see :func:`replay`."""
-    logs = as_logs(recording)
-    _, first, last = _part(logs, begin, end)
-    _rows(logs[0].name, last - first, _period(logs, rate), speed)
-
-
 def recorded_path(
     recording: Any,
     models: Models,

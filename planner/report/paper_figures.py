@@ -71,11 +71,10 @@ def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
     step, plans, plain = timeline_of(planned).step, planned.plans, "closed_form_plain"
     angles = {method: plan.predicted for method, plan in plans.items()}
     feet = {method: plan.foot for method, plan in plans.items()}
-    requests = {method: (plan.requests, figure.REQUESTED) for method, plan in plans.items()}
-    actual = {
-        method: (angles[method], role._replace(label="actual")) for method, role in ROLES.items()
-    }
-    lines = (planned.approximations[plain], figure.APPROXIMATION)
+    requests, lines = (plans[plain].requests, figure.REQUESTED), planned.approximations[plain]
+    direct, actual = (
+        (angles[method], ROLES[method]._replace(label="actual")) for method in ("direct", plain)
+    )
     for_foot = figure.REQUESTED._replace(label="requests, foot-optimised")
     hidden = (plans["foot_optimal"].requests, for_foot)
 
@@ -88,20 +87,15 @@ def paper_figures(planned: PlannedWalk) -> tuple[Figure, ...]:
 
     return (
         direct_foot_figure(planned),
-        joints_figure(planned, "figure2_joints_direct", actual["direct"], desired=REQUESTED_TOO),
+        joints_figure(planned, "figure2_joints_direct", direct, desired=REQUESTED_TOO),
         *(_step_test(planned, k, each) for k, each in enumerate(STEP_AMPLITUDES, 3)),
         _speed(planned),
         joints_figure(planned, "figure6_approximation", more=knots),
-        joints_figure(planned, "figure7_trajectories", requests[plain], lines, actual[plain]),
+        joints_figure(
+            planned, "figure7_trajectories", requests, (lines, figure.APPROXIMATION), actual
+        ),
         foot_paths_figure("figure8_foot_paths", planned, feet, planned.legs),
         by_method_figure(planned, angles, feet, hidden),
-        *(
-            joints_figure(planned, name, requests[method], actual[method])
-            for name, method in (
-                ("optimised_trajectories", "optimal"),
-                ("foot_optimised_trajectories", "foot_optimal"),
-            )
-        ),
     )
 
 
@@ -110,21 +104,15 @@ def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
     planned, walks, plain = outcome.planned, outcome.walks, "closed_form_plain"
     plans, lines = planned.plans, (planned.approximations[plain], figure.APPROXIMATION)
     requests = (plans[plain].requests, figure.REQUESTED)
-    for_foot = (outcome.runs["foot_optimal"].requests, figure.REQUESTED)
-    predicted = {method: (plan.predicted, PREDICTED) for method, plan in plans.items()}
-    actual = {
-        method: (walks[method], role._replace(label="actual")) for method, role in ROLES.items()
-    }
+    actual = (walks[plain], ROLES[plain]._replace(label="actual"))
     cycles = figure.DIRECT._replace(label=f"actual, {len(walks['direct'])} cycles")
-    direct = (walks["direct"], cycles), predicted["direct"]
-    foot = for_foot, actual["foot_optimal"], predicted["foot_optimal"]
+    direct = (walks["direct"], cycles), (plans["direct"].predicted, PREDICTED)
     first = {method: outcome.legs[method][0] for method in ROLES}
     return (
         foot_paths_figure("foot_paths", planned, outcome.foot_paths, first),
         _step_tests(outcome),
         joints_figure(planned, "joints_direct", *direct, desired=REQUESTED_TOO),
-        joints_figure(planned, "trajectories", requests, lines, actual[plain]),
-        joints_figure(planned, "foot_optimised_trajectories", *foot, words="virtual_"),
+        joints_figure(planned, "trajectories", requests, lines, actual),
         by_method_figure(planned, walks, outcome.foot_paths, words="virtual_"),
         _learning(outcome),
     )

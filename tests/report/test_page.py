@@ -9,9 +9,7 @@ PICTURES = (
     "figure6_approximation",
     "figure7_trajectories",
     "figure8_foot_paths",
-    "foot_optimised_trajectories",
     "joints_by_method",
-    "optimised_trajectories",
 )
 
 

@@ -48,18 +48,14 @@ def test_every_cycle_of_every_joint_is_drawn_under_its_method(virtually_reproduc
                 angles = np.degrees(outcome.runs[method].angles[:, :, j])
                 assert values(curve) == pytest.approx(angles)
                 assert curve.hidden == (method == "optimal")
-    for name, method in (
-        ("joints_direct", "direct"),
-        ("foot_optimised_trajectories", "foot_optimal"),
-    ):
-        for j, panel in enumerate(figures[name].panels):
-            mean, actual = (each for each in panel.curves if each.name.startswith("actual"))
-            assert values(mean) == pytest.approx(values(actual).mean(axis=0, keepdims=True))
-            told = next(each for each in panel.curves if each.name == "predicted")
-            assert values(actual) == pytest.approx(np.degrees(outcome.runs[method].angles[..., j]))
-            assert values(told) == pytest.approx(
-                np.degrees([outcome.planned.plans[method].predicted[:, j]])
-            )
+    for j, panel in enumerate(figures["joints_direct"].panels):
+        mean, actual = (each for each in panel.curves if each.name.startswith("actual"))
+        assert values(mean) == pytest.approx(values(actual).mean(axis=0, keepdims=True))
+        told = next(each for each in panel.curves if each.name == "predicted")
+        assert values(actual) == pytest.approx(np.degrees(outcome.runs["direct"].angles[..., j]))
+        assert values(told) == pytest.approx(
+            np.degrees([outcome.planned.plans["direct"].predicted[:, j]])
+        )
 
 
 def test_the_manifest_lists_every_file_of_the_folder(reproduced):
