@@ -30,7 +30,7 @@ from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.columns import shown_units
 from planner.files.paths import is_foot_path, joint_path
 from planner.files.results import Results, Task, digest_of
-from planner.files.table import Table, read_table
+from planner.files.table import read_table
 from planner.files.text import read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
@@ -121,7 +121,10 @@ def read_sweep(path: str) -> Space:
         values = _values(run, kind)
         leg, period, requirement = leg_of(run), math.nan, None
         table = None if gait else read_table(run.place(str(run.path.file)))
-        of_foot = table is None or is_foot_path(table)
+        of_foot, unit = table is None or is_foot_path(table), "cm"
+        if table is not None and not of_foot:
+            joints = joint_path(table, joints=run.path.joints, even=False)
+            unit = common(shown_units(joints.names, joints.units).values()).name
         required = [name for name in REQUIRED if getattr(search, name) is not None]
         if len(required) > 1:
             first, second, *_ = required
@@ -140,16 +143,10 @@ def read_sweep(path: str) -> Space:
         names=tuple(values),
         outcomes=(),
         speed_unit="cm/s" if gait else "×",
-        error_unit="cm" if table is None or of_foot else _unit_of(table, run),
+        error_unit=unit,
         requirement=requirement,
     )
     return Space(run, values, period, swept)
-
-
-def _unit_of(table: Table, run: Sweep) -> str:
-    """The unit of the errors of a joint path."""
-    path = joint_path(table, joints=run.path.joints, even=False)
-    return common(shown_units(path.names, path.units).values()).name
 
 
 def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:

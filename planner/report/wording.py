@@ -75,10 +75,8 @@ def common(units: Iterable[str]) -> Unit:
 
 def largest_of(sizes: Iterable[tuple[str, float]]) -> dict[str, float]:
     """The largest of sizes, each with the name of its unit, by unit."""
-    most = dict[str, float]()
-    for unit, size in sizes:
-        most[unit] = max(size, most.get(unit, size))
-    return most
+    pairs = [*sizes]
+    return {unit: max(size for own, size in pairs if own == unit) for unit, _ in pairs}
 
 
 def renamed(numbers: Mapping[str, Any], unit: Unit) -> dict[str, Any]:
