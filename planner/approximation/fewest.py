@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.approximation.values import envelope_below
 from planner.arrays import Array
+from planner.exceptions import SolverFailed
 
 REACHED = 1e-13
 """Width of a gate that lines are known to reach, so that rounding does not keep them from it."""
@@ -34,12 +34,6 @@ class Gates(NamedTuple):
     lower: Sequence[float]  # least value of the curve at each
     upper: Sequence[float]  # largest value of the curve at each
     slope: float  # largest rise per sample, v
-
-    def reachable(self) -> tuple[Array, Array]:
-        """Least and largest value at each from which slopes can pass all others."""
-        ramp = self.slope * np.array(self.places)
-        least = -envelope_below(-np.array(self.lower), ramp)
-        return least, np.maximum(envelope_below(np.array(self.upper), ramp), least)
 
 
 class Line(NamedTuple):
@@ -90,11 +84,12 @@ def fewest_links(gates: Gates) -> tuple[Array, Array]:
     return np.array([start, *knots, end]), np.array([begin, *values, final.at(end)])
 
 
-def fewest_links_around(gates: Gates) -> tuple[Array, Array] | None:
-    """Likewise for a cycle, from an eave on; None if rounding hides all eaves.
+def fewest_links_around(gates: Gates) -> tuple[Array, Array]:
+    """Likewise for a cycle, from an eave on.
 
     From the first eave on it is a path to the same line a turn later, which passes both gates that
-    the eave touches. Gates are one sample apart, and no constant passes them.
+    the eave touches. Gates are one sample apart, and no constant passes them. SolverFailed is
+    raised where rounding hides all eaves, which it did for none of 30,000 random cycles.
     """
     n = len(gates.places)
     places = [float(k) for k in range(8 * n)]
@@ -105,7 +100,7 @@ def fewest_links_around(gates: Gates) -> tuple[Array, Array] | None:
             break
         before, link = link, next_link(around, 8 * n - 1, after=link)
     else:
-        return None
+        raise SolverFailed("fewest segments of a cycle", "no eave")
     line, size, first = link.line, link.touched - link.before, link.before
     turn = slice(first, first + n)
     lower = [*around.lower[turn], *[-math.inf] * (size + 1)]

@@ -55,10 +55,9 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
     Attributes:
         desired: The samples that it approximates [rad], shape (n,).
         v_max: The bound that its slopes keep [rad/s].
-        fewest_segments: Where a largest error was given, a lower bound on the segments of any curve
-            that keeps it: the number of segments itself for a path, and nearly always for a cycle.
-            With ``exact`` and a largest rms error the number of segments itself, of all curves with
-            knots on samples; else None.
+        fewest_segments: Where a largest error was given, the fewest segments of any curve that
+            keeps it, its own number. With ``exact`` and a largest rms error likewise, of all curves
+            with knots on samples; else None.
         proved: Whether it is proved, by ``exact``, that no other curve of as many segments and with
             knots on samples has a smaller rms error.
     """
@@ -126,8 +125,7 @@ def fit_pwl(
         segments: Number of segments; with ``max_error`` or ``max_rms``, the most.
         max_error: Largest error at any sample [rad], kept up to one part in 1e9: the fewest
             segments that keep it, the true minimum (docs/math.md, section 4), and of curves with so
-            many segments one of small squared error; ``fewest_segments`` of the answer is a lower
-            bound. O(n).
+            many segments one of small squared error. O(n).
         max_rms: Largest rms error [rad], likewise. With none of the three, the fewest segments
             whose rms error is within 2 % of the slope-bounded ideal's, 1 % of the range of
             ``desired``, or 1.1 times its noise; an exact curve within the slopes is recovered.
@@ -189,20 +187,20 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     middle = 0.5 * (float(problem.desired.max()) + float(problem.desired.min()))
     unit = float(np.max(np.abs(problem.desired - middle)))
     bounded = question.max_error is not None or question.max_rms is not None
-    fewest = 1 if bounded else None
     if unit <= SMALLEST:
-        knots = even_knots(problem, fewest or question.segments or 1)
-        return Candidate(knots, np.full(knots.size, middle), 0.0), fewest
+        knots = even_knots(problem, 1 if bounded else question.segments or 1)
+        return Candidate(knots, np.full(knots.size, middle), 0.0), 1 if bounded else None
     # Where samples span 2 no line is as steep; beyond, rounding is all that is left of them.
     step = min(problem.step / unit, 1e6)
     search = KnotSearch(problem._replace(desired=(problem.desired - middle) / unit, step=step))
     if question.max_error is None:
         curve = _search_curve(search, question, unit)
-        fewest = problem.segments(curve.knots) if question.exact and bounded else None
     else:
         bound = question.max_error / unit
-        curve, fewest = within_largest_error(search.unrounded, bound, question.segments, unit)
+        curve = within_largest_error(search.unrounded, bound, question.segments, unit)
+    proved = question.max_error is not None or (question.exact and bounded)
     curve = search.restored(curve)
+    fewest = problem.segments(curve.knots) if proved else None
     return curve._replace(values=middle + unit * curve.values), fewest
 
 

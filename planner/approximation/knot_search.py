@@ -192,7 +192,7 @@ def exact_curve(problem: Problem, ideal_error: float) -> Candidate | None:
     bent = np.count_nonzero(np.abs(np.diff(problem.desired, n=2)) > 1e-10)
     if ideal_error > 1e-20 * n or 3 * bent > 2 * n:
         return None
-    curve = minimum_link(problem, 1e-10)[0]
+    curve = minimum_link(problem, 1e-10)
     if not 2 <= curve.knots.size <= n / 3 + 1:
         return None
     return descend(problem, curve, rounds=MANY, progress=1e-13)

@@ -34,12 +34,12 @@ no change for a quarter more time."""
 
 def within_largest_error(
     problem: Problem, bound: float, most: int | None, unit: float
-) -> tuple[Candidate, int]:
+) -> Candidate:
     """The fewest segments whose largest error is within ``bound``, as close as they come.
 
-    Returns the curve, no error above ``bound`` (1 + :data:`BARELY`), and below by as much if that
-    takes no more segments; and a lower bound on the segments of any: for paths their number itself.
-    ``most`` are the most segments; messages take the samples times ``unit`` [rad].
+    No error of the curve is above ``bound`` (1 + :data:`BARELY`), and below by as much if that
+    takes no more segments. ``most`` are the most segments; messages take the samples times ``unit``
+    [rad].
     """
     attainable = attainable_error(problem.desired, problem.step, cyclic=problem.cyclic)
     if bound < attainable * (1.0 - BARELY):
@@ -49,19 +49,18 @@ def within_largest_error(
             "v_max"
         )
     widest = max(bound, attainable) * (1.0 + TIE) + 1e-15
-    tight, fewest = minimum_link(problem, widest)
+    tight = minimum_link(problem, widest)
     count = problem.segments(tight.knots)
     if most is not None and count > most:
-        word = "needed" if fewest > most else "found"
         raise Infeasible(
             f"max_error and the number of segments: got {angle_text(bound * unit)} with at most "
-            f"{most} segments, but the fewest {word} are {count}; allow more error or more "
+            f"{most} segments, but the fewest needed are {count}; allow more error or more "
             "segments"
         )
     low, high, spare = attainable * (1.0 + TIE) + 1e-15, widest, bound * (1.0 - BARELY)
     for turn in range(HALVINGS + 1):
         middle = spare if turn == 0 else 0.5 * (low + high)
-        trial = minimum_link(problem, middle)[0] if middle > low else None
+        trial = minimum_link(problem, middle) if middle > low else None
         if trial is not None and problem.segments(trial.knots) == count:
             tight, high = trial, middle
         elif turn > 0:
@@ -70,12 +69,12 @@ def within_largest_error(
         middle = 0.5 * (np.max(problem.desired) + np.min(problem.desired))
         room = max(spare - 0.5 * np.ptp(problem.desired), 0.0)
         value = middle + np.clip(np.mean(problem.desired) - middle, -room, room)
-        return candidate(problem, tight.knots, np.array([value])), fewest
-    return least_squares_within(problem, tight, max(spare, high)), fewest
+        return candidate(problem, tight.knots, np.array([value]))
+    return least_squares_within(problem, tight, max(spare, high))
 
 
-def minimum_link(problem: Problem, bound: float) -> tuple[Candidate, int]:
-    """The curve of fewest segments with no error above ``bound``, and a lower bound on them; O(n).
+def minimum_link(problem: Problem, bound: float) -> Candidate:
+    """The curve of fewest segments with no error above ``bound``; O(n).
 
     All segments of a path are a sample long or longer, and those of a cycle nearly always.
     """
@@ -83,40 +82,13 @@ def minimum_link(problem: Problem, bound: float) -> tuple[Candidate, int]:
     ends = problem.desired - bound, problem.desired + bound
     gates = Gates(places, ends[0].tolist(), ends[1].tolist(), problem.step)
     least, most = max(gates.lower), min(gates.upper)
-    curve: tuple[Array, Array] | None
     if not problem.cyclic:
         curve = fewest_links(gates)
     elif least <= most:
         curve = np.zeros(1), np.array([0.5 * (least + most)])
     else:
         curve = fewest_links_around(gates)
-    if curve is None:
-        return _cut(problem, gates)
-    return candidate(problem, *curve), problem.segments(curve[0])
-
-
-def _cut(problem: Problem, gates: Gates) -> tuple[Candidate, int]:
-    """A cycle with a knot at its first sample, as a path from there back to it.
-
-    One whose ends are free has at most one segment more than a cycle, so that it bounds their
-    number; one that comes back to where it began takes at most one more.
-    """
-    own = [*gates.lower, gates.lower[0]], [*gates.upper, gates.upper[0]]
-    gates = Gates([*gates.places, float(problem.samples)], *own, problem.step)
-    low, high = gates.reachable()
-    least, most = max(low[0], low[-1]), min(high[0], high[-1])
-
-    def path(low: float, high: float) -> tuple[Array, Array]:
-        lower, upper = [low, *gates.lower[1:-1], low], [high, *gates.upper[1:-1], high]
-        return fewest_links(gates._replace(lower=lower, upper=upper))
-
-    knots, values = path(float(least), float(most))
-    fewest = knots.size - 2
-    first, last = np.clip(values[[0, -1]], least, most)
-    starts = [first, last, 0.5 * (first + last), *np.linspace(least, most, 5)[1:-1]]
-    cycles = [path(float(value), float(value)) for value in starts]
-    knots, values = min(cycles, key=lambda way: (way[0].size, -min(np.min(np.diff(way[0])), 1.0)))
-    return candidate(problem, knots[:-1], values[:-1]), fewest
+    return candidate(problem, *curve)
 
 
 def least_squares_within(problem: Problem, curve: Candidate, bound: float) -> Candidate:
