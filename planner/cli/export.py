@@ -104,9 +104,6 @@ def exported(
     for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
         if getattr(export, name) not in (None, {}) and export.unit not in COUNTED:
             raise BadSetting(f'‹export.{name}› needs ‹export.unit = "ticks"›')
-    if export.between is not None and export.rate_hz is None:
-        words = "without it there is a row per request"
-        raise BadSetting(f"‹export.between› needs ‹export.rate_hz›: {words}")
     if (names := export.joint_names) is not None:
         if len(names) != len(schedule.names) or len({*names}) < len(names):
             raise InvalidInput(
@@ -114,9 +111,9 @@ def exported(
                 f"{len(schedule.names)} different names, one per column of the requests"
             )
         schedule = schedule._replace(names=names)
-    rows, skipped = repeated(schedule, export.cycles), 0
+    rows = repeated(schedule, export.cycles)
     if export.rate_hz is not None:
-        rows, skipped = resampled(rows, export.rate_hz, between=export.between or "hold")
+        rows = resampled(rows, export.rate_hz)
     check_installed(export.format)
     if export.unit in COUNTED and servos is None:
         if rows.in_shares:
@@ -134,11 +131,6 @@ def exported(
         servos = servos_of(ids, like, export.zero_ticks or {}, export.reverse or ())
     rate = f"{1.0 / rows.period:.6g} Hz, {rows.duration:.6g} s"
     summary = f"{len(rows.requests)} rows of {', '.join(rows.names)} at {rate}"
-    if skipped:
-        summary += (
-            f"\n{skipped} requests fall between the rows and are not among them: the joints will "
-            "not move as planned; plan at this rate, with --rate-hz"
-        )
     if rows.in_shares and servos is None and export.format != "csv":
         summary += f"\n{', '.join(rows.in_shares)} in shares of the range, 0 to 1, not in rad"
     document = {
@@ -147,7 +139,6 @@ def exported(
         "rows": len(rows.requests),
         "period_s": rows.period,
         "duration_s": rows.duration,
-        "requests_never_sent": skipped,
     }
     return document, summary, lambda file: _write(file, export, rows, servos)
 
@@ -164,8 +155,7 @@ def _write(file: str, export: Export, rows: Schedule, servos: Mapping[str, Servo
         with exports.lerobot_dataset(file, layout) as add:
             add({"action": rows.requests}, export.task)
     else:
-        lead, velocities = export.lead_s, export.velocities
-        message = exports.joint_trajectory(rows, lead=lead, velocities=velocities)
+        message = exports.joint_trajectory(rows, lead=export.lead_s)
         if export.format == "yaml":
             exports.write_trajectory_yaml(file, message)
         else:

@@ -170,11 +170,6 @@ def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
             raise BadSetting(f'‹sweep.method = "cma"› {words}')
         with importing("a search by CMA-ES", "sweep"):
             import cma  # noqa: F401
-    if (steps := search.steps) is not None:
-        return {
-            name: tuple(np.linspace(values[0], values[-1], steps).tolist())
-            for name, values in by_name.items()
-        }
     return by_name
 
 

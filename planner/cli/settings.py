@@ -275,8 +275,7 @@ class Export(Settings):
         format: What to write; yaml, bag, mcap and lerobot need their extras.
         file: Where, inside the folder; bag, mcap and lerobot are folders themselves.
         cycles: How often to go through the requests.
-        rate_hz: Rows per second.
-        between: Where rate_hz adds rows: hold each request, or go to the next in a straight line.
+        rate_hz: Rows per second; each request is held until the next.
         joint_names: The joints' names on the robot, in the order of the columns.
         unit: Unit of the columns; us are the pulses of hobby servos.
         ticks_per_turn: In ticks or us, how many a turn has.
@@ -284,7 +283,6 @@ class Export(Settings):
         zero_ticks: In ticks or us, the same for single joints.
         reverse: In ticks or us, joints whose servo is mounted the other way round.
         lead_s: Time in which the controller leads the joints to the first.
-        velocities: Whether points carry velocities, and become splines.
         topic: The topic.
         task: What the episode shows, in words.
     """
@@ -293,7 +291,6 @@ class Export(Settings):
     file: Written = setting(example="controller.csv", set_to="controller.csv")
     cycles: Count = option(default=1)
     rate_hz: Positive | None = option(otherwise="one row per request", example=125.0)
-    between: Literal["hold", "linear"] | None = option(otherwise='"hold"', example="hold")
     joint_names: JointNames | None = option(
         otherwise="those of the path", example=["lf_1", "lf_2", "lf_3"], form="A,B,C"
     )
@@ -309,7 +306,6 @@ class Export(Settings):
     )
     reverse: JointNames | None = option(only=("csv",), otherwise="none", example=["knee"])
     lead_s: NotNegative = option(only=ROS, default=0.0, example=2.0)
-    velocities: bool = option(only=ROS, default=False)
     topic: Annotated[Text, Expected("the name of a topic")] = option(
         only=("bag", "mcap"), default="/joint_trajectory_controller/joint_trajectory"
     )
@@ -425,7 +421,6 @@ class Search(Settings):
     Attributes:
         method: All combinations of the values, or a search by CMA-ES (extra 'sweep') for two
             parameters or more.
-        steps: So many values of each parameter, evenly from its first to its last.
         evaluations: How many plans.
         seed: Of its random numbers.
         at_error_cm: Seek the fastest with at most this error of the foot [cm].
@@ -435,7 +430,6 @@ class Search(Settings):
     """
 
     method: Literal["grid", "cma"] = setting(default="grid")
-    steps: Count | None = setting(only=("grid",), otherwise="the values as they are", example=5)
     evaluations: Annotated[int, within(ge=20, le=10**6)] = setting(only=("cma",), default=200)
     seed: Seed = setting(only=("cma",), default=0)
     at_error_cm: Positive | None = setting(example=1.0)

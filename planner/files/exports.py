@@ -79,25 +79,17 @@ class Schedule(NamedTuple):
         return len(self.requests) * self.period
 
 
-Between = Literal["hold", "linear"]
-"""Between two requests: hold the last one, or follow a straight line."""
-
-
 def repeated(schedule: Schedule, cycles: int) -> Schedule:
     """The schedule, ``cycles`` times in a row; InvalidInput beyond :data:`.MOST_SAMPLES` rows."""
     _check_length(len(schedule.requests) * cycles, f"{cycles} cycles", "fewer cycles")
     return schedule._replace(requests=np.tile(schedule.requests, (cycles, 1)))
 
 
-def resampled(
-    schedule: Schedule, rate: float, *, between: Between = "hold"
-) -> tuple[Schedule, int]:
-    """The schedule as a controller with another rate sends it, and how many requests it leaves out.
+def resampled(schedule: Schedule, rate: float) -> Schedule:
+    """The schedule as a controller with another rate sends it.
 
-    Rows are at 0, 1/rate, 2/rate ... as long as the schedule lasts, the rate in Hz. By default each
-    repeats the last request; at a rate at which some requests would never be sent the joint would
-    not move as planned, so that is refused. "linear" follows the straight line from each request to
-    the next instead, at any rate, which is as if every request came half a period early.
+    Rows are at 0, 1/rate, 2/rate ... as long as the schedule lasts, the rate in Hz; each repeats
+    the last request. A rate at which some requests would never be sent is refused.
     """
     _check_length(
         schedule.duration * rate, f"{schedule.duration:g} s at {rate:g} Hz", "a lower rate"
@@ -108,19 +100,13 @@ def resampled(
         rate * schedule.period
     )
     held = np.minimum(np.floor(places + ON_TIME).astype(np.intp), count - 1)
-    skipped = count - len(np.unique(held))
-    rows = schedule.requests[held]
-    if between == "linear":
-        index = np.arange(count)
-        rows = np.column_stack([np.interp(places, index, column) for column in schedule.requests.T])
-    elif skipped:
+    if skipped := count - len(np.unique(held)):
         raise InvalidInput(
-            f"rate: at {rate:g} Hz {skipped} of {count} requests would never "
-            f"be sent, as they are {schedule.period:g} s apart, and the joints would not move "
-            f"as planned; plan at this rate (plan --rate-hz {rate:g}), or send what is on the "
-            "straight lines between requests (--between linear)"
+            f"rate: at {rate:g} Hz {skipped} of {count} requests would never be sent, as they are "
+            f"{schedule.period:g} s apart, and the joints would not move as planned; plan at this "
+            f"rate (plan --rate-hz {rate:g})"
         )
-    return schedule._replace(requests=rows, period=1.0 / rate), skipped
+    return schedule._replace(requests=schedule.requests[held], period=1.0 / rate)
 
 
 def _check_length(rows: float, length: str, advice: str) -> None:
@@ -172,13 +158,11 @@ def write_controller_csv(
     write_text(path, csv_text([TIME, *names], zip(times, *columns, strict=True)))
 
 
-def joint_trajectory(
-    schedule: Schedule, *, lead: float = 0.0, velocities: bool = False
-) -> dict[str, Any]:
+def joint_trajectory(schedule: Schedule, *, lead: float = 0.0) -> dict[str, Any]:
     """The message: a point per request, at its time after the lead [s], by position [rad].
 
     By its stamp of zero controllers begin at once, and lead the joints to the first point until
-    the lead is over. With velocities they follow cubic splines.
+    the lead is over.
     """
     times = np.rint(schedule.times * NANOSECONDS).astype(np.int64) + round(lead * NANOSECONDS)
     positions = np.round(schedule.requests, DECIMALS) + 0.0  # no negative zero
@@ -189,13 +173,6 @@ def joint_trajectory(
         }
         for row, time in zip(positions.tolist(), times.tolist(), strict=True)
     ]
-    if velocities:
-        # Central differences; the joints stand at the last point, or controllers refuse it.
-        speeds = np.zeros_like(schedule.requests)
-        if len(speeds) > 1:
-            speeds[:-1] = np.gradient(schedule.requests, schedule.period, axis=0)[:-1]
-        for point, row in zip(points, (np.round(speeds, DECIMALS) + 0.0).tolist(), strict=True):
-            point["velocities"] = row
     return {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
         "joint_names": list(schedule.names),
@@ -236,7 +213,7 @@ def write_bag(
     points = [
         types["trajectory_msgs/msg/JointTrajectoryPoint"](
             positions=np.array(each["positions"]),
-            velocities=np.array(each.get("velocities", nothing), dtype=np.float64),
+            velocities=nothing,
             accelerations=nothing,
             effort=nothing,
             time_from_start=types["builtin_interfaces/msg/Duration"](**each["time_from_start"]),

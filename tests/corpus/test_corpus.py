@@ -84,7 +84,7 @@ def compact(text: str) -> str:
     """The same in fewer lines: one for each array or column of numbers, or point of a path."""
     text = re.sub(r"\n{2,}", "\n", text)
     text = re.sub(r"(?m)(?:^[\d.,e+-]+\n){20,}", lambda rows: columns(rows[0]) + "\n", text)
-    text = re.sub(r"\n  (?=time_from_start|velocities)", " ", text)
+    text = re.sub(r"\n  (?=time_from_start)", " ", text)
     return re.sub(r"\[[\s\d.,e+-]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text)
 
 
