@@ -1,16 +1,18 @@
-"""``request-planner plan`` and ``compare``: a path in, requests out, or how ways to plan differ."""
+"""``request-planner plan``, ``compare``, ``fit`` and ``simulate``: what works on a joint path."""
 
 from __future__ import annotations
 
+import math
 import sys
-from typing import Literal
+from typing import Any, Literal
 
 import click
 
 from planner.cli import options
-from planner.cli.console import Answer, Progress, terminal_width
-from planner.cli.declared import argument, option
+from planner.cli.console import Answer, Progress, terminal_width, warn
+from planner.cli.declared import Positive, Source, argument, option
 from planner.cli.settings import SMOOTHING, Run
+from planner.exceptions import InvalidFile, about
 from planner.report.wording import fitted_to
 
 
@@ -151,3 +153,159 @@ def compare(
         [*origins_of(run), ("bounds up to", level)],
         failure="" if check.passed else verdict,
     )
+
+
+@options.command("Write a page (HTML) about the lines, and the error for other numbers of them.")
+def fit(
+    *,
+    run: Run = options.settings(
+        "model: file",
+        "path: joints",
+        "plan: cyclic segments",
+        path=argument(form="DESIRED"),
+    ),
+    max_error: Positive | None = option(
+        "Use as few lines as stay this close to the path everywhere.", form="DEG"
+    ),
+    max_rms: Positive | None = option(
+        "Use as few lines as stay this close to the path in root mean square.", form="DEG"
+    ),
+    exact: bool = option("Prove that no other knots on samples are better."),
+    knots: options.Output | None = option(
+        "Also write the knots of a single joint: knot_s and value_deg."
+    ),
+    output: str = options.output,  # noqa: ARG001
+) -> Answer:
+    """Approximate DESIRED, a CSV of <joint>_deg, _rad or _percent columns, by lines within ±v_max.
+
+    \b
+    Example, six lines per joint, and their knots:
+        request-planner fit desired.csv --segments 6 --json
+    As few lines as stay within 2 degrees, with a page:
+        request-planner fit desired.csv --max-error 2 --report fit.html
+    """  # noqa: D301
+    import numpy as np
+
+    from planner.approximation.fit_pwl import choices, fit_pwl
+    from planner.cli.desired import load_joints, model_words, units_in_messages
+    from planner.cli.planning import origins_of
+    from planner.files.paths import write_curve
+    from planner.report.fit_page import fit_page, fit_results, fits_table, proof_words
+    from planner.report.wording import CARRIED
+
+    path = load_joints(run)
+    options.warn_of(path.remarks)
+    units = {name: CARRIED[unit] for name, unit in path.shown_units.items()}
+    if knots is not None and len(path.names) > 1:
+        raise click.UsageError(
+            f"--knots writes one joint, got {', '.join(path.names)}; choose one with --joint."
+        )
+    arguments: dict[str, Any] = {
+        "cyclic": path.cyclic,
+        "segments": run.plan.segments,
+        "max_error": None if max_error is None else math.radians(max_error),
+        "max_rms": None if max_rms is None else math.radians(max_rms),
+        "exact": exact,
+    }
+    fits = {}
+    with Progress(len(path.names)) as progress:
+        for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
+            progress(name)
+            with units_in_messages(path.shown_units), about(name):
+                fits[name] = fit_pwl(
+                    path.angles[:, j], v_max=joint.v_max, tick=joint.period, **arguments
+                )
+    document = {
+        "cyclic": path.cyclic,
+        "period_s": path.period,
+        "joints": {name: fit_results(curve, units[name]) for name, curve in fits.items()},
+    }
+    words = (
+        f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits, units).text()}"
+    )
+    words += f"\nproved: {proof}" if (proof := proof_words(fits)) else ""
+    angles = np.column_stack([curve.angles for curve in fits.values()])
+    if knots is not None:
+        ((name, curve),) = fits.items()
+        write_curve(knots, curve, unit=path.shown_units[name])
+    return Answer(
+        document,
+        words,
+        lambda file: path.write(file, angles),
+        lambda: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}, units),
+        origins_of(run),
+    )
+
+
+@options.command()
+def simulate(
+    *,
+    run: Run = options.settings(
+        "model: file",
+        "path: joints rate_hz",
+        "plan: cyclic",
+        "start: deg",
+        path=argument(form="REQUESTS"),
+        rate_hz="Requests per second, as given to plan: the models take it.",
+    ),
+    load: Literal["column"] | None = option(
+        "Torque on the joints: columns <joint>_load_Nm of REQUESTS, as plan --load writes them."
+    ),
+    desired: Source | None = option("Joint path to compare the angles with."),
+    output: str = options.output,  # noqa: ARG001
+) -> Answer:
+    """Simulate the joints under REQUESTS, a CSV of <joint>_deg or <joint>_rad columns.
+
+    \b
+    Example, the angles under a plan and their distances from the desired ones:
+        request-planner simulate requests.csv --desired desired.csv -o angles.csv
+    """  # noqa: D301
+    import numpy as np
+
+    from planner.cli.desired import load_joints, model_words, refused_models, repeats, starts_of
+    from planner.files.paths import read_joint_path
+    from planner.model.response import simulate as simulate_joint
+    from planner.report.plan_results import simulation_answer
+
+    inputs = load_joints(run)
+    path = None if desired is None else read_joint_path(desired, joints=inputs.names)
+    if path is not None and len(path.values) != len(inputs.angles):
+        raise InvalidFile(
+            path.path,
+            f"got {len(path.values)} samples, expected {len(inputs.angles)}, one per request; "
+            "compare with the path that the requests were planned for",
+        )
+    cyclic, remarks = inputs.cyclic, inputs.remarks
+    if path is not None:  # its ends are better evidence than the ends of its requests
+        cyclic, closing = repeats(path.values, run.plan.cyclic)
+        remarks = closing, refused_models(inputs.names, inputs.models)
+    options.warn_of(remarks)
+    rest = starts_of(run.start, inputs.names, cyclic=cyclic)
+    loads = None if load is None else inputs.loads
+    if load is not None and loads is None:
+        raise InvalidFile(
+            str(run.path.file), "no columns <joint>_load_Nm, which --load column takes", line=1
+        )
+    if load is None and inputs.loads is not None:
+        warn("the load in the columns is not used: ask for it with --load column")
+    columns = []
+    for j, (name, model) in enumerate(zip(inputs.names, inputs.models, strict=True)):
+        column = None if loads is None else loads[:, j]
+        with about(name):
+            angles = simulate_joint(
+                model, inputs.angles[:, j], cyclic=cyclic, start=rest.get(name), load=column
+            )
+        columns.append(angles)
+    predicted = np.column_stack(columns)
+    joints, words = simulation_answer(
+        inputs.names,
+        inputs.models,
+        predicted,
+        units=[*inputs.shown_units.values()],
+        desired=None if path is None else path.values,
+        cyclic=cyclic,
+        loads=loads,
+    )
+    summary = f"{len(predicted)} requests of {', '.join(inputs.names)}; {model_words(run.model)}"
+    document = {"cyclic": cyclic, "period_s": inputs.period, "joints": joints}
+    return Answer(document, summary + words, lambda file: inputs.write(file, predicted))

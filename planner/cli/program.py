@@ -26,7 +26,7 @@ COMMANDS = {
     "compare": ("plan", "Compare closed-form and optimised requests."),
     "excite": ("identify", "Write test requests that determine a joint's parameters."),
     "export": ("export", "Write requests for robots: ROS, LeRobot, CSV."),
-    "fit": ("fit", "Approximate joint angles by lines that a joint can follow."),
+    "fit": ("plan", "Approximate joint angles by lines that a joint can follow."),
     "gait": ("gait", "Make the foot path of a walk."),
     "identify": ("identify", "Find the model of a joint from logs of it."),
     "plan": ("plan", "Plan requests for joint angles or a foot path."),
@@ -36,7 +36,7 @@ COMMANDS = {
     "replay": ("replay", "Plan requests that repeat a recording, at any speed."),
     "reproduce": ("reproduce", "Run the paper's experiment again, with a report."),
     "run": ("run", "Carry out what one TOML file describes."),
-    "simulate": ("simulate", "Simulate joints under requests."),
+    "simulate": ("plan", "Simulate joints under requests."),
     "sweep": ("run", "Plan for ranges of gaits or speeds: fast at a small error."),
     "virtual-bus": ("servos", "Put virtual servos behind a pseudo-terminal."),
 }
