@@ -205,7 +205,7 @@ class Limits(Settings):
     """Ranges of the requests; those of the leg hold where there are none.
 
     Attributes:
-        deg: Smallest and largest request of every joint [deg], or of one.
+        deg: Smallest and largest request [deg, or percent of the range] of every joint, or of one.
         joints: The same for single joints [deg], which overrule it.
     """
 
@@ -237,8 +237,8 @@ class Tolerance(Settings):
     """Errors to accept.
 
     Attributes:
-        deg: Error of any joint [deg] to accept, in the plan's norm; where the plan misses it, its
-            requests are written all the same, and the exit status is 1.
+        deg: Error of any joint to accept [deg, or percent of the range], in the plan's norm; where
+            the plan misses it, its requests are written all the same, and the exit status is 1.
         cm: Error of the foot [cm] to accept, in the plan's norm; where the plan misses it, its
             requests are written all the same, and the exit status is 1.
     """
@@ -424,7 +424,8 @@ class Search(Settings):
         evaluations: How many plans.
         seed: Of its random numbers.
         at_error_cm: Seek the fastest with at most this error of the foot [cm].
-        at_error_deg: The same for a path of joints: error of the worst joint [deg].
+        at_error_deg: The same for a path of joints: error of the worst joint [deg, or percent of
+            its range].
         at_speed_cm_s: Seek the least error of a gait of at least this speed [cm/s].
         at_speed: The same for the path of a file: times its own speed.
     """
