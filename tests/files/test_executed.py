@@ -3,9 +3,10 @@
 import json
 
 import numpy as np
+import pytest
 
-from planner import JointModel, Learning, Trial
-from planner.files.executed import read_history, write_history
+from planner import InvalidFile, JointModel, Learning, Trial
+from planner.files.executed import read_executed, read_history, read_measured, write_history
 
 ROWS, JOINTS = 3, ["hip", "knee", "foot"]
 DESIRED = np.full((ROWS, 2), 0.5)
@@ -57,3 +58,20 @@ def test_a_history_that_is_not_of_this_path_or_damaged_is_refused(tmp_path, snap
         read_history(str(other), JOINTS, DESIRED)
 
     snapshot.refusals("learning_history", read, CHANGES, FILE=other)
+
+
+def test_percent_are_read_of_a_path_in_shares_and_angles_are_not(tmp_path):
+    (tmp_path / "requests.csv").write_text("t_s,jaw_range\n0,0.25\n0.02,0.5\n0.04,0.75\n")
+    executed = read_executed(str(tmp_path / "requests.csv"), ["jaw"], 3, 0.02)
+    about = {"period": 0.02, "cyclic": True, "units": executed.units, "cycles": None}
+    log, rows = tmp_path / "log.csv", "\n0,25\n0.02,50\n0.04,75\n"
+    log.write_text(f"t_s,jaw_percent{rows}")
+    _, angles, _ = read_measured([str(log)], executed, **about)
+    assert angles[0] == pytest.approx(executed.values)
+    for column, message in (
+        ("jaw_deg", "'jaw' is in deg, expected range as in the path"),
+        ("claw_percent", "no column jaw_deg or jaw_rad or jaw_percent"),
+    ):
+        log.write_text(f"t_s,{column}{rows}")
+        with pytest.raises(InvalidFile, match=message):
+            read_measured([str(log)], executed, **about)
