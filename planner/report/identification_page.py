@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.arrays import Array, index_of_largest, stretches
+from planner.arrays import Array, stretches
 from planner.identification.result import (
     Identification,
     Interval,
@@ -240,23 +240,12 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
         Panel(Axis(quantity, units.words), top, spans=shades, height=1.9),
         Panel(residual, low, "measured − predicted", spans=[*shades, *noises]),
     ]
-    views = {"whole log": whole, "close-up": close_up(fit)}
+    rows = fit.held_out & fit.used if (fit.held_out & fit.used).any() else fit.used
+    off = np.where(rows, np.abs(log.requests - log.angles), -1.0)
+    first = min(float(times[np.argmax(off)]), max(whole[1] - CLOSE_UP, 0.0))
+    views = {"whole log": whole, "close-up": (first, min(first + CLOSE_UP, whole[1]))}
     across = Axis("time", "s", whole, decimals=3)
     return Figure(f"{prefix}whole", *about, across, panels, over_time=True, views=views)
-
-
-def close_up(fit: LogFit) -> tuple[float, float]:
-    """The time to look at closely [s], within the rows held out if there are any."""
-    log = fit.log
-    rows = fit.held_out & fit.used if (fit.held_out & fit.used).any() else fit.used
-    error = np.where(rows, (log.requests - log.angles) ** 2, 0.0)
-    cumulative = np.concatenate([[0.0], np.cumsum(error)])
-    ends = np.searchsorted(log.times, log.times + CLOSE_UP, side="right")
-    whole = log.times + CLOSE_UP <= log.times[np.flatnonzero(rows)[-1]]
-    sums = cumulative[ends] - cumulative[:-1]
-    start = index_of_largest(np.where(whole, sums, -1.0)) if whole.any() else 0
-    first, last = (log.times[[start, ends[start] - 1]] - log.times[0]).tolist()
-    return first, last
 
 
 def _log_curve(role: Role, label: str, times: Array, values: Array, *, held: bool = False) -> Curve:
