@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +45,8 @@ from planner.identification.result import (
 )
 from planner.identification.terms import INTEGRALS, MOTOR, ORDER
 from planner.model.joint import JointModel
+
+_Pair = tuple[Fit, Fit]  # the joint without and with the terms of a motor; one fit if none pay
 
 LEFT_OUT = "these rows are left out"
 """What becomes of rows in which something holds the joint, unless these are too many."""
@@ -103,10 +105,10 @@ def identify(
     if touched:
         plain = [*map(_with_terms, joint_fit.fit_joint(free, timing, choose_tick=choose_tick))]
     pair = _with_motor(free, plain)
-    timing = timing.ticking(pair.joint.grid.tick)
+    timing = timing.ticking(pair[1].grid.tick)
     pair, stopped = _without_stops(pair, timing)
     pair = _weighed(pair)
-    coarse, others = over_top_speeds(terms.with_integral(pair.joint))
+    coarse, others = over_top_speeds(terms.with_integral(pair[1]))
     # The loss is as rough in the top speed at short ticks. (Else one log of 160 simulated motors is
     # fitted with 1.5 times the noise.)
     fine = over_top_speeds(_with_shorter_ticks(coarse, timing))[0] if choose_tick else coarse
@@ -129,23 +131,6 @@ def identify(
     return _answer(
         model, fit, coarse, _log_fits(fit, every, held), intervals, held, notes, tested=tested
     )
-
-
-class _Pair(NamedTuple):
-    """The joint without and with the terms of a motor; the same fit where these do not pay."""
-
-    plain: Fit
-    joint: Fit
-
-    @property
-    def motor(self) -> bool:
-        """Whether the joint has the terms of a motor."""
-        return self.joint is not self.plain
-
-    def refitted(self, logs: Sequence[Log]) -> _Pair:
-        """The same joints, fitted to other rows."""
-        plain = joint_fit.refitted(logs, self.plain)
-        return _Pair(plain, joint_fit.refitted(logs, self.joint) if self.motor else plain)
 
 
 def _without(
@@ -207,11 +192,18 @@ def _without_contact(fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
     ]
 
 
+def _both(logs: Sequence[Log], pair: _Pair) -> _Pair:
+    """The same joints, fitted to other rows."""
+    plain, joint = pair
+    found = joint_fit.refitted(logs, plain)
+    return found, found if joint is plain else joint_fit.refitted(logs, joint)
+
+
 def _with_motor(logs: Sequence[Log], fits: Sequence[Fit]) -> _Pair:
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
-    pairs = [_Pair(plain, terms.with_motor(plain)) for plain in fits]
-    better_one = len(pairs) > 1 and better(pairs[0].joint, pairs[1].joint)
-    return pairs[better_one].refitted(logs)
+    pairs = [(plain, terms.with_motor(plain)) for plain in fits]
+    better_one = len(pairs) > 1 and better(pairs[0][1], pairs[1][1])
+    return _both(logs, pairs[better_one])
 
 
 def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
@@ -219,14 +211,14 @@ def _without_stops(pair: _Pair, timing: Timing) -> tuple[_Pair, list[Finding]]:
 
     A large sag may imitate a stop: there the joint that misses less is kept.
     """
-    (plain, joint), logs = pair, pair.joint.grid.logs
-    for fit in (joint, *([plain] if pair.motor and terms.has_large_sag(joint) else [])):
-        free, stopped = _without(
-            logs, [residual_patterns.stops(of, fit.noise) for of in _log_fits(fit)]
-        )
+    (plain, joint), logs = pair, pair[1].grid.logs
+    imitated = joint is not plain and terms.has_large_sag(joint)
+    for fit in (joint, plain) if imitated else (joint,):
+        held = [residual_patterns.stops(of, fit.noise) for of in _log_fits(fit)]
+        free, stopped = _without(logs, held)
         if stopped:
             rival = _with_motor(free, [*map(_with_terms, joint_fit.fit_joint(free, timing))])
-            shares = [each.rms / each.grid.signal for each in (rival.joint, joint)]
+            shares = [each.rms / each.grid.signal for each in (rival[1], joint)]
             if fit is joint or shares[0] < shares[1]:
                 return rival, stopped
     return pair, []
@@ -237,12 +229,12 @@ def _weighed(pair: _Pair) -> _Pair:
 
     A motor, which may show only there, is sought anew.
     """
-    logs = residual_patterns.with_weights(_log_fits(pair.joint), pair.joint.noise)
+    logs = residual_patterns.with_weights(_log_fits(pair[1]), pair[1].noise)
     if logs is None:
         return pair
-    again = pair.refitted(logs)
-    anew = _with_motor(logs, [again.plain])
-    return again if better(anew.joint, again.joint) else anew
+    again = _both(logs, pair)
+    anew = _with_motor(logs, again[:1])
+    return again if better(anew[1], again[1]) else anew
 
 
 def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:
@@ -284,13 +276,7 @@ def _bounded(
     if refuted:
         name = logs[outside.index(seen)].name
         notes.append(told("log", "faster_than_bounded", unit, log=name, seen=seen, most=most))
-    elif upper == math.inf and seen > lower:
-        for each, speed in zip(_log_fits(fit, logs), outside, strict=True):
-            if speed == seen:
-                left_out = ", ".join(f"{count} {why}" for why, count in each.left_out.items())
-                known = {"log": each.log.name, "seen": seen, "left_out": left_out}
-                notes.append(told("log", "fast_elsewhere", unit, **known))
-    if notes:
+    if refuted or (upper == math.inf and seen > lower):
         bounds["v_max"] = Interval(max(seen, lower), math.inf)
         if seen > fit.parameters.v_max:
             fit = joint_fit.with_speed_of(fit, seen)
@@ -310,7 +296,8 @@ def _held_out(
     from them: it is that of the fit to all rows, or, where these do not bound it either, what the
     first halves call for if that is more. So it is where it is ``faster`` than any that is fitted.
     """
-    logs, grid = pair.joint.grid.logs, whole.grid
+    (plain, joint), grid = pair, whole.grid
+    logs = joint.grid.logs
     out: list[Mask] = []
     for log in logs:
         before: Array = np.cumsum(log.torque_on) - log.torque_on
@@ -329,8 +316,8 @@ def _held_out(
         # Of 38 logs of 1 to 3.5 s four were refused without what follows, with it two are.
         if rms(missed[rows]) > 1.5 * rms(coarse.residuals[rows]):
             alone = _with_terms(joint_fit.fit_joint(known, timing)[0])
-            if pair.motor:
-                alone = terms.with_motor(alone, pair.joint.parameters)
+            if joint is not plain:
+                alone = terms.with_motor(alone, joint.parameters)
             alone = joint_fit.refitted(known, alone)
             fit = alone if alone.cost <= 1.2 * fit.cost else fit
         fit = (
