@@ -19,6 +19,7 @@ from planner.identification.intervals import at_edge
 from planner.identification.joint_fit import delayed_errors
 from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import GAP, Log
+from planner.identification.parameters import TERMS
 from planner.identification.result import Finding, HeldOut, Interval, Topic, told
 from planner.model.evidence import PROVEN, Verdict
 
@@ -172,14 +173,8 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[F
         )
     elif math.isinf(gain.upper) and gain.lower > 0.0:
         found.append(told("threshold", "threshold", unit, most=bounds["theta_0"].upper))
-    units = dict.fromkeys(("lag", "acceleration_time", "time_constant"), "s")
-    units |= dict.fromkeys(("gain", "integral_rate", "position_integral_rate"), "per second")
-    units |= {"asymmetry": "times v_max", "slowing": "times v_max per N m"}
-    units |= {"v_max": "/s", "acceleration": "/s^2", "compliance": "/(N m)"}
-    for name in fit.free_names:
-        if at_edge(fit, name):
-            value, of = getattr(at, name), units.get(name, "")
-            found.append(told("search", "search", unit, name=name, value=value, unit_of=of))
+    ended = (name for name in fit.free_names if at_edge(fit, name))
+    found += [told("search", "search", name=TERMS.get(name, name)) for name in ended]
     return found + _undetermined_delays(fit, bounds)
 
 

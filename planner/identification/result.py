@@ -112,7 +112,6 @@ def _sentences() -> jinja2.Environment:
         "digits": lambda value, digits=3: f"{value:.{digits}g}",
         "fixed": lambda value, digits=2: f"{value:.{digits}f}",
         "percent": lambda share: f"{100.0 * share:.0f}",
-        "plain": plain,
     }
     return sentences
 

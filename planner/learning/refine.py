@@ -386,9 +386,8 @@ def reidentified(
 ) -> tuple[Plan, tuple[int, ...], list[str]]:
     """The plan with the models that the trials identify anew, where these predict better.
 
-    With the trial after which the model of each joint was changed last, (k,), and remarks. The
-    model before is not taken up again: it was better for none of 18 joints and servos in ten
-    trials. ``noise`` is the standard deviation of one cycle's [rad], (k,).
+    With the trial after which the model of each joint was changed last, (k,), and remarks.
+    ``noise`` is the standard deviation of one cycle's [rad], (k,).
     """
     models, last, remarks = list(joints.models), list(since), list[str]()
     for j, model in enumerate(joints.models):
@@ -410,8 +409,8 @@ def better_model(
 ) -> JointModel | None:
     """A model of joint j identified from the trials, if it predicts the last one better; else None.
 
-    The last trial is held out, and predicted with the disturbance of the one before, by the model
-    as it is and by one of the trials before. ``noise`` is the deviation of one cycle's [rad].
+    That is predicted with the disturbance of the one before. ``noise`` is the deviation of one
+    cycle's [rad].
     """
     if len(trials) < 2:
         return None

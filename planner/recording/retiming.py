@@ -357,9 +357,9 @@ class Search:
     def varying(self, constant: Replay) -> Replay:
         """A replay whose factor changes along the recording, at least as fast as the constant one.
 
-        Every round multiplies the factor at each moment by (0.97 tolerance / error)^0.4, with the
-        largest error nearby, and by 1.25 at most. It then limits the acceleration, both ways in
-        time, to that from standstill to the constant factor in half a second.
+        Every round multiplies the factor at each moment by (0.97 tolerance / error)^0.4, by 1.25 at
+        most, and limits its acceleration to that from standstill to the constant factor in half a
+        second.
         """
         path = self.path
         at = np.arange(path.first, path.last + GRID, GRID)

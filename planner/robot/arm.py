@@ -192,9 +192,8 @@ class Arm:
         ``keep`` is called at every tick after the lead, until Ctrl-C, with the time since the first
         request [s], the requests and the measured angles [rad], (k,), NaN where none was read.
 
-        Raises InvalidInput, before anything moves, for a request beyond the limits of its joint;
-        BusError where the bus is gone, or a servo is silent, does not follow, leaves its range or
-        reports a fault.
+        Raises InvalidInput, before anything moves, for a request beyond the limits of its joint,
+        and BusError where the guard stops the motion or the bus is gone.
         """
         check_ranges({name: each.limits for name, each in self.servos.items()}, requests)
         port, start = self.bus.port, self.angles()
