@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,6 +27,9 @@ PARTS = (
 SWELL = 0.08  # share of a sum of sines in which it, or one of its sines, swells
 
 
+HEIGHTS = (0.125, 0.5, 1.0)  # of steps, as shares: well inside theta_0, and far beyond it
+
+
 class Part(NamedTuple):
     """A part of a combined signal."""
 
@@ -45,7 +48,6 @@ class Excitation:
     requests: Array  # [rad], (n,); the first and the last are the centre
     period: float  # time between requests [s]
     centre: float  # where the signal begins and ends [rad]
-    reach: float  # farthest that a request may be from the centre [rad]
     amplitudes: tuple[float, ...] = ()  # heights of the step tests [rad]; empty for kinds without
     parts: tuple[Part, ...] = ()  # of the combined signal, in their order
 
@@ -93,34 +95,20 @@ def excite(
     limits: tuple[float, float],  # least and largest request [rad]
     period: float,  # between requests [s]
     duration: float,  # of the whole signal [s]
-    centre: float | None = None,  # [rad]; by default the middle of the limits
-    amplitudes: Sequence[float] | None = None,  # height theta_test of each step test [rad]
-    cycles: int | None = None,  # of each step test
-    highest: float | None = None,  # frequency [Hz]
+    highest: float | None = None,  # frequency of a sum of sines [Hz]
     seed: int = 0,
 ) -> Excitation:
-    """Make a test signal that never leaves the limits and rests at the centre at both ends.
+    """Make a test signal within the limits that rests in their middle at both ends.
 
-    It deflects as far to one side of the centre as to the other. ``combined`` (slow triangle, sum
-    of sines, steps) and ``steps`` (Equation 1, about the centre) have amplitudes, by default an
-    eighth, half and the whole of what the limits allow, and cycles, by default 1 in each half and
-    3: steps that follow too soon shake a servo out of step, which no model foretells. ``combined``
-    and ``multisine`` have a highest frequency, by default a tenth of the rate of the requests, at
-    most 5 Hz. Other kinds are ``random_steps`` and ``slow_triangle``.
-
-    Raises InvalidInput where limits, centre or amplitudes contradict each other, or nothing fits
-    into the duration.
+    ``combined`` is a slow triangle, a sum of sines and steps; ``steps`` are those of Equation 1,
+    about the middle, and ``multisine``, ``random_steps`` and ``slow_triangle`` the other kinds. A
+    sum of sines has by default frequencies up to a tenth of the rate of the requests, at most 5 Hz.
+    Raises InvalidInput for limits, a period or a kind that cannot be, or a duration too short.
     """
     low, high = limits
     if not -math.inf < low < high < math.inf:
         raise InvalidInput(f"limits: got {angle_text(low, high)}, expected the lower one first")
-    middle = 0.5 * (low + high) if centre is None else centre
-    if not low < middle < high:
-        raise InvalidInput(
-            f"centre: got {angle_text(middle)}, expected between the limits {angle_text(low)} and "
-            f"{angle_text(high)}"
-        )
-    reach = min(middle - low, high - middle)
+    middle, reach = 0.5 * (low + high), 0.5 * (high - low)
     if not 0.0 < period < math.inf:
         raise InvalidInput(f"period: got {period:g} s, expected more than 0")
     least, most = 40, 1_000_000
@@ -133,28 +121,10 @@ def excite(
     rest = max(1, round(min(0.5, 0.1 * duration) / period))  # at either end, shows the offset
     moving = samples - 2 * rest
     fastest = min(5.0, 0.1 / period) if highest is None else highest
-    if not 0.0 < fastest <= 0.5 / period:
-        raise InvalidInput(
-            f"highest: got {fastest:g} Hz, expected more than 0 and at most {0.5 / period:g}, half "
-            "the rate of the requests"
-        )
     both = kind == "combined"
-    cycles = (1 if both else 3) if cycles is None else cycles
-    if cycles < 1:
-        raise InvalidInput(f"cycles: got {cycles}, expected 1 or more")
-    if amplitudes is None:  # well inside theta_0 of most joints, and far beyond it
-        amplitudes = [2.0 * reach * share for share in (0.125, 0.5, 1.0)]
-    if not len(amplitudes):
-        raise InvalidInput("amplitudes: got none, expected at least one [rad]")
-    for amplitude in amplitudes:
-        if not 0.0 < amplitude <= 2.0 * reach * (1.0 + 1e-12):
-            raise InvalidInput(
-                f"amplitudes: got a step of {angle_text(amplitude)}, expected more than 0 and at "
-                f"most {angle_text(2.0 * reach)}, what the limits allow about the centre"
-            )
-    tests = [height / (2.0 * reach) for height in amplitudes]
     make: Mapping[str, Callable[[int, int], Array]] = {  # of a length, with a seed
-        "steps": lambda n, _: _steps(n, tests, cycles),
+        # those that follow too soon shake a servo out of step, which no model foretells
+        "steps": lambda n, _: _steps(n, 1 if both else 3),
         "multisine": lambda n, own: _multisine(n, period, fastest, own, quickens=both),
         "random_steps": lambda n, own: _random_steps(n, period, own),
         "slow_triangle": lambda n, _: _slow_triangle(n, 1 if both else 2),
@@ -183,8 +153,7 @@ def excite(
         requests=requests,
         period=period,
         centre=middle,
-        reach=reach,
-        amplitudes=tuple(map(float, amplitudes)) if kind in ("combined", "steps") else (),
+        amplitudes=tuple(2.0 * reach * share for share in HEIGHTS if both or kind == "steps"),
         parts=tuple(
             Part(names.get(name, name.replace("_", " ")), begin, end, determines)
             for (name, _, determines), begin, end in zip(parts, edges[:-1], edges[1:], strict=True)
@@ -193,15 +162,15 @@ def excite(
     )
 
 
-def _steps(samples: int, shares: Sequence[float], cycles: int) -> Array:
+def _steps(samples: int, cycles: int) -> Array:
     """Step tests of Equation 1 about 0, one height after the other, as shares of the range."""
-    half = samples // (2 * cycles * len(shares))
+    half = samples // (2 * cycles * len(HEIGHTS))
     if half < 2:
         raise InvalidInput(
-            f"{samples} samples for {len(shares)} step tests of {cycles} cycles leave {half} for "
-            "a half cycle, expected at least 2: ask for a longer duration or for fewer tests"
+            f"{samples} samples for {len(HEIGHTS)} step tests of {cycles} cycles leave {half} for "
+            "a half cycle, expected at least 2: ask for a longer duration"
         )
-    tests = [np.tile(step_test(2.0 * share, samples=2 * half) - share, cycles) for share in shares]
+    tests = [np.tile(step_test(2.0 * share, samples=2 * half) - share, cycles) for share in HEIGHTS]
     made = np.concatenate(tests)
     return np.append(made, np.zeros(samples - len(made)))
 
@@ -274,27 +243,19 @@ def expect(
     model: JointModel,
     *,
     noise: float = math.radians(0.2),  # standard deviation of the measured angles [rad]
-    resolution: float = math.radians(0.3),  # step of the sensor [rad]; 0 for none
-    seed: int = 0,
+    resolution: float = math.radians(0.3),  # step of the sensor [rad]
 ) -> Identification:
     """Identify the expected joint, at any rate, from what it would answer to the signal.
 
-    Its intervals are those to expect from the robot, as far as the robot is like the model. The log
-    has angles, or shares of a range where the evidence of the model says so. InvalidInput is raised
-    where noise or resolution is negative.
+    Its intervals are those to expect from the robot, as far as the robot is like the model.
     """
-    for name, value in (("noise", noise), ("resolution", resolution)):
-        if not 0.0 <= value < math.inf:
-            raise InvalidInput(f"{name}: got {angle_text(value)}, expected 0 or more")
     joint = model.requested_every(excitation.period)
-    random = np.random.default_rng(seed).standard_normal(len(excitation.requests))
+    random = np.random.default_rng(0).standard_normal(len(excitation.requests))
     angles = simulate(joint, excitation.requests, cyclic=False) + noise * random
-    if resolution > 0.0:
-        angles = resolution * np.round(angles / resolution)
     log = Log(
         times=excitation.times,
         requests=excitation.requests,
-        angles=angles,
+        angles=resolution * np.round(angles / resolution),
         name=f"simulated {excitation.kind}",
         unit="1" if model.evidence is not None and model.evidence.unit == "range" else "rad",
     )
