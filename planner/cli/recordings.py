@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
 import numpy as np
 
 from planner.arrays import Array, error_norm
@@ -227,6 +228,9 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 
 def check_writing(form: str, recordings: Sequence[Recording], output: str) -> None:
     """Refuse outputs that cannot be written, before anything is computed."""
+    if len(recordings) > 1 and click.get_current_context().params["report"] is not None:
+        words = f"a page is about one recording, got {len(recordings)}; leave it out: --json prints"
+        raise click.UsageError(f"--report: {words} the errors of all.")
     if form != "lerobot" and len(recordings) > 1:
         raise BadSetting(
             f"{len(recordings)} recordings, and {marked('replay.write_as', form)} holds one: name "
