@@ -155,7 +155,7 @@ def compare(
     )
 
 
-@options.command("Write a page (HTML) about the lines, and the error for other numbers of them.")
+@options.command("Write a page (HTML) about the lines.")
 def fit(
     *,
     run: Run = options.settings(
@@ -186,7 +186,7 @@ def fit(
     """  # noqa: D301
     import numpy as np
 
-    from planner.approximation.fit_pwl import choices, fit_pwl
+    from planner.approximation.fit_pwl import fit_pwl
     from planner.cli.desired import load_joints, model_words, units_in_messages
     from planner.cli.planning import origins_of
     from planner.files.paths import write_curve
@@ -232,7 +232,7 @@ def fit(
         document,
         words,
         lambda file: path.write(file, angles),
-        lambda: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}, units),
+        lambda: fit_page(fits, units),
         origins_of(run),
     )
 
