@@ -35,7 +35,6 @@ def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
     assert "front_left_abductor_deg" in header
     page = (tmp_path / "page.html").read_text()
     assert "rotator = 20.0}<" in page
-    assert 'href="robot.urdf"' in page
 
 
 def test_a_shipped_leg_starts_near_a_pose_too():

@@ -10,7 +10,6 @@ from planner.files.paths import read_joint_path, write_joint_path
 from tests.instances import ERS210A
 
 TRUE = replace(ERS210A, theta_0=1.2 * ERS210A.theta_0, lag=1.2 * ERS210A.lag, offset=0.01)
-LEG = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
 
 
 @pytest.fixture
@@ -24,12 +23,6 @@ def execute():
         return angles
 
     return execute
-
-
-@pytest.fixture
-def unbounded(monkeypatch):
-    """No lower bound of a foot, which takes seconds."""
-    monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
 
 
 def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, execute):
@@ -109,9 +102,3 @@ def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):
     late = np.column_stack([np.roll(rows[:, 2], 2), rows[:, 3]])
     write_joint_path("log.csv", ("requested", "actual"), late, period=0.008)
     assert run(*line, "--joint", "knee").stdout == alone.stdout, "requests two rows late"
-
-
-def keep_columns(file, *names):
-    """Leave only some joints in a file of angles."""
-    path = read_joint_path(file, joints=names)
-    write_joint_path(file, names, path.values, period=0.008)

@@ -11,15 +11,12 @@ from hypothesis import strategies as st
 from planner import JointModel, certify, invert_optimal, lower_bound, simulate
 from planner.arrays import error_norm
 from planner.planning.bounds.exact import (
-    UNBOUNDED,
     Node,
-    RequestSet,
     ScaledProblem,
     branch,
     conditions,
     cut_off,
     exact_bound,
-    separate,
     solve_relaxation,
     tighten,
     without_load,
@@ -177,46 +174,3 @@ def test_a_mixture_of_requests_without_a_weight_is_branched_on():
     desired = [0.0, 0.01, -0.01, 0.02, 0.0]
     bound = lower_bound(model, desired, cyclic=False, level="exact", time_limit=1.0)
     assert 6.0e-3 < bound < 6.08e-3  # [rad]; 5.42e-3 without cuts, and a response has 6.08e-3
-
-
-def random_set(rng):
-    count = int(rng.integers(1, 10))
-    lower = np.cumsum(rng.normal(size=count))
-    upper = lower + rng.exponential(size=count) * rng.choice([0.0, 0.1, 1.0, 5.0])
-    ends = np.sort(rng.normal(size=2) * 3.0)
-    kinds = [UNBOUNDED, tuple(ends), (ends[0], np.inf), (-np.inf, ends[1]), (ends[0], ends[0])]
-    scale = 10.0 ** rng.uniform(-1.5, 1.0)
-    return RequestSet(scale * lower, scale * upper, kinds[rng.integers(len(kinds))])
-
-
-def random_requests(rng, requests):
-    """Requests within the interval, its ends and beyond what any angle of the set needs."""
-    low = max(requests.interval[0], float(requests.lower.min()) - 2.0)
-    high = min(requests.interval[1], float(requests.upper.max()) + 2.0)
-    low, high = min(low, requests.interval[1]), max(high, requests.interval[0])
-    return [*rng.uniform(low, high, size=500), low, high]
-
-
-def random_points(rng, requests):
-    """Calls of random requests at random angles of the place, ends of ranges included."""
-    for request in random_requests(rng, requests):
-        share = np.clip(rng.uniform(-0.5, 1.5, size=len(requests.lower)), 0.0, 1.0)
-        angles = requests.lower + share * (requests.upper - requests.lower)
-        yield np.clip(request - angles, -1.0, 1.0), angles
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_a_cut_takes_away_the_point_and_no_request(seed):
-    rng = np.random.default_rng(seed)
-    requests = random_set(rng)
-    calls = rng.uniform(-1.0, 1.0, size=len(requests.lower))
-    at = rng.uniform(requests.lower, requests.upper)
-    cut = separate(calls, at, requests)
-    points = [*random_points(rng, requests)]
-    if cut is not None:
-        nu, xi, limit = cut
-        assert nu @ calls - xi @ at > limit
-        for others, angles in points:
-            assert nu @ others - xi @ angles <= limit
-    for others, angles in points[::200]:  # what a request calls for is never cut off
-        assert separate(others, angles, requests) is None
