@@ -282,7 +282,7 @@ def _limits_of(
 ) -> tuple[Array, Array] | None:
     """Limits of joints [rad]: of the settings, or else common to the servos and the legs.
 
-    Angles say nothing about joints in shares of a range; what their servos take is the range.
+    Angles, such as those of servos, say nothing about joints in shares of a range.
     """
     spans = dict[str, tuple[float, float]]()
     for leg in legs:
@@ -293,9 +293,7 @@ def _limits_of(
         (low, high), (lower, upper) = servos[name].limits, spans.get(name, (-math.inf, math.inf))
         spans[name] = max(lower, low), min(upper, high)
     for name, model, unit, values in zip(names, models, path.units, path.values.T, strict=False):
-        if unit in SHARES and name in servos:
-            spans[name] = 0.0, SHARES["range"]
-        elif unit in SHARES:
+        if unit in SHARES:
             spans[name] = limits_in_shares(model, values, SHARES["range"])
     for name, (low, high) in values_by_joint("limits", run.limits, names).items():
         spans[name] = math.radians(low), math.radians(high)

@@ -63,7 +63,7 @@ def export(
 
 def _by_servos(model: str, export: Export, path: SampledPath) -> tuple[Array, dict[str, Servo]]:
     """The angles of the servos in a model file, and these by the joints' names in the export."""
-    from planner.cli.servos import scales_of
+    from planner.cli.servos import in_servos
     from planner.files.joint_model import read_servos
 
     if export.unit != "ticks":
@@ -74,10 +74,10 @@ def _by_servos(model: str, export: Export, path: SampledPath) -> tuple[Array, di
             "--ticks-per-turn."
         )
     servos = read_servos(model, path.names)
-    zeros, factors = scales_of(servos, path)
+    angles, *_ = in_servos(servos, path)
     # that there are as many names as joints is checked with the rows
     names = export.joint_names or path.names
-    return zeros + factors * path.values, dict(zip(names, servos.values(), strict=False))
+    return angles, dict(zip(names, servos.values(), strict=False))
 
 
 FOLDERS = ("bag", "mcap", "lerobot")  # formats that are a folder, which standard output cannot be

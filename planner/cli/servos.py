@@ -130,31 +130,37 @@ def open_arm(
         yield Arm(bus, servos)
 
 
-def scales_of(servos: Mapping[str, Servo], path: SampledPath) -> tuple[Array, Array]:
-    """The angle at 0 [rad], and angles per value, (k,), of joints whose requests are checked.
+def in_servos(servos: Mapping[str, Servo], path: SampledPath) -> tuple[Array, Array, Array]:
+    """Angles of the requests to servos [rad], (n, k), at the value 0, and per value, (k,); checked.
 
-    The range of a joint in shares of it is that of its servo, from one limit to the other.
+    The range of a joint in shares of it is that of its servo, from one limit to the other. Requests
+    beyond it, as a plan makes them for a joint that sags, are clipped up to a twentieth of it.
     """
     import numpy as np
 
     from planner.files.columns import SHARES, shown_units
     from planner.robot.arm import check_ranges
 
-    whole, scales = SHARES["range"], list[tuple[float, float]]()
+    whole, values, scales = SHARES["range"], path.values.copy(), list[tuple[float, float]]()
     for j, (name, unit) in enumerate(shown_units(path.names, path.units).items()):
         low, high = limits = servos[name].limits
         scale = 0.0, 1.0
         if unit == "percent":
+            inside = np.clip(values[:, j], 0.0, whole)
+            most = math.degrees(np.max(np.abs(values[:, j] - inside)))
             ends = f"{math.degrees(low):.4g} to {math.degrees(high):.4g} deg"
-            remark(f"{name}: 0 to 100 % of its range are {ends}, the limits of its servo")
+            more = f"; requests beyond, by up to {most:.2g} %, are clipped"
+            more = more if 0.01 < most <= 5.0 else ""
+            remark(f"{name}: 0 to 100 % of its range are {ends}, the limits of its servo{more}")
             limits, scale = (0.0, whole), (low, (high - low) / whole)
+            values[:, j] = inside if most <= 5.0 else values[:, j]
         scales.append(scale)
         try:
-            check_ranges({name: limits}, path.values[:, [j]])
+            check_ranges({name: limits}, values[:, [j]])
         except InvalidInput as error:
             raise InvalidInput(in_degrees(error, unit)) from error
     zeros, factors = np.transpose(scales)
-    return zeros, factors
+    return zeros + factors * values, zeros, factors
 
 
 @contextmanager
@@ -208,7 +214,7 @@ def play(
     log = growing_log(output, path.names, units=shown_units(path.names, path.units))
     advice = f"the log until then is {output}.part"
     with open_arm(port, path.names, advice=advice) as arm, log as write_row:
-        zeros, factors = scales_of(arm.servos, path)
+        angles, zeros, factors = in_servos(arm.servos, path)
 
         def keep(time: float, row: Array, angles: Array) -> None:
             measured = (angles - zeros) / factors
@@ -216,7 +222,6 @@ def play(
             rows.append((time, measured))
 
         with arm.powered():
-            angles = zeros + factors * path.values
             performance = arm.perform(angles, period=period, cycles=cycles, keep=keep)
             if performance.interrupted:
                 raise KeyboardInterrupt

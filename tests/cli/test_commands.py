@@ -4,7 +4,6 @@ import json
 import math
 import re
 import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +20,7 @@ from planner.exceptions import (
     PlannerError,
     SolverFailed,
 )
-from planner.files.joint_model import models_text
 from planner.files.paths import read_joint_path, write_joint_path
-from planner.model.evidence import Evidence
-from planner.robot.arm import Servo
 from tests.cli.test_servos import ARM
 
 
@@ -221,16 +217,3 @@ def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_j
     (tmp_path / "arm.toml").write_text("".join([blocks[1].replace("4096", "4000"), blocks[2]]))
     mixed = run(*shared).stdout.splitlines()[1]
     assert mixed == "0.0,2000,778", "each servo has its own ticks of a turn"
-
-
-def test_a_joint_in_shares_has_its_range_and_its_sag_unless_a_servo_takes_only_the_range(
-    run, tmp_path
-):
-    model = JointModel.ers210a()
-    jaw = replace(model, offset=-0.04).with_evidence(Evidence(unit="range"))
-    (tmp_path / "path.csv").write_text("jaw_percent\n" + "0\n" * 20 + "100\n" * 20)
-    for servo, most in (({}, 104.0), ({"jaw": Servo(id=1)}, 100.0)):
-        (tmp_path / "arm.toml").write_text(models_text({"jaw": jaw}, servos=servo))
-        result = run("plan", "path.csv", "--model", "arm.toml", "--json")
-        (numbers,) = json.loads(result.stdout)["joints"].values()
-        assert max(numbers["requests_percent"]) == pytest.approx(most, abs=1e-6)

@@ -111,11 +111,16 @@ def test_requests_in_shares_of_a_range_are_played_logged_and_counted_in_percent(
     assert 50.0 + played["requests.csv"] / share == pytest.approx(played["jaw.csv"], abs=1e-3)
     counts = [(tmp_path / f"ticks_{name}").read_text() for name in ("jaw.csv", "requests.csv")]
     assert counts[0] == counts[1]
-    rows[7, 1] = 101.0
+    rows[:, 1] += 100.0 - np.max(rows[:, 1]) + 4.5
+    np.savetxt(tmp_path / "jaw.csv", rows, **head)
+    result = run("export", "jaw.csv", *ticks[:-1], "-")
+    assert "its servo; requests beyond, by up to 4.5 %, are clipped" in result.stderr
+    assert max(int(row.split(",")[1]) for row in result.stdout.split()[1:]) == 2048 + 456
+    rows[7, 1] = 105.1
     np.savetxt(tmp_path / "jaw.csv", rows, **head)
     result = run("play", "jaw.csv", "--bus", "virtual", "--model", arm)
     assert result.exit_code == 2
-    assert "joint_1: request 7 is 101 percent, expected 0 to 100 percent" in result.stderr
+    assert "joint_1: request 7 is 105.1 percent, expected 0 to 100 percent" in result.stderr
 
 
 def test_one_command_measures_compares_and_recommends(calibrated):
