@@ -103,8 +103,22 @@ def factor_of(rows: Places, columns: Places, position: Places) -> Factor:
     return Factor(rows, columns, position, place, column, stored, reach, reached, below, entries)
 
 
+class Space(NamedTuple):
+    """Work space of :func:`solved`."""
+
+    unknowns: Array  # (3, unknowns)
+    following: Indices  # (unknowns,)
+    lower: Array  # entries of L
+
+
+def space_of(pattern: Factor) -> Space:
+    """Work space for matrices with a pattern."""
+    size = len(pattern.position)
+    return Space(np.empty((3, size)), np.empty(size, np.int64), np.empty(len(pattern.lower)))
+
+
 @inner
-def solved(pattern: Factor, values: Array, right: Array, answer: Array) -> bool:
+def solved(pattern: Factor, space: Space, values: Array, right: Array, answer: Array) -> bool:
     """Fill the solution, in the unknowns' own order; False where a pivot vanishes.
 
     Row by row the factor L, the pivots D and the solution of L y = b, by the up-looking algorithm
@@ -113,11 +127,11 @@ def solved(pattern: Factor, values: Array, right: Array, answer: Array) -> bool:
     """
     size, position = len(right), pattern.position
     column, row, reach, reached = pattern.column, pattern.row, pattern.reach, pattern.reached
-    below, rows = pattern.below, pattern.lower
-    work, following, lower = np.zeros(size), below.copy(), np.empty(len(rows))
-    pivots, permuted = np.empty(size), np.empty(size)
+    below, rows, following, lower = pattern.below, pattern.lower, space.following, space.lower
+    work, pivots, permuted = space.unknowns
     for number in range(size):
-        permuted[position[number]] = right[number]
+        permuted[position[number]], work[number] = right[number], 0.0
+        following[number] = below[number]
     for k in range(size):
         pivot, known = 0.0, permuted[k]
         for at in range(column[k], column[k + 1]):

@@ -22,7 +22,7 @@ from planner.arrays import Array, Indices
 from planner.compilation import compiled, inner
 from planner.model.kernel import at_rest, law_of, moving_states, periods
 from planner.model.steady_cycle import motion_of
-from planner.planning.factorisation import Factor, Places, factor_of, solved
+from planner.planning.factorisation import Factor, Places, Space, factor_of, solved, space_of
 
 
 class Rows(NamedTuple):
@@ -87,18 +87,6 @@ class Stage(NamedTuple):
     squares: float = 0.0  # weight of the sum of squared errors beside that of other powers
 
 
-class Search(NamedTuple):
-    """Iterate: requests, angles, damping, multipliers, active set; changed in place."""
-
-    requests: Array  # R [rad], (n, J)
-    states: Array  # X, (n, S)
-    multipliers: Array  # of the last step, lambda of ``docs/math.md``, (n, S)
-    # requests at their lower limit, -1, at their upper one, 1, or free, 0; then changes to the next
-    # request at the largest one, likewise, (2, n, J)
-    active: Indices
-    damping: Array  # weight of the Levenberg-Marquardt term, (1,)
-
-
 MOST_TOGETHER = 512  # samples whose periods are computed together: they fit into the cache
 LARGEST_SHARE = 1e4  # error in units from which on a cost counts as this large: a finite number
 SIMULATED = 0.1  # radius below which the answer of a stage is worth a simulation [theta_0]
@@ -122,6 +110,34 @@ class Point(NamedTuple):
     # cost of the errors, cost with the regularisation, the unit of the errors, the squares of the
     # regularisation, and the largest curvature, (5,)
     costs: Array
+
+
+class Work(NamedTuple):
+    """Arrays of a search, allocated once: of long paths that takes a fourth of the time."""
+
+    pattern: Factor
+    point: Point
+    trial: Point
+    terms: Array  # Delta, then the requests moved, (n, J)
+    eased: Array  # E, (n, A)
+    values: Array  # entries of the matrix
+    matrices: Array  # without penalties, and with them, as stored, (2, ..)
+    sides: Array  # right sides, likewise, (2, unknowns)
+    away: Array  # as Point.away, after the step
+    space: Space
+
+
+class Search(NamedTuple):
+    """Iterate: requests, angles, damping, multipliers, active set; changed in place."""
+
+    requests: Array  # R [rad], (n, J)
+    states: Array  # X, (n, S)
+    multipliers: Array  # of the last step, lambda of ``docs/math.md``, (n, S)
+    # requests at their lower limit, -1, at their upper one, 1, or free, 0; then changes to the next
+    # request at the largest one, likewise, (2, n, J)
+    active: Indices
+    damping: Array  # weight of the Levenberg-Marquardt term, (1,)
+    work: Work
 
 
 @inner
@@ -449,7 +465,6 @@ def set_entries(
     return e
 
 
-@inner
 def allocated(spec: Spec, smoothing: bool) -> Point:
     """A point with all its arrays, set to 0."""
     samples, joints = spec.bounds.shape[1:]
@@ -467,11 +482,30 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
     )
 
 
+def work_of(spec: Spec, *, smoothing: bool) -> Work:
+    """The arrays for a problem."""
+    point, trial = allocated(spec, smoothing), allocated(spec, smoothing)
+    pattern = pattern_of(spec, point, smoothing=smoothing)
+    samples, (blocks, count) = len(point.requests), point.quadratic.shape[1:3]
+    return Work(
+        pattern,
+        point,
+        trial,
+        np.empty(point.requests.shape),
+        np.empty((samples, blocks * count)),
+        np.empty(len(pattern.place)),
+        np.empty((2, len(pattern.row))),
+        np.empty((2, len(pattern.position))),
+        np.empty(point.away.shape),
+        space_of(pattern),
+    )
+
+
 PATTERNS, MOST_KEPT = 8, 4096  # patterns that are kept, and most samples of one: some 1 kB each
 _KEPT: dict[tuple[int, ...], Factor] = {}
 
 
-def pattern_of(spec: Spec, *, smoothing: bool) -> Factor:
+def pattern_of(spec: Spec, point: Point, *, smoothing: bool) -> Factor:
     """The pattern of the steps of a problem: unknowns are eliminated in order of time.
 
     The latest patterns are kept, as joints of one robot and other plans of one path have the same.
@@ -499,7 +533,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Factor:
     order = np.argsort(np.concatenate(time), kind="stable")
     position = np.empty(len(order), dtype=np.uint32)
     position[order] = np.arange(len(order))
-    pattern = pattern_in_order(spec, smoothing, position)
+    pattern = pattern_in_order(spec, point, smoothing, position)
     if samples <= MOST_KEPT:
         if len(_KEPT) >= PATTERNS:
             _KEPT.pop(next(iter(_KEPT)), None)  # the oldest
@@ -508,11 +542,11 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Factor:
 
 
 @compiled
-def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Factor:
+def pattern_in_order(spec: Spec, point: Point, smoothing: bool, position: Places) -> Factor:
     """The pattern of the steps, by the position of each unknown in the order of elimination."""
     samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
-    point, stage = allocated(spec, smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing, 0.0)
+    stage = Stage(1.0, 1.0, 2.0, 1, smoothing, 0.0)
     blocks, size = point.quadratic.shape[1:3]
     most = joints * 11 + blocks * size**2 + drives * spec.parts * (4 + spec.parts + width)
     room = samples * most
@@ -524,7 +558,7 @@ def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Factor:
 
 @inner
 def set_step(
-    spec: Spec, stage: Stage, pattern: Factor, point: Point, search: Search, step: Array
+    spec: Spec, stage: Stage, point: Point, search: Search, step: Array
 ) -> tuple[bool, float]:
     """Fill the Gauss-Newton step: changes of requests and states, then the multipliers.
 
@@ -545,12 +579,19 @@ def set_step(
     drives, _, width = spec.weights.shape
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
-    count = point.quadratic.shape[2]
+    count, work, pattern = point.quadratic.shape[2], search.work, search.work.pattern
     cyclic, acting = spec.cyclic, spec.acting
     slopes, quadratic = point.slopes, point.quadratic
     requests, away, defects = point.requests, point.away, point.defects
     multipliers = search.multipliers
-    terms, eased = np.full((samples, joints), search.damping[0]), np.zeros((samples, drives))
+    terms, eased, values, places = work.terms, work.eased, work.values, pattern.place
+    free, matrix = work.matrices
+    right, target = work.sides
+    for k in range(samples):
+        for j in range(joints):
+            terms[k, j] = search.damping[0]
+        for a in range(drives):
+            eased[k, a] = 0.0
     for k in range(samples):
         for a in range(drives):
             for j in range(width):
@@ -564,7 +605,7 @@ def set_step(
                     if number >= 0:
                         terms[number, a % joints] += bend
 
-    right = np.zeros(len(step))
+    right[:] = 0.0
     rows = spec.smooth if stage.smoothing else spec.near
     for row in range(len(away)):
         for p in range(3):
@@ -577,19 +618,18 @@ def set_step(
         for s in range(states):
             right[multiplier + k * states + s] = defects[k, s]
 
-    places, values = pattern.place, np.empty(len(pattern.place))
     set_entries(spec, stage, point, terms, eased, pattern.rows, pattern.columns, values)
-    free, stiffness = np.zeros(len(pattern.row)), 1e7 * (point.costs[4] + stage.weight)
+    stiffness = 1e7 * (point.costs[4] + stage.weight)
+    free[:] = 0.0
     for e in range(len(values)):
         free[places[e]] += values[e]
-    matrix, target = np.empty(len(free)), np.empty(len(right))
     for _ in range(8):
         for e in range(len(free)):
             matrix[e] = free[e]
         for e in range(len(right)):
             target[e] = right[e]
         add_penalties(spec, point, search, stiffness, places, matrix, target)
-        if not solved(pattern, matrix, target, step):
+        if not solved(pattern, work.space, matrix, target, step):
             return False, 0.0
         if not active_changed(spec, point, step, search.active[0], search.active[1]):
             break
@@ -605,11 +645,10 @@ def set_step(
                 for h in range(count):
                     total += quadratic[k, block, i, h] * step[first + h]
                 predicted += step[first + i] * total
-    moved_requests, further = np.empty((samples, joints)), np.empty(away.shape)
-    for number in range(state):
-        k, j = number // joints, number % joints
-        moved_requests[k, j] = requests[k, j] + step[number]
-    return True, predicted + stage.weight * set_away(rows, moved_requests, further)
+    for k in range(samples):
+        for j in range(joints):
+            terms[k, j] = requests[k, j] + step[k * joints + j]
+    return True, predicted + stage.weight * set_away(rows, terms, work.away)
 
 
 @inner
@@ -733,14 +772,12 @@ def merit_of(point: Point, step: Array, penalty: float) -> float:
 
 
 @compiled
-def go_through(
-    spec: Spec, pattern: Factor, search: Search, stages: Array
-) -> tuple[Array, Array, Array]:
+def go_through(spec: Spec, search: Search, stages: Array) -> tuple[Array, Array, Array]:
     """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one.
 
-    The m stages, (m, 6), have the order of :class:`Stage` and the same regularisation, whose
-    pattern this is. Half and twice each number of a step change the errors of 50 plans that
-    saturate by 0.02 % in the mean and 1.7 % at worst.
+    The m stages, (m, 6), have the order of :class:`Stage` and the regularisation of the search.
+    Half and twice each number of a step change the errors of 50 plans that saturate by 0.02 % in
+    the mean and 1.7 % at worst.
 
     Returns:
         The requests with which each stage ends [rad], (m, n, J); where corners are sharp the angles
@@ -752,10 +789,10 @@ def go_through(
     errors, figures = np.empty(len(spec.shares) + 1), np.full((len(stages), 3), np.inf)
     ends = np.empty((len(stages), samples, joints))
     angles = np.full((len(stages), samples, len(spec.drives)), np.nan)
-    states, step = search.states.shape[1], np.zeros(len(pattern.position))
+    states, step = search.states.shape[1], np.zeros(len(search.work.pattern.position))
     state, count = samples * joints, samples * (joints + states)
     smoothing, damping = stages[0, 4] != 0.0, search.damping
-    point, trial = allocated(spec, smoothing), allocated(spec, smoothing)
+    point, trial = search.work.point, search.work.trial
     copied(search.requests, point.requests)
     copied(search.states, point.states)
     for number in range(len(stages)):
@@ -765,7 +802,7 @@ def go_through(
         damping[0] = max(damping[0], 3e-4)
         unit, penalty = point.costs[2], 60.0 * point.costs[4]
         for _ in range(stage.steps):
-            solvable, predicted = set_step(spec, stage, pattern, point, search, step)
+            solvable, predicted = set_step(spec, stage, point, search, step)
             if not solvable:
                 damping[0] *= 3.0
                 continue

@@ -34,7 +34,7 @@ from planner.planning.gauss_newton import (
     Search,
     Stage,
     go_through,
-    pattern_of,
+    work_of,
 )
 from planner.planning.problem import Problem, problem_of
 from planner.planning.task import Solver, Task
@@ -211,16 +211,16 @@ def minimise(
     if problem.norm == "max":
         wide = [stage for stage in stages if stage.radius >= LARGEST[0].radius]
         stages = [*(stages if through_rms else wide), *LARGEST]
-    search, least = search_from(problem, requests, angles), problem.exact_error(requests)
-    pattern = pattern_of(problem.spec, smoothing=stages[0].smoothing)
-    ends, _, figures = go_through(problem.spec, pattern, search, np.array(stages, dtype=np.float64))
+    search = search_from(problem, requests, angles, smoothing=stages[0].smoothing)
+    ends, _, figures = go_through(problem.spec, search, np.array(stages, dtype=np.float64))
+    least = problem.exact_error(requests)
     best = int(np.argmin(figures[:, 0]))
     if figures[best, 0] < least:
         return ends[best], float(figures[best, 0])
     return requests, least
 
 
-def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
+def search_from(problem: Problem, requests: Array, angles: Array, *, smoothing: bool) -> Search:
     """A search from requests (n, J) and angles (n, A) [rad]: see :class:`Search`.
 
     Speeds are means over the period before, integrals 0.
@@ -234,7 +234,14 @@ def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
             before[0] = np.resize(problem.start, count)
         states[:, count : 2 * count] = drives[:, COASTING] / drives[:, HOLD] * (angles - before)
     active = np.zeros((2, *requests.shape), dtype=np.int64)
-    return Search(np.array(requests, order="C"), states, np.zeros_like(states), active, np.zeros(1))
+    return Search(
+        np.array(requests, order="C"),
+        states,
+        np.zeros_like(states),
+        active,
+        np.zeros(1),
+        work_of(problem.spec, smoothing=smoothing),
+    )
 
 
 def first_request_freed(
@@ -563,8 +570,8 @@ def smoother(
     most, factor, motion, squares = allowance.error(start), 1.0, start, 0.0
     if least <= straight or most <= error:
         return best
-    search, now, cost = search_from(problem, start.requests, start.angles), least, 0.0
-    spec, pattern = problem.spec, pattern_of(problem.spec, smoothing=True)
+    search = search_from(problem, start.requests, start.angles, smoothing=True)
+    now, cost = least, 0.0
     varying = problem.goal == "foot"
     for model in problem.nominal:
         varying |= model.evidence is not None and model.evidence.depends_on_motion
@@ -583,7 +590,7 @@ def smoother(
             room = max(allowance.mean**2 - motion.mean**2, 0.02 * allowance.mean**2)
             squares = kept * weight * before / (len(best) * room)
         stages = np.array([Stage(radius, weight, power, 1, smoothing=True, squares=squares)])
-        (requests,), (reached,), figures = go_through(spec, pattern, search, stages)
+        (requests,), (reached,), figures = go_through(problem.spec, search, stages)
         ((reached_error, mean, now),) = figures.tolist()
         motion = start._replace(error=reached_error, mean=mean)
         if varying:

@@ -9,7 +9,14 @@ import pytest
 from planner import reference_walk
 from planner.model.response import load_by_period, motion_under
 from planner.planning import gauss_newton
-from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, pattern_of
+from planner.planning.gauss_newton import (
+    MOST_TOGETHER,
+    SPEED_TERM,
+    Search,
+    Stage,
+    allocated,
+    work_of,
+)
 from planner.planning.problem import problem_of
 from planner.planning.task import Task
 from tests.from_python import from_python
@@ -17,7 +24,6 @@ from tests.instances import ERS210A, TICK, random_model, saturating
 from tests.plans import track
 
 evaluate = from_python(gauss_newton.evaluate)
-allocated = from_python(gauss_newton.allocated)
 set_step = from_python(gauss_newton.set_step)
 STEP = 1e-6  # step of the central differences [rad]
 AGREEMENT = 1e-5
@@ -84,16 +90,17 @@ def step_at(problem, stage, point, damping=DAMPING):
 
     Where its active limits are not found there is more of it, as in the search.
     """
-    pattern = pattern_of(problem.spec, smoothing=stage.smoothing)
+    work = work_of(problem.spec, smoothing=stage.smoothing)
     search = Search(
         point.requests.copy(),
         point.states.copy(),
         np.zeros_like(point.states),
         np.zeros((2, *point.requests.shape), dtype=np.int64),
         np.array([damping]),
+        work,
     )
-    step = np.zeros(len(pattern.position))
-    found, predicted = set_step(problem.spec, stage, pattern, point, search, step)
+    step = np.zeros(len(work.pattern.position))
+    found, predicted = set_step(problem.spec, stage, point, search, step)
     if not found:
         assert damping < MOST_DAMPING
         return step_at(problem, stage, point, 3.0 * damping)
@@ -271,13 +278,13 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     problem = joint(cyclic=cyclic, **case)
     spec, stage = problem.spec, Stage(0.3, 0.01)
     point = point_at(problem, stage)
-    pattern = pattern_of(problem.spec, smoothing=False)
+    work = work_of(problem.spec, smoothing=False)
     samples, width = len(point.requests), spec.weights.shape[2]
     multipliers = np.random.default_rng(5).normal(size=point.states.shape)
     held = np.zeros((2, *point.requests.shape), dtype=np.int64)
-    search = Search(point.requests, point.states, multipliers, held, np.array([DAMPING]))
-    step = np.zeros(len(pattern.position))
-    found, _ = set_step(spec, stage, pattern, point, search, step)
+    search = Search(point.requests, point.states, multipliers, held, np.array([DAMPING]), work)
+    step = np.zeros(len(work.pattern.position))
+    found, _ = set_step(spec, stage, point, search, step)
     assert found
 
     terms = terms_of(problem, point, DAMPING)
