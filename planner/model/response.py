@@ -17,6 +17,7 @@ from planner.arrays import (
     Mask,
     as_flag,
     as_number,
+    as_reals,
     as_trajectory,
     shown,
     steps,
@@ -241,15 +242,12 @@ def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) ->
     if load is None:
         return None
     try:
-        array = np.asarray(load)
-    except ValueError:  # rows of different lengths
-        array = np.asarray("ragged")
-    if array.dtype.kind not in "iuf" or array.shape not in ((), (samples,)):
-        got = f"shape {array.shape}" if array.dtype.kind in "iuf" else shown(load)
+        torques = np.broadcast_to(as_reals(load), samples).copy()
+    except (TypeError, ValueError) as error:
         raise InvalidInput(
-            f"load: got {got}, expected a torque [N m], or one for each of the {samples} requests"
-        )
-    torques = np.array(np.broadcast_to(array, samples), dtype=np.float64)
+            f"load: got {shown(load)}, expected a torque [N m], or one for each of the {samples} "
+            "requests"
+        ) from error
     if not np.all(np.isfinite(torques)):
         raise InvalidInput("load: got values that are not finite, expected torques [N m]")
     low, high = model.speed_limits(torques)

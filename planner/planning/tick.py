@@ -233,10 +233,7 @@ def elapse(
     angle before confirms it: something has moved the joint.
     """
     load_sag, faster = joint.compliance * load, joint.faster + joint.faster_by_load * load
-    now, periods = State(state.angle, state.speed, state.integral), 1 + min(missed, 1000)
-    if missed > 1000:  # all acting requests equal the last one
-        for i in range(len(sent)):
-            sent[i] = sent[-1]
+    now, periods = State(state.angle, state.speed, state.integral), 1 + missed
     for number in range(periods):
         if number:
             append(sent, sent[-1])

@@ -401,7 +401,6 @@ class Plan:
         self.samples["load_sag"] = model.compliance * self.load
         self.samples["faster"] = model.faster_per_tick(self.load)
         self.samples["goal"] = 2.0 * np.cos(0.2 * np.arange(SAMPLES))
-        self.samples["count"] = np.where(np.arange(SAMPLES) < SAMPLES // 2, 1.0, 0.3)
         self.samples["rounded"] = (model.law.gain * RADIUS * model.theta_0) ** 2
         self.resting = self.samples["goal"] - model.sag(self.load)
         self.samples["resting"] = self.resting
@@ -442,17 +441,17 @@ def linearised(plan):
 
 def normal_equations(plan, angles, slopes):
     """Cost, gradient and damped Gauss-Newton matrix, dense."""
-    requests, weights = plan.requests[plan.past :], plan.samples["count"]
+    requests = plan.requests[plan.past :]
     difference = np.eye(SAMPLES) - np.eye(SAMPLES, k=-1)
     changes = np.diff(plan.requests[plan.past - 1 :])
     excess = changes - np.clip(changes, -RATE, RATE)
     errors, away = angles - plan.samples["goal"], requests - plan.resting
-    cost = np.sum(weights * errors**2) + SMOOTHING * np.sum(changes**2)
+    cost = np.sum(errors**2) + SMOOTHING * np.sum(changes**2)
     cost += EXCEEDING * np.sum(excess**2) + RESTING * np.sum(away**2)
     forces = SMOOTHING * changes + EXCEEDING * excess
-    gradient = slopes.T @ (weights * errors) + difference.T @ forces + RESTING * away
+    gradient = slopes.T @ errors + difference.T @ forces + RESTING * away
     per_change = SMOOTHING + EXCEEDING * (excess != 0.0)
-    matrix = slopes.T @ (weights[:, np.newaxis] * slopes)
+    matrix = slopes.T @ slopes
     matrix += difference.T @ (per_change[:, np.newaxis] * difference)
     matrix += (RESTING + DAMPING) * np.eye(SAMPLES)
     return cost, gradient, matrix
