@@ -268,8 +268,7 @@ def check(
                     arm, name, requests, period=period, log=Path(folder, "log.csv")
                 )
                 progress(f"{name}: comparing")
-                evidence = models[name].evidence
-                if evidence is not None and evidence.unit == "range":
+                if models[name].unit == "1":
                     low, high = arm.servos[name].limits
                     requests, angles = (
                         (each - low) / (high - low) for each in (log.requests, log.angles)

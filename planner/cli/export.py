@@ -53,7 +53,7 @@ def export(
     path = read_joint_path(requests, joints=run.path.joints)
     if path.times is None:
         raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
-    schedule, servos = Schedule.of(path.names, path.units, path.values, path.step), None
+    schedule, servos = Schedule(path.names, path.values, path.step, path.units), None
     if model is not None:
         angles, servos = _by_servos(model, export, path)
         schedule = Schedule(path.names, angles, path.step)
@@ -153,7 +153,7 @@ def _write(file: str, export: Export, rows: Schedule, servos: Mapping[str, Servo
         rate = exports.frame_rate(rows.period)
         layout = exports.Layout(features={"action": rows.names}, rate=rate)
         with exports.lerobot_dataset(file, layout) as add:
-            add({"action": rows.requests}, export.task)
+            add({"action": rows.written()[1]}, export.task)
     else:
         message = exports.joint_trajectory(rows, lead=export.lead_s)
         if export.format == "yaml":

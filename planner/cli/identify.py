@@ -254,9 +254,8 @@ def excite(
     from planner.report.wording import UNITS
 
     model, (low, high), turns = model_of(run, joint), limits_deg, 720.0
-    share = model.evidence is not None and model.evidence.unit == "range"
-    unit = UNITS["1" if share else "rad"]
-    if share and not 0.0 <= low < high <= 100.0:
+    unit = UNITS[model.unit]
+    if model.unit == "1" and not 0.0 <= low < high <= 100.0:
         raise click.UsageError(
             f"--limits-deg: got {low:g}:{high:g}, expected percent of the range, 0 to 100, as the "
             "model is in shares of it."
@@ -279,7 +278,7 @@ def excite(
     both = unit.factor * np.column_stack([log.requests, log.angles])
     simulated = np.column_stack([log.times, both])
     names = ["t_s", f"{prefix}requested_{unit.name}", f"{prefix}actual_{unit.name}"]
-    carried = excitation.requests[:, None] * (SHARES["range"] if share else 1.0)
+    carried = excitation.requests[:, None] * (SHARES["range"] if model.unit == "1" else 1.0)
     return Answer(
         excitation_results(excitation, expected),
         excitation_text(excitation, expected, model=run.model.file),

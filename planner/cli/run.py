@@ -95,7 +95,7 @@ def read_run(path: str) -> Desired:
     with speaking_of(run.source):
         _check_names(run)
         desired = prepare(run)
-        schedule = Schedule.of(desired.names, desired.units, desired.angles, desired.period)
+        schedule = Schedule(desired.names, desired.angles, desired.period, desired.units)
         for number, export in enumerate(run.export):
             try:
                 exported(export, schedule)
@@ -146,7 +146,7 @@ def carried_out(desired: Desired, out: str) -> Answer:
             write_foot_path(folder / run.output.foot, plan.foot, period=desired.period)
         exports, words = [], ""
         for export in run.export:
-            schedule = Schedule.of(desired.names, desired.units, plan.requests, desired.period)
+            schedule = Schedule(desired.names, plan.requests, desired.period, desired.units)
             document, summary, write = exported(export, schedule)
             write(str(folder / export.file))
             exports.append({"file": export.file, **document})

@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.arrays import MOST_SAMPLES, Array
 from planner.exceptions import InvalidInput, MissingExtra, importing
-from planner.files.columns import ANGLES, SHARES, TIME
+from planner.files.columns import JOINT_UNITS, SHARES, TIME
 from planner.files.logs.lerobot import COUNTED
 from planner.files.paths import write_samples
 from planner.files.staging import cannot_write, output_folder
@@ -50,23 +50,21 @@ class Schedule(NamedTuple):
     """Requests, one row every period, each held until the next."""
 
     names: tuple[str, ...]  # the joints
-    requests: Array  # requests for them, shape (n, k) [rad, or shares of a range]
+    requests: Array  # requests for them [rad], shape (n, k); a percent is carried as a degree
     period: float  # time between rows [s]
-    units: tuple[str, ...] = ()  # by joint "rad", or "1" for shares of its range; () for all "rad"
-
-    @classmethod
-    def of(
-        cls, names: Sequence[str], units: Sequence[str], requests: Array, period: float
-    ) -> Schedule:
-        """The schedule of requests as a path carries them, with its units."""
-        wholes = [SHARES["range"] if unit in SHARES else 1.0 for unit in units]
-        kinds = tuple("1" if unit in SHARES else "rad" for unit in units)
-        return cls(tuple(names), requests / wholes, period, kinds)
+    units: tuple[str, ...] = ()  # as of a path; () where all are angles
 
     @property
     def in_shares(self) -> list[str]:
         """The joints in shares of their range."""
-        return [name for name, unit in zip(self.names, self.units, strict=False) if unit == "1"]
+        return [name for name, unit in zip(self.names, self.units, strict=False) if unit in SHARES]
+
+    def written(self, unit: str = "rad") -> tuple[list[str], Array]:
+        """Titles and requests in rad, with shares of a range from 0 to 1, or in deg and percent."""
+        share = "range" if unit == "rad" else "percent"
+        units = [share if name in self.in_shares else unit for name in self.names]
+        titles = [f"{name}_{own}" for name, own in zip(self.names, units, strict=True)]
+        return titles, self.requests / [JOINT_UNITS[own] for own in units]
 
     @property
     def times(self) -> Array:
@@ -131,16 +129,9 @@ def write_controller_csv(
     unit: str = "rad",
     servos: Mapping[str, Servo] | None = None,
 ) -> None:
-    """Write times, and by joint angles or the counts of ``servos``, which must take them.
-
-    Shares of a range are percent beside degrees, and 0 to 1 beside radians.
-    """
+    """Write times, and by joint angles or the counts of ``servos``, which must take them."""
     if servos is None:
-        share = ("range", 1.0) if unit == "rad" else ("percent", 1e-2)
-        own = [share if n in schedule.in_shares else (unit, ANGLES[unit]) for n in schedule.names]
-        names = [f"{name}_{ending}" for name, (ending, _) in zip(schedule.names, own, strict=True)]
-        rows = schedule.requests / [scale for _, scale in own]
-        write_samples(path, names, rows, period=schedule.period)
+        write_samples(path, *schedule.written(unit), period=schedule.period)
         return
     names = [f"{name}_{unit}" for name in schedule.names]
     columns = []
@@ -165,7 +156,7 @@ def joint_trajectory(schedule: Schedule, *, lead: float = 0.0) -> dict[str, Any]
     the lead is over.
     """
     times = np.rint(schedule.times * NANOSECONDS).astype(np.int64) + round(lead * NANOSECONDS)
-    positions = np.round(schedule.requests, DECIMALS) + 0.0  # no negative zero
+    positions = np.round(schedule.written()[1], DECIMALS) + 0.0  # no negative zero
     points = [
         {
             "positions": row,

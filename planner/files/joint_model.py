@@ -290,7 +290,7 @@ def models_text(
         if model.evidence is not None:
             values |= _evidence(model.evidence)
         units = {key: each.comment for key, each in ABOVE.items()} | {**comments}
-        if model.evidence is not None and model.evidence.unit == "range":
+        if model.unit == "1":
             units = {key: words.replace("rad", "1") for key, words in units.items()}
         lines += _lines(values, units)
         if joint in servos:

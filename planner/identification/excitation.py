@@ -257,6 +257,6 @@ def expect(
         requests=excitation.requests,
         angles=resolution * np.round(angles / resolution),
         name=f"simulated {excitation.kind}",
-        unit="1" if model.evidence is not None and model.evidence.unit == "range" else "rad",
+        unit=model.unit,
     )
     return identify(log, tick=joint.tick, hold=joint.hold, hold_out=False)

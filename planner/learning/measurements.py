@@ -131,8 +131,7 @@ def largest_shifts(joints: Plan) -> Array:
     Of a joint in shares of its range, which has no other zero and may hold something, half of it.
     """
     halves = 0.5 * (joints.task.upper - joints.task.lower)
-    evidence = [each.evidence for each in joints.models]
-    shares = [each is not None and each.unit == "range" for each in evidence]
+    shares = [model.unit == "1" for model in joints.models]
     return np.where(shares, halves, math.radians(30.0))  # more than any sag
 
 

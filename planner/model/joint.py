@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -282,6 +282,11 @@ class JointModel:
         """
         evidence: Evidence | None = self.__dict__.get("_evidence")
         return evidence
+
+    @property
+    def unit(self) -> Literal["rad", "1"]:
+        """The unit of its angles, as of a Log: "1" where they are known to be shares of a range."""
+        return "1" if self.evidence is not None and self.evidence.unit == "range" else "rad"
 
     def with_evidence(self, evidence: Evidence | None) -> Self:
         """The same joint, with this evidence, or InvalidInput where its correlations do not fit."""

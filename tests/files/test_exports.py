@@ -83,7 +83,7 @@ def test_a_held_row_is_the_request_of_its_time(rows, period, rate):
 
 def test_shares_of_a_range_are_percent_beside_degrees_and_shares_beside_radians(tmp_path):
     file, carried = tmp_path / "out.csv", np.radians([[90.0, 25.0], [0.0, 100.0]])
-    schedule = Schedule.of(["hip", "jaw"], ["deg", "percent"], carried, 0.02)
+    schedule = Schedule(("hip", "jaw"), carried, 0.02, ("deg", "percent"))
     write_controller_csv(file, schedule, unit="deg")
     assert file.read_text() == "t_s,hip_deg,jaw_percent\n0.0,90.0,25.0\n0.02,0.0,100.0\n"
     write_controller_csv(file, resampled(schedule, 100.0), unit="rad")
