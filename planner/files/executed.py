@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from planner.arrays import Array, excess
+from planner.arrays import Array, as_path, excess
 from planner.exceptions import InvalidFile
 from planner.files.columns import JOINT_UNITS, SHARES, pairs, split_unit, with_unit
 from planner.files.paths import SampledPath, check_step, joint_path, read_joint_path
@@ -180,7 +180,7 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
         elif angles.shape != desired.shape or not np.allclose(angles, desired, rtol=0.0, atol=1e-6):
             problem = "another desired path; begin another file for this one"
         else:
-            return {name: _state(state) for name, state in plans.items()}
+            return {name: _state(name, state, desired.shape) for name, state in plans.items()}
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InvalidFile(path, f"damaged ({error}); begin another file") from error
     raise InvalidFile(path, f"got the trials of {problem}")
@@ -195,28 +195,37 @@ def write_history(path: str, desired: Array, states: Mapping[str, LearningState]
     write_text(path, to_json({"format": FORMAT, "desired": desired, "plans": plans}))
 
 
-def _state(content: Mapping[str, Any]) -> LearningState:
-    def array(values: Any) -> Array:
-        return np.array(values, dtype=np.float64)  # null is NaN
+def _state(name: str, content: Mapping[str, Any], shape: tuple[int, ...]) -> LearningState:
+    models = tuple(JointModel(**model) for model in content["models"])
+    fields, columns = content["learning"], shape[1] if len(models) > 1 else 1
 
-    fields = content["learning"]
+    def number(value: Any) -> float:
+        return math.nan if value is None else float(value)  # NaN is null
+
+    def rows(values: Any, number: int) -> Array:
+        trial, numbers = f"trial {number} of {name}", np.array(values, dtype=np.float64)
+        array = as_path(numbers, name=trial, columns=columns, unit="rad")
+        if len(array) != shape[0]:
+            raise ValueError(f"{trial}: got {len(array)} rows, expected {shape[0]}")
+        return array
+
+    speed, noise = map(number, fields["floor"])
     known = {
         "trials": tuple(
             Trial(
-                requests=array(each["requests"]),
-                measured=array(each["measured"]),
+                requests=rows(each["requests"], k),
+                measured=np.stack([rows(cycle, k) for cycle in each["measured"]]),
                 error=float(each["error"]),
             )
-            for each in fields["trials"]
+            for k, each in enumerate(fields["trials"], start=1)
         ),
-        "noise": array(fields["noise"]),
+        "noise": np.array(fields["noise"], dtype=np.float64),
         "gain": float(fields["gain"]),
         "reidentified": tuple(fields["reidentified"]),
         "sensor_delays": tuple(map(float, fields["sensor_delays"])),
         "best": int(fields["best"]),
-        "floor": tuple(array(fields["floor"]).tolist()),
-        "next_error": float(array(fields["next_error"])),
+        "floor": (speed, noise),
+        "next_error": number(fields["next_error"]),
         "remarks": tuple(fields["remarks"]),
     }
-    models = tuple(JointModel(**model) for model in content["models"])
     return models, Learning(**fields | known)
