@@ -14,7 +14,7 @@ import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from planner.report.page import Page
 
 KEY = "planner.cli.verbosity"  # key of the verbosity in the command's context
+BAR, WIDTH = 24, 80  # characters of the bar, and of a line of a terminal of unknown width
 
 REDRAWN, REPEATED, BRIEF = 0.5, 30.0, 2.0
 """Time after which the line is drawn again on a terminal, and printed again elsewhere, and from
@@ -60,10 +61,10 @@ def _print_notice(message: str, label: str = "", *, in_quiet: bool = True, **sty
         return
     opening = f"request-planner: {label}".strip()
     text = f"{opening} {printable(' '.join(message.split()))}"
-    if sys.stderr.isatty():
+    if sys.stderr is not None and sys.stderr.isatty():
         text = textwrap.fill(
             text,
-            shutil.get_terminal_size().columns,
+            terminal_width(sys.stderr) or WIDTH,
             subsequent_indent="  ",
             break_long_words=False,
             break_on_hyphens=False,
@@ -133,14 +134,20 @@ def print_line(text: str) -> None:
     """Print a line on standard error; the progress line is erased first."""
     if Progress.current is not None:
         Progress.current.erase()
-    click.echo(text, err=True, color=coloured())
+    click.echo(text, sys.stderr, err=True, color=coloured())  # click's own would be UTF-8
 
 
-def terminal_width(stream: TextIO) -> int | None:
+def terminal_width(stream: TextIO | None) -> int | None:
     """Characters of a line: COLUMNS, or the terminal's; None where a stream goes elsewhere."""
-    if not (stream.isatty() or os.environ.get("COLUMNS")):
+    with suppress(KeyError, ValueError):
+        columns = int(os.environ["COLUMNS"])
+        if columns > 0:
+            return columns
+    if stream is None or not stream.isatty():
         return None
-    return shutil.get_terminal_size().columns
+    with suppress(OSError, ValueError):
+        return os.get_terminal_size(stream.fileno()).columns or WIDTH
+    return WIDTH
 
 
 def verbosity() -> str:
@@ -151,8 +158,12 @@ def verbosity() -> str:
 
 
 def coloured() -> bool | None:
-    """Whether to use colours: not as of no-color.org; None leaves it to click."""
-    return False if os.environ.get("NO_COLOR") else None
+    """Whether to use colours, by no-color.org, then force-color.org; None leaves it to click."""
+    if os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return False if os.environ.get("TERM") == "dumb" else None
 
 
 def add_verbosity(command: click.Command) -> None:
@@ -172,6 +183,8 @@ def _settle(context: click.Context, option: click.Parameter, value: Any) -> None
     if not value:
         return
     level = option.name
+    if context.meta.get(KEY, level) != level:
+        raise click.UsageError("--quiet and --verbose contradict each other: leave one out.")
     context.meta[KEY] = level
     # the library's log, such as solvers' reports; or no word about compilation
     log = logging.getLogger("planner" if level == "verbose" else "planner.compilation")
@@ -188,8 +201,8 @@ class Progress:
     """The progress of long work: a line on a terminal, and with ``--verbose`` one after each step.
 
     A thread draws the line again during a long step; where there is no terminal, it prints a line
-    every half minute. With a ``count`` of steps there is a remaining time. Of ``parallel`` steps
-    each is reported when it is finished.
+    every half minute. With a ``count`` of steps there are a bar and a remaining time. Of
+    ``parallel`` steps each is reported when it is finished.
     """
 
     current: Progress | None = None
@@ -199,7 +212,7 @@ class Progress:
         self, count: int = 0, *, parallel: bool = False, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._shown = verbosity() != "quiet"
-        self._drawn = self._shown and sys.stderr.isatty()
+        self._drawn = self._shown and sys.stderr is not None and sys.stderr.isatty()
         self._count, self._finished, self._parallel = count, 0, parallel
         self._step = "the first" if parallel else ""  # of which none is finished yet
         self._time = clock
@@ -231,19 +244,22 @@ class Progress:
     def erase(self) -> None:
         """Erase the line, for other output; it is drawn again later."""
         if self._drawn:
-            click.echo(_ERASE, nl=False, err=True, color=True)
+            click.echo(_ERASE, sys.stderr, nl=False, err=True, color=True)
 
-    def line(self) -> str:
-        """The text of the line now: the step, how many are finished, and the time."""
-        finished, spent, for_long = self._finished, self._time() - self._began, ""
-        if spent >= BRIEF:
-            for_long = _duration(spent)
-            if self._count and finished:  # at the pace up to the last step's end
-                whole = (self._last - self._began) * self._count / finished
-                for_long = f"{_duration(whole - spent)} left"
-        step = "" if self._parallel else f"{self._step} …"
-        share = f"{finished} of {self._count}" if self._count else ""
-        return "  ".join(filter(None, (step, share, for_long)))
+    def line(self, *, bar: bool = True) -> str:
+        """The text of the line now, with a bar or with numbers."""
+        now, finished, share = self._time(), self._finished, ""
+        spent = now - self._began
+        step = f"{finished} of {self._count}" if self._parallel else self._step
+        for_long = _duration(spent) if spent >= BRIEF else ""
+        if self._count and finished and for_long:  # at the pace up to the last step's end
+            whole = (self._last - self._began) * self._count / finished
+            for_long = f"{_duration(whole - spent)} left"
+        if self._count and bar:
+            share = ("█" * (BAR * finished // self._count)).ljust(BAR, "░")
+        elif self._count and not self._parallel:
+            share = f"{finished} of {self._count}"
+        return "  ".join(filter(None, (f"{step} …", share, for_long)))
 
     def _begin(self, step: str) -> None:
         now = self._time()
@@ -256,7 +272,7 @@ class Progress:
     def _draw(self) -> None:
         width = shutil.get_terminal_size().columns - 1
         text = printable(self.line())[:width]
-        click.echo(f"{_ERASE}{text}", nl=False, err=True, color=True)
+        click.echo(f"{_ERASE}{text}", sys.stderr, nl=False, err=True, color=True)
 
     def _keep_time(self) -> None:
         while not self._ended.wait(REDRAWN if self._drawn else REPEATED):
@@ -265,7 +281,7 @@ class Progress:
             if self._drawn:
                 self._draw()
             else:
-                print_line(f"request-planner: {printable(self.line())}")
+                print_line(f"request-planner: {printable(self.line(bar=False))}")
 
 
 def _duration(seconds: float) -> str:

@@ -18,7 +18,6 @@ from planner.exceptions import InvalidFile, InvalidModel, PlannerError, in_degre
 from planner.files import paths
 from planner.files.columns import LEAST_DEG, SHARES, shown_units
 from planner.files.joint_model import LegPlace, read_legs, read_model_file, read_servos
-from planner.files.table import read_table
 from planner.files.text import STANDARD_STREAM
 from planner.model.evidence import check_unit, refusal
 from planner.model.joint import JointModel
@@ -181,7 +180,7 @@ def _path_of(run: settings.Run) -> tuple[paths.SampledPath, Leg | None]:
     if path.file is None:
         raise BadSetting("no path: expected ‹path.file› or [path.half_ellipse]")
     file = run.place(path.file)
-    table, even = read_table(file), path.rate_hz is None and path.speed is None
+    table, even = paths.path_table(file), path.rate_hz is None and path.speed is None
     if not paths.is_foot_path(table):
         return paths.joint_path(table, joints=path.joints, even=even), leg
     if leg is None:

@@ -94,8 +94,9 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         name: Literal["file", "dir"],
         use: Literal["read", "written"] | None,
         check: Callable[[str], None] = lambda _: None,
+        expected: str = "the name of a file",
     ) -> None:
-        self.name, self.use, self.check = name, use, check
+        self.name, self.use, self.check, self.expected = name, use, check, expected
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The same text, where it passes the check, and has no other use."""
@@ -105,7 +106,7 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
             raise click.UsageError(message, ctx)
         if self.use == "read" and not text and param is not None and ctx is not None:
             where = param.opts[0] if param.param_type_name == "option" else param.make_metavar(ctx)
-            raise click.UsageError(f"{where}: got '', expected the name of a file.", ctx)
+            raise click.UsageError(f"{where}: got '', expected {self.expected}.", ctx)
         self.check(value)
         place = Path(os.path.realpath(text))  # of a link to itself, too
         if text == "-" and self.use == "written":
@@ -157,7 +158,7 @@ def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
         if isinstance(declared.default, str):  # which is checked like any other
             more |= {"default": declared.default, "show_default": False}
     elif SOURCE in each.notes:
-        click_type = Place("file", "read")
+        click_type = Place("file", "read", expected=each.expected)
     elif each.origin is Literal:
         click_type = click.Choice(each.inner)
     elif kind.type is bool:

@@ -28,9 +28,8 @@ from planner.cli.settings import SWEPT, Run, Sweep
 from planner.evaluation.pareto_front import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.columns import shown_units
-from planner.files.paths import is_foot_path, joint_path
+from planner.files.paths import is_foot_path, joint_path, path_table
 from planner.files.results import Results, Task, digest_of
-from planner.files.table import read_table
 from planner.files.text import read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
@@ -120,7 +119,7 @@ def read_sweep(path: str) -> Space:
         search.check_effect("sweep", "method")
         values = _values(run, kind)
         leg, period, requirement = leg_of(run), math.nan, None
-        table = None if gait else read_table(run.place(str(run.path.file)))
+        table = None if gait else path_table(run.place(str(run.path.file)))
         of_foot, unit = table is None or is_foot_path(table), "cm"
         if table is not None and not of_foot:
             joints = joint_path(table, joints=run.path.joints, even=False)

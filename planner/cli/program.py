@@ -11,6 +11,7 @@ import time
 import warnings
 from functools import cache
 from importlib import import_module
+from io import TextIOWrapper
 from typing import Any, NoReturn, TextIO
 
 import click
@@ -18,12 +19,14 @@ import click
 from planner._version import __version__
 from planner.cli import console
 from planner.exceptions import InvalidFile, InvalidInput, OutsideEquation13, PlannerError
+from planner.files.text import STANDARD_STREAM, write_text
 from planner.report.wording import fitted_to
 
 COMMANDS = {
     "calibrate": ("calibrate", "Move servos, identify their joints, recommend how to plan."),
     "check": ("calibrate", "Say whether the models of calibrated servos still hold."),
     "compare": ("plan", "Compare closed-form and optimised requests."),
+    "completion": ("program", "Print the completion script of a shell."),
     "excite": ("identify", "Write test requests that determine a joint's parameters."),
     "export": ("export", "Write requests for robots: ROS, LeRobot, CSV."),
     "fit": ("plan", "Approximate joint angles by lines that a joint can follow."),
@@ -86,16 +89,20 @@ class Commands(click.Group):
             failure.exit_code = BAD_INPUT if isinstance(error, InvalidInput) else FAILED
             raise failure from error
 
-    def main(self, *args: Any, prog_name: str | None = None, **extra: Any) -> NoReturn:
-        """Run a command, and end the process with its exit status."""
-        name = prog_name or "request-planner"
+    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+        """Run a command; standalone, end the process with its exit status."""
+        run: Any = super().main
+        if not standalone_mode:
+            return run(*args, standalone_mode=False, **extra)
+        name = extra.pop("prog_name", None) or "request-planner"
         with warnings.catch_warnings(), fitted_to(console.terminal_width(sys.stderr)):
             warn_once = cache(console.warn)  # for the same warning from several places
             warnings.showwarning = lambda message, *_where: warn_once(str(message))
             warnings.simplefilter("default", OutsideEquation13)
             status = self._status(*args, prog_name=name, **extra)
             try:
-                sys.stdout.flush()
+                if sys.stdout is not None:
+                    sys.stdout.flush()
             except OSError:  # which is already reported
                 _discard(sys.stdout)
         sys.exit(status)
@@ -103,7 +110,7 @@ class Commands(click.Group):
     def _status(self, *args: Any, **extra: Any) -> int:
         try:
             run: Any = super().main
-            status = run(*args, **{**extra, "standalone_mode": False})
+            status = run(*args, standalone_mode=False, **extra)
             return status if isinstance(status, int) else 0
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx else "request-planner"
@@ -157,6 +164,31 @@ def cli(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
+@click.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+@click.pass_context
+def completion(context: click.Context, *, shell: str) -> None:
+    """Print a script with which SHELL completes commands, options, their values and files.
+
+    \b
+    Example, for bash from version 4.4, this shell and from now on every new one:
+        request-planner completion bash > request-planner.bash
+        source request-planner.bash
+    For every new one, a line in ~/.bashrc or ~/.zshrc:
+        eval "$(request-planner completion bash)"
+        eval "$(request-planner completion zsh)"
+    and for fish a file in ~/.config/fish/completions:
+        request-planner completion fish > ~/.config/fish/completions/request-planner.fish
+    """  # noqa: D301
+    from click.shell_completion import get_completion_class
+
+    completion_class = get_completion_class(shell)
+    assert completion_class is not None, "click knows these shells"
+    program = context.find_root().command
+    script = completion_class(program, {}, "request-planner", "_REQUEST_PLANNER_COMPLETE").source()
+    write_text(STANDARD_STREAM, f"{script.strip()}\n")
+
+
 def main() -> NoReturn:
     """Run the command line on the process's own arguments."""
     # By default a tenth of a short command's time is spent on the definitions of packages.
@@ -166,6 +198,10 @@ def main() -> NoReturn:
     os.environ["MPLBACKEND"] = "agg"  # no window is opened; a backend that is set may be missing
     for library in ("OMP", "OPENBLAS", "MKL"):  # products of vectors are too short for threads
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # a terminal keeps its encoding
+            encoding = stream.encoding if stream.isatty() else "utf-8"
+            stream.reconfigure(encoding=encoding, errors="backslashreplace")
     try:
         cli.main()
     finally:  # the end of the process would search all definitions of packages for garbage

@@ -26,7 +26,7 @@ from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, find_dataset
 from planner.files.results import Results, Task, digest_of
-from planner.files.staging import check_folder, check_writable
+from planner.files.staging import check_writable, claimed
 from planner.files.text import to_json
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
@@ -227,7 +227,7 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 
 
 def check_writing(form: str, recordings: Sequence[Recording], output: str) -> None:
-    """Refuse outputs that cannot be written, before anything is computed."""
+    """Refuse outputs that cannot be written, before anything is computed; claim those that can."""
     if len(recordings) > 1 and click.get_current_context().params["report"] is not None:
         words = f"a page is about one recording, got {len(recordings)}; leave it out: --json prints"
         raise click.UsageError(f"--report: {words} the errors of all.")
@@ -242,7 +242,7 @@ def check_writing(form: str, recordings: Sequence[Recording], output: str) -> No
         return
     check_place("replay.write_as", form, output)
     check_installed(form)
-    check_folder(output)
+    click.get_current_context().with_resource(claimed(output))
 
 
 ABOUT = "replay.json"  # the file of a planned dataset with its settings and errors

@@ -15,7 +15,7 @@ from planner.cli.declared import template as template_of
 from planner.cli.export import exported
 from planner.cli.settings import Run, Sweep
 from planner.exceptions import InvalidInput
-from planner.files.staging import MANIFEST, check_folder, list_files, output_folder
+from planner.files.staging import MANIFEST, claimed, list_files, output_folder
 from planner.files.text import STANDARD_STREAM, read_toml, to_json, write_text
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def sweep(
             got, expected = ", ".join(chosen) or "nothing", ", ".join(names)
             raise click.UsageError(f"--at: got {got}, expected a value for each of {expected}.")
         return carried_out(space.desired(space.point(chosen[name] for name in names)), out)
-    check_folder(place)
+    click.get_current_context().with_resource(claimed(place))
     options.warn_of(space.remarks())
     results = Results(place, space.inputs(), resume=work["resume"])
     if results.removed:

@@ -166,7 +166,7 @@ LearningState = tuple[tuple[JointModel, ...], Learning]
 
 def read_history(path: str, names: Collection[str], desired: Array) -> dict[str, LearningState]:
     """States of learning of these plans, for a path ``desired`` [rad], (n, k)."""
-    content = read_json(path)
+    content = read_json(path, what="a file that request-planner refine wrote")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InvalidFile(
             path, "not a file that 'request-planner refine --history' of this version wrote"

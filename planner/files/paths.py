@@ -41,6 +41,7 @@ from planner.files.staging import writing
 from planner.files.table import Table, read_table, write_table
 
 LOAD = "_load_Nm"  # ending of the columns that hold the torque on a joint [N m]
+MOST_JOINTS = 1000  # joints of a path, each a plan of its own
 UNEVEN = 0.01  # share by which a time step may differ from the period: clocks have few decimals
 AXES = ("x", "y", "z")  # axes of a foot's positions
 
@@ -112,9 +113,14 @@ def check_step(path: str, step: float, period: float, advice: str, row: str = "s
         raise InvalidFile(path, f"one {row} every {step:.6g} s, {expected}; {advice}")
 
 
+def path_table(path: Path | str) -> Table:
+    """Read a table of at most as many rows as a path may have samples; see :func:`.read_table`."""
+    return read_table(path, most_rows=MOST_SAMPLES)
+
+
 def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> SampledPath:
     """Read a joint path from CSV, or from standard input for ``-``: the named joints, or all."""
-    return joint_path(read_table(path), joints=joints)
+    return joint_path(path_table(path), joints=joints)
 
 
 def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> SampledPath:
@@ -139,6 +145,8 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         problem = f"a foot path, expected joint angles in {titles}; {advice}"
     elif not columns:
         problem = f"only {', '.join(table.names)}; expected {titles}"
+    elif len(columns) > MOST_JOINTS:
+        problem = f"{len(columns)} joints, expected at most {MOST_JOINTS}; choose some with --joint"
     if problem:
         raise table.fault(problem)
     names, units, values = with_unit(table, columns, JOINT_UNITS)

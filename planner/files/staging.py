@@ -1,17 +1,22 @@
 """Outputs that appear whole or not at all: one file, or a folder of results.
 
-They are written under a hidden name of their own beside their place, and renamed to it: the output
-is the last good one or the new one, however a command ends.
+Content goes to the disk before a rename makes it the output, so that after a power cut, as after a
+killed process, the output is the last good one or the new one. A hidden file beside a folder,
+``.NAME.lock``, is locked while a command works on it. The system releases the lock however the
+process ends; under it the next run replaces the remnants of a killed one, ``.NAME.new-run`` and
+``.NAME.old-run``. Where the file system has no locks, no command is refused, and each has hidden
+names of its own.
 """
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import json
 import os
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
@@ -21,7 +26,10 @@ from planner.exceptions import InvalidFile
 
 MANIFEST = "results.json"  # the file of a run that lists, under `files`, every file of that run
 
-_FILLED: set[Path] = set()  # hidden folders that appear whole, so that no file in them is staged
+# Folders of results that this process works on, with the end of their hidden names; and hidden
+# folders that it fills, which appear whole, so that no file in them is staged.
+_CLAIMED: dict[Path, str] = {}
+_FILLED: set[Path] = set()
 
 
 @contextmanager
@@ -43,17 +51,18 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
         target.write_bytes(content)  # output_folder names the folder where there is no room
         yield
         return
-    new = _hidden(target, "new")
+    new = target.with_name(f".{target.name}.new-{os.urandom(8).hex()}")
     try:
-        with writing(path), new.open("xb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())  # so that a power cut leaves no empty file
+        with writing(path):
+            with new.open("xb") as stream:
+                stream.write(content)
+            _to_disk(new)
         yield
         with writing(path):
             if target.exists():
                 new.chmod(target.stat().st_mode & 0o777)
             new.replace(target)
+        _to_disk(target.parent)
     finally:
         with suppress(OSError):
             new.unlink()
@@ -64,52 +73,81 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
     """Hand out an empty folder, and put it in the place of ``path`` once it is filled.
 
     The last run's folder stays until then, and for good where the block raises; killed between two
-    renames, the process leaves it beside, as ``.NAME.old-…``. It is replaced only if it is empty or
-    holds nothing but the files that its own manifest lists: a user's files are never removed. Of an
-    ``export``, the name of a format, a manifest is written here.
+    renames, the process leaves it beside, as ``.NAME.old-run``. It is replaced only if it is empty
+    or holds nothing but the files that its own manifest lists: a user's files are never removed.
+    Of an ``export``, the name of a format, a manifest is written here.
     """
-    check_folder(path)
-    target = Path(path).resolve()
-    new, last = _hidden(target, "new"), _hidden(target, "old")
-    with writing(path):
-        new.mkdir(parents=True)
-    _FILLED.add(new)
-    try:
-        try:
-            yield new
-            if export:
-                manifest = {"export": export, "files": list_files(new)}
-                (new / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
-        except OSError as error:
-            name = error.filename  # none where a disk is full
-            own = name is None or Path(str(name)).is_relative_to(new)
-            if isinstance(error, BrokenPipeError) or not own:
-                raise
-            inner = "" if name is None else Path(str(name)).relative_to(new)
-            raise cannot_write(Path(path) / inner, error) from error
-        _replaceable(path)
-        try:
-            if target.exists() and any(target.iterdir()):  # takes two renames
-                target.replace(last)
-            try:
-                new.replace(target)
-            except OSError:
-                with suppress(FileNotFoundError):
-                    last.replace(target)
-                raise
-        except OSError as error:
-            raise InvalidFile(
-                path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
-            ) from error
-        shutil.rmtree(last, ignore_errors=True)
-    finally:
-        _FILLED.discard(new)
+    target = _target(str(path) or ".")
+    with claimed(path) as run:
+        new, last = (target.with_name(f".{target.name}.{age}-{run}") for age in ("new", "old"))
         shutil.rmtree(new, ignore_errors=True)
+        try:
+            with writing(path):
+                new.mkdir()
+            _FILLED.add(new)
+            try:
+                yield new
+                if export:
+                    manifest = {"export": export, "files": list_files(new)}
+                    (new / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
+                for each in (*new.rglob("*"), new):
+                    _to_disk(each)
+            except OSError as error:
+                name = error.filename  # none where a disk is full
+                own = name is None or Path(str(name)).is_relative_to(new)
+                if isinstance(error, BrokenPipeError) or not own:
+                    raise
+                inner = "" if name is None else Path(str(name)).relative_to(new)
+                raise cannot_write(Path(path) / inner, error) from error
+            _replaceable(path)
+            try:
+                if target.exists() and any(target.iterdir()):  # takes two renames
+                    shutil.rmtree(last, ignore_errors=True)
+                    target.replace(last)
+                try:
+                    new.replace(target)
+                except OSError:
+                    with suppress(FileNotFoundError):
+                        last.replace(target)
+                    raise
+                shutil.rmtree(last, ignore_errors=True)
+            except OSError as error:
+                raise InvalidFile(
+                    path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
+                ) from error
+            _to_disk(target.parent)
+        finally:
+            _FILLED.discard(new)
+            shutil.rmtree(new, ignore_errors=True)
 
 
-def _hidden(target: Path, age: str) -> Path:
-    """A hidden place beside an output, which no other process has."""
-    return target.with_name(f".{target.name}.{age}-{os.urandom(8).hex()}")
+@contextmanager
+def claimed(path: Path | str) -> Iterator[str]:
+    """Keep other commands from a folder of results, once checked; the end of its hidden names."""
+    path = str(path) or "."
+    target = _target(path)
+    if target in _CLAIMED:
+        yield _CLAIMED[target]
+        return
+    check_folder(path)
+    with writing(path):
+        target.parent.mkdir(parents=True, exist_ok=True)
+    place, descriptor = target.with_name(f".{target.name}.lock"), -1
+    try:
+        descriptor = _locked(place)
+    except BlockingIOError as error:
+        advice = "wait until that has ended, or choose another folder"
+        raise InvalidFile(path, f"another command is at work on it; {advice}") from error
+    except OSError:  # no locks, or a folder that refuses the output as well
+        pass
+    _CLAIMED[target] = os.urandom(8).hex() if descriptor < 0 else "run"
+    try:
+        yield _CLAIMED[target]
+    finally:
+        del _CLAIMED[target]
+        if descriptor >= 0:
+            place.unlink(missing_ok=True)
+            os.close(descriptor)
 
 
 def check_writable(path: Path | str) -> None:
@@ -134,14 +172,11 @@ def _check_access(folder: Path, path: Path | str) -> None:
             raise OSError(number, os.strerror(number))
 
 
-def list_files(folder: Path) -> list[str]:
-    """Every file below ``folder``, as sorted paths relative to it."""
-    return sorted(_files_in(folder))
-
-
-def _files_in(folder: Path) -> Iterator[str]:
+def list_files(folder: Path, but: Collection[str] = (), most: int | None = None) -> list[str]:
+    """Every file below ``folder``, ``but`` these, as sorted paths relative to it."""
     files = (file for file in folder.rglob("*") if not file.is_dir())
-    return (file.relative_to(folder).as_posix() for file in files)
+    names = (file.relative_to(folder).as_posix() for file in files)
+    return sorted(islice((name for name in names if name not in but), most))
 
 
 @contextmanager
@@ -166,6 +201,42 @@ def reason(error: Exception) -> str:
     return (os.strerror(number) if number else str(error)).lower()
 
 
+def _target(path: Path | str) -> Path:
+    try:
+        return Path(path).resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a link to itself, or a null byte
+        raise InvalidFile(path, "is no name of a folder; choose another one") from error
+
+
+def _locked(place: Path) -> int:
+    """Descriptor of a lock file that is locked, and still there; BlockingIOError of a busy one."""
+    while True:
+        descriptor = os.open(place, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            with suppress(FileNotFoundError):  # its last owner has removed it
+                if os.path.samestat(os.fstat(descriptor), place.stat()):
+                    return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+
+
+def _to_disk(path: Path) -> None:
+    """Flush a file, or the names in a folder that may be read, where the file system can."""
+    is_folder = path.is_dir()
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        if not is_folder and error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+
+
 def _is_device(target: Path) -> bool:
     """Whether it is a device or a named pipe, rather than a file or nothing yet."""
     try:
@@ -174,25 +245,25 @@ def _is_device(target: Path) -> bool:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     except FileNotFoundError:
         return False
-    except (OSError, ValueError) as error:  # such as a null byte
+    except (OSError, ValueError) as error:  # a link to itself, too, or a null byte
         raise cannot_write(target, error) from error
     return not stat.S_ISREG(mode)
 
 
 def _replaceable(path: Path | str) -> Path:
     """The folder of a run, resolved; it is new, empty or holds nothing but an earlier run's."""
-    with writing(path):
-        target = Path(path).resolve()
-        if not target.exists():
-            return target
+    path = str(path) or "."
+    target = _target(path)
+    if not target.exists():
+        return target
     if not target.is_dir():
         raise InvalidFile(path, "is a file, expected a folder; choose another name")
-    own = _files_of_run(target)
-    others = (name for name in _files_in(target) if name not in own)
-    if foreign := min(islice(others, 1000), default=""):
-        words = f"holds files that no earlier run made ({foreign}), expected a new or empty folder"
+    if foreign := list_files(target, _files_of_run(target), most=1000):
+        least, more = "at least " if len(foreign) == 1000 else "", len(foreign) - 1
+        others = f" and {least}{more} more" if more else ""
+        words = f"holds files that no earlier run made ({foreign[0]}{others}), expected a new or"
         advice = "choose another folder or move them away"
-        raise InvalidFile(path, f"{words} or an earlier run's; {advice}")
+        raise InvalidFile(path, f"{words} empty folder or an earlier run's; {advice}")
     return target
 
 

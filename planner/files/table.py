@@ -18,6 +18,8 @@ from planner.arrays import Array, read_only
 from planner.exceptions import InvalidFile, nearest
 from planner.files.text import read_text, write_text
 
+MOST_COLUMNS = 10_000  # columns of a table: a robot that records everything has some thousands
+MOST_CELLS = 10_000_000  # cells of a table: some 70 bytes of memory each
 DECIMALS = 12  # that are written: beyond any sensor, and short for numbers that were short before
 DELIMITERS = ",;\t"  # possible delimiters of cells
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
@@ -88,7 +90,7 @@ class Table(Source):
         return read_only(values)
 
 
-def read_table(path: Path | str) -> Table:
+def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
     Lines that begin with ``#`` are comments; where numbers follow at once, the last of these lines
@@ -113,6 +115,7 @@ def read_table(path: Path | str) -> Table:
     rows, numbers = list[tuple[str, ...]](), list[int]()
     try:
         names = _names_in(path, next(reader), content[0][0])
+        most = min(most_rows, MOST_CELLS // len(names))
         for row in reader:
             numbers.append(content[reader.line_num - 1][0])
             if len(row) != len(names):
@@ -124,6 +127,9 @@ def read_table(path: Path | str) -> Table:
                 expected = f"expected {len(names)} ({_shortened(', '.join(names))})"
                 raise InvalidFile(path, f"{got}, {expected}; {advice}", line=numbers[-1])
             rows.append(tuple(row) if delimiter == "," else tuple(map(_with_point, row)))
+            if len(rows) > most:
+                advice = "split the file, leave columns out, or take fewer samples a second"
+                raise InvalidFile(path, f"more than {most} rows of {len(names)} columns; {advice}")
     except csv.Error as error:
         words, line = f"not CSV ({error}); expected comma-separated numbers", reader.line_num - 1
         raise InvalidFile(path, words, line=content[line][0]) from error
@@ -148,17 +154,27 @@ def table_text(names: Sequence[str], values: Array) -> str:
 
 
 def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A header and rows as CSV."""
+    """A header and rows as CSV; texts that spreadsheets take as formulas get an apostrophe."""
     stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows([names, *rows])
+    writer = csv.writer(stream, lineterminator="\n")
+    for row in (names, *rows):
+        writer.writerow(["'" + each if _is_formula(each) else each for each in row])
     return stream.getvalue()
 
 
+def _is_formula(cell: object) -> bool:
+    return isinstance(cell, str) and cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
+
+
 def _names_in(path: Path | str, titles: Sequence[str], line: int) -> tuple[str, ...]:
-    """The names in a header."""
+    """The names in a header, as they were before :func:`csv_text` wrote them."""
     names = [cell.strip() for cell in titles]
+    names = [each[1:] if each.startswith("'") and _is_formula(each) else each for each in names]
     (name, count), problem = Counter(names).most_common(1)[0], ""
-    if "" in names:
+    if len(names) > MOST_COLUMNS:
+        most = f"expected at most {MOST_COLUMNS}; leave out what is not needed"
+        problem = f"{len(names)} columns, {most}"
+    elif "" in names:
         problem = f"column {names.index('') + 1} has no name; name or remove it"
     elif all(map(_is_number, names)):
         advice = "expected names; put a line of column names above them"

@@ -20,12 +20,15 @@ from planner.files.staging import cannot_write, reason, staged
 
 MOST_BYTES = 64 * 2**20  # longest text that is read: twice a million requests for three joints
 STANDARD_STREAM = "-"  # the name of standard input and standard output
+MOST_PARTS = 100  # parts of a dotted key: reading one takes memory by the square of their number
 
 
 def read_text(path: Path | str) -> str:
     """Whole text of a file, or of standard input for ``-``; UTF-8, with or without a mark."""
     if not str(path):
         raise InvalidFile("''", "is no name of a file; name one, or - for standard input")
+    if str(path) == STANDARD_STREAM and sys.stdin is None:
+        raise InvalidFile(path, "standard input is closed; give it a file or a pipe")
     try:
         if str(path) == STANDARD_STREAM:
             content = sys.stdin.buffer.read(MOST_BYTES + 1)
@@ -49,13 +52,18 @@ def read_text(path: Path | str) -> str:
         raise InvalidFile(path, words, line=line) from error
 
 
-def read_json(path: Path | str) -> Any:
+def read_json(path: Path | str, *, what: str) -> Any:
     """The content of a JSON file; NaN and infinities are read too, as Python writes them."""
+    text = read_text(path)
     try:
-        return json.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        words = f"not JSON ({getattr(error, 'msg', error)}); is the file cut short?"
-        raise InvalidFile(path, words, line=getattr(error, "lineno", None)) from error
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        words = f"not JSON ({error.msg}); is the file cut short?"
+        raise InvalidFile(path, words, line=error.lineno) from error
+    except (RecursionError, ValueError) as error:  # or an integer of thousands of digits
+        deep = isinstance(error, RecursionError)
+        words = f"not JSON of {what}: {'nested too deeply' if deep else 'a number is too long'}"
+        raise InvalidFile(path, words) from error
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -63,8 +71,14 @@ def write_text(path: Path | str, text: str) -> None:
     if str(path) != STANDARD_STREAM:
         with staged(path, text.encode()):
             return
+    if sys.stdout is None:
+        raise InvalidFile(STANDARD_STREAM, "standard output is closed; name a file for the output")
     try:
-        sys.stdout.write(text)
+        # where Python does not buffer the output, the rest of a longer text is lost silently when
+        # its reader goes away
+        chunk = 2**15
+        for start in range(0, len(text), chunk):
+            sys.stdout.write(text[start : start + chunk])
         sys.stdout.flush()
     except BrokenPipeError:
         raise
@@ -83,6 +97,10 @@ def to_json(content: Mapping[str, Any]) -> str:
 # Place of a value: the keys that lead to it, and the numbers of tables that repeat.
 Place = tuple[str | int, ...]
 _KEY = r"(?:\"[^\"]*\"|'[^']*'|[A-Za-z0-9_-]+)"
+_DEEP = re.compile(
+    r"(?<![A-Za-z0-9_-])(?:(?:\"[^\"\n]*+\"|'[^'\n]*+'|[A-Za-z0-9_-]++)[ \t]*+\.[ \t]*+)"
+    rf"{{{MOST_PARTS}}}"
+)
 _PATH = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
 
 
@@ -109,6 +127,10 @@ class Toml:
 def read_toml(path: Path | str, *, example: str) -> Toml:
     """Read TOML, or standard input for ``-``; the error message shows the ``example``."""
     text = read_text(path)
+    if deep := _DEEP.search(text):
+        words = f"a key of more than {MOST_PARTS} parts, expected tables and keys such as"
+        line = text.count("\n", 0, deep.start()) + 1
+        raise InvalidFile(path, f"{words} '{example}'", line=line)
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:

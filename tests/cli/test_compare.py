@@ -11,7 +11,7 @@ from planner import JointModel
 from planner.cli.reproduce import STEPS
 from planner.evaluation import cross_check as cross_check_module
 from planner.files.joint_model import models_text, read_model_file
-from planner.files.paths import foot_path, read_joint_path
+from planner.files.paths import foot_path, path_table, read_joint_path
 from planner.files.table import read_table
 from planner.model.evidence import Evidence
 from planner.report.paper_results import joint_paths
@@ -91,7 +91,7 @@ def test_tables_of_the_experiment_hold_its_angles_and_positions(reproduced):
         **{name: plan.foot for name, plan in answer.plans.items()},
     }
     for name, positions in feet.items():
-        written = foot_path(read_table(folder / f"foot_{name}.csv")).values
+        written = foot_path(path_table(folder / f"foot_{name}.csv")).values
         assert written == pytest.approx(positions, abs=WRITTEN), name
     tables = {f"{name}.csv" for name in joint_paths(answer)} | {f"foot_{name}.csv" for name in feet}
     assert {file.name for file in folder.glob("*.csv")} == tables

@@ -7,7 +7,7 @@ import threading
 import click
 import pytest
 
-from planner.cli.console import KEY, Progress
+from planner.cli.console import BAR, KEY, Progress
 
 ERASE = "\r\x1b[K"
 
@@ -54,21 +54,21 @@ def at(clock, count=0):
 def test_the_time_left_follows_the_pace_of_the_steps_that_are_done(clock):
     progress = at(clock, 4)
     progress("hip")
-    assert progress.line() == "hip …  0 of 4"
+    assert progress.line() == f"hip …  {'░' * BAR}"
     clock[0] = 10.0
-    assert progress.line() == "hip …  0 of 4  10 s"
+    assert progress.line() == f"hip …  {'░' * BAR}  10 s"
     progress("knee")
-    assert progress.line() == "knee …  1 of 4  30 s left"
+    assert progress.line() == f"knee …  {'█' * (BAR // 4)}{'░' * (BAR - BAR // 4)}  30 s left"
     clock[0] = 30.0
     assert progress.line().endswith("  10 s left")
     progress("ankle")
     assert progress.line().endswith("  30 s left")
     clock[0] = 100.0  # a step that takes longer than the others
-    assert progress.line() == "ankle …  2 of 4  1 s left"
+    assert progress.line() == f"ankle …  {'█' * (BAR // 2)}{'░' * (BAR // 2)}  1 s left"
     quick = at(clock, 2)  # there is no pace to tell within the first moments
     quick("hip")
     quick("knee")
-    assert quick.line() == "knee …  1 of 2"
+    assert quick.line() == f"knee …  {'█' * (BAR // 2)}{'░' * (BAR // 2)}"
 
 
 def test_where_there_is_no_terminal_long_work_says_now_and_then_how_far_it_is(
@@ -83,5 +83,5 @@ def test_where_there_is_no_terminal_long_work_says_now_and_then_how_far_it_is(
         progress("the hip")
         assert said.wait(10.0)
         progress("the knee")
-        assert progress.line() == "the knee …  1 of 2  40 s left"
+        assert progress.line(bar=False) == "the knee …  1 of 2  40 s left"
     assert "request-planner: the hip …  0 of 2  40 s" in capsys.readouterr().out.splitlines()

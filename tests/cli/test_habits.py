@@ -82,12 +82,15 @@ def test_quiet_leaves_the_data_alone(run, desired, arguments):
     assert result.stderr == ""
 
 
-@pytest.mark.parametrize("unwanted", ["", "1"])
-def test_colours_are_for_terminals_unless_unwanted_and_not_in_data(run, monkeypatch, unwanted):
-    monkeypatch.setenv("NO_COLOR", unwanted)
-    assert ("\x1b[31m" in run("bogus", color=True).stderr) is not bool(unwanted)
-    assert ("\x1b[1m" in run("gait", "-o", "foot.csv", color=True).stderr) is not bool(unwanted)
-    assert "\x1b" not in run("gait", color=True).stdout
+@pytest.mark.parametrize("asked", ["NO_COLOR", "FORCE_COLOR"])
+def test_colours_are_for_those_who_ask_and_not_in_data(run, monkeypatch, asked):
+    for name in ("NO_COLOR", "FORCE_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(asked, "1")
+    coloured = asked == "FORCE_COLOR"
+    assert ("\x1b[31m" in run("bogus").stderr) is coloured
+    assert ("\x1b[1m" in run("gait", "-o", "foot.csv").stderr) is coloured
+    assert "\x1b" not in run("gait").stdout
 
 
 @pytest.mark.parametrize(
@@ -102,6 +105,7 @@ def test_colours_are_for_terminals_unless_unwanted_and_not_in_data(run, monkeypa
         ("reproduce --out ou", ["dir,ou"]),
         ("plan --leg fr", ["plain,front-left", "plain,front-right"]),
         ("plan --leg left", ["file,left"]),
+        ("completion z", ["plain,zsh"]),
     ],
 )
 def test_a_shell_completes_what_may_come_next(run, typed, offered):

@@ -1,14 +1,17 @@
 """The installed command as a process: examples, closed pipes, Ctrl-C."""
 
+import io
 import os
 import re
+import shlex
+import signal
 import subprocess
 import sys
 import time
 
 import pytest
 
-from planner.cli import cli
+from planner.cli import cli, main
 from planner.cli.program import COMMANDS
 from tests.docs import shell
 from tests.docs.blocks import PAGES, blocks
@@ -51,13 +54,14 @@ def test_every_command_has_a_worked_example_that_works(command, tmp_path, desire
         shell.run(line)
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])
 @pytest.mark.parametrize("form", [[], ["--json"]], ids=["CSV", "JSON"])
-def test_a_reader_that_leaves_early_gets_no_complaint(form):
+def test_a_reader_that_leaves_early_gets_no_complaint(unbuffered, form):
     with subprocess.Popen(
         [*RUN, "gait", "--samples", "20000", *form],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONUNBUFFERED": ""},
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
     ) as process:
         process.stdout.readline()
         process.stdout.close()
@@ -76,6 +80,37 @@ def test_a_full_disk_behind_standard_output_is_one_line_and_status_2(form):
     assert done.stderr.count("\n") == 1
 
 
+class _Terminal(io.TextIOWrapper):
+    """What a stream is that people read."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [(io.TextIOWrapper, "关节"), (_Terminal, r"\u5173\u8282")],
+    ids=["pipe", "screen"],
+)
+@pytest.mark.parametrize("form", [[], ["--json"]], ids=["CSV", "JSON"])
+def test_a_pipe_is_utf_8_and_a_terminal_gets_what_it_has_no_characters_for_as_escapes(
+    kind, name, form, tmp_path, monkeypatch
+):
+    path = tmp_path / "关节.csv"
+    path.write_text("t_s,关节_deg\n0,1\n0.008,2\n0.016,1\n", "utf-8")
+    said = {each: io.BytesIO() for each in ("stdout", "stderr")}
+    for each, stream in said.items():
+        monkeypatch.setattr(sys, each, kind(stream, encoding="ascii", errors="strict"))
+    monkeypatch.setattr(sys, "argv", ["request-planner", "fit", str(path), "--segments=2", *form])
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    for each in ("stdout",) if form else said:  # with JSON there is no table
+        assert name in said[each].getvalue().decode("utf-8")
+
+
 def test_the_linear_algebra_has_one_thread_unless_the_user_gives_it_more():
     """The threads of a busy machine wait for one another at every product of long vectors."""
     waiting = "import os; from planner.cli import program; program.cli.main = lambda: print("
@@ -89,6 +124,20 @@ def test_the_linear_algebra_has_one_thread_unless_the_user_gives_it_more():
         text=True,
     )
     assert done.stdout == "1 3\n"
+
+
+@pytest.mark.parametrize(
+    ("redirection", "message"),
+    [
+        ("gait >&-", "standard output is closed; name a file for the output"),
+        ("simulate - <&-", "standard input is closed; give it a file or a pipe"),
+    ],
+)
+def test_a_closed_stream_is_one_line_and_status_2(redirection, message):
+    command = f"{shlex.join(RUN)} {redirection}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == f"request-planner: -: {message}\n"
 
 
 def test_a_terminated_run_clears_its_half_made_folder_away(tmp_path):

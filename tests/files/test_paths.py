@@ -17,6 +17,7 @@ from planner.files.paths import (
     foot_path,
     is_foot_path,
     joint_path,
+    path_table,
     read_joint_path,
     resampled,
     write_curve,
@@ -116,7 +117,7 @@ def test_written_paths_are_read_back(tmp_path_factory, values):
     joints = read_joint_path(file)
     assert joints.names == ("rotator", "abductor", "knee")
     write_foot_path(file, values, period=0.008)
-    for path in (joints, foot_path(read_table(file))):
+    for path in (joints, foot_path(path_table(file))):
         assert np.max(np.abs(path.values - values)) <= WRITTEN
         assert path.times == pytest.approx(0.008 * np.arange(len(values)), abs=WRITTEN)
         path.check_period(0.008)
@@ -136,6 +137,7 @@ READ = {
     "a spreadsheet's": b"t_ms;knee_deg\r\n0;1,5\r\n20,5;-2,5e1\r\n",
     "semicolons": b"\n\nt_ms;knee_deg\n0;1,5\n20,5;-2,5e1\n",
     "tabs": b"t_ms\tknee_deg\n0\t1,5\n20,5\t-2.5e1\n",
+    "titles of formulas": b"'=1+2_deg,'knee_deg,'-a_deg\n1,2,3\n4,5,6\n",
     "a joint that is called t": b"t_deg,knee_deg\n1,2\n3,4\n",
     "steps that are nearly even": b"t_ms,knee_deg\n0,1\n10,2\n19.91,3\n29.91,4\n",
     "dates": b"clock,knee_deg\n2026-11-23T10:04:00.000,1\n2026-11-23T10:04:00.020,2\n",
@@ -240,7 +242,7 @@ MODELS = {
 
 READERS = {
     "joint path": (read_joint_path, JOINT_PATHS),
-    "foot path": (lambda file: foot_path(read_table(file)), FOOT_PATHS),
+    "foot path": (lambda file: foot_path(path_table(file)), FOOT_PATHS),
     "model": (read_model_file, MODELS),
 }
 

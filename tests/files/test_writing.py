@@ -2,6 +2,9 @@
 
 import json
 import math
+import os
+import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -53,6 +56,25 @@ def test_a_written_file_keeps_its_permissions_and_its_link(tmp_path):
     assert file.read_text() == "new"
 
 
+def test_a_file_that_another_process_writes_is_not_swept_away(tmp_path):
+    file = tmp_path / "plan.csv"
+    code = (
+        "import sys; from planner.files.staging import staged\n"
+        f"with staged({str(file)!r}, b'slow'):\n"
+        "    print('written', flush=True)\n"
+        "    sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        process.stdout.readline()
+        write_text(file, "quick")
+        assert file.read_text() == "quick"
+    assert process.returncode == 0
+    assert file.read_text() == "slow"
+    assert list_files(tmp_path) == ["plan.csv"]
+
+
 def test_several_files_appear_or_none_where_one_cannot(tmp_path):
     with pytest.raises(InvalidFile, match="is a directory"), staged(tmp_path, b"text"):
         write_text(tmp_path / "other", "text")
@@ -92,22 +114,89 @@ def test_a_users_files_are_kept_and_a_folder_with_some_is_never_replaced(tmp_pat
     assert (out / "notes.txt").read_text() == "mine"
 
 
-def test_a_killed_run_leaves_the_last_good_one(tmp_path):
+@pytest.mark.parametrize(
+    "content",
+    ['{"files": 3}', '{"files": "a"}', '{"files": {"a": 1}}', "3", "[" * 10**5, "\0", '{"files": '],
+)
+def test_what_only_looks_like_the_results_of_a_run_is_the_users(tmp_path, content):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "results.json").write_text(content)
+    (out / "a").touch()
+    with pytest.raises(InvalidFile, match="no earlier run made"):
+        _run(out)
+    assert (out / "results.json").read_text() == content
+
+
+def test_a_killed_run_leaves_the_last_good_one_and_the_next_good_one_nothing_of_it(tmp_path):
     out = tmp_path / "out"
     _run(out)
-    with at_work_on(out):
-        pass
+    for _ in range(3):
+        with at_work_on(out):
+            pass
     assert len(list(tmp_path.glob(".out.new-*"))) == 1
+    (tmp_path / ".out.old-run").mkdir()
+    others = {".out.new-mine", ".outer.new-run", "out.new-run"}
+    for name in others:
+        (tmp_path / name).mkdir()
     assert list_files(out) == ["a.csv", "results.json"]
+    _run(out, "b.csv")
+    assert list_files(out) == ["b.csv", "results.json"]
+    assert {file.name for file in tmp_path.iterdir()} == {"out", *others}
 
 
-def test_two_runs_on_one_folder_leave_one_of_them_whole(tmp_path):
-    out = tmp_path / "out"
-    with output_folder(out) as new:
-        (new / "half").touch()
-        _run(out, "b.csv")
-        (new / "results.json").write_text('{"files": ["half"]}')
-    assert list_files(tmp_path) == ["out/half", "out/results.json"]
+def test_what_a_failed_run_finds_moved_away_stays(tmp_path):
+    """A process that is killed between two renames leaves the last good run beside."""
+    moved = tmp_path / ".out.old-run"
+    _run(tmp_path / "out")
+    (tmp_path / "out").rename(moved)
+    with pytest.raises(KeyboardInterrupt), output_folder(tmp_path / "out"):
+        raise KeyboardInterrupt
+    assert list_files(tmp_path) == [f"{moved.name}/a.csv", f"{moved.name}/results.json"]
+
+
+def test_a_run_at_work_is_left_alone_by_a_second_one_on_the_same_folder(tmp_path):
+    out, link = tmp_path / "out", tmp_path / "link"
+    link.symlink_to(out)
+    _run(out)
+    with at_work_on(out):
+        before = list_files(tmp_path)
+        for name in (out, link):
+            with pytest.raises(InvalidFile, match="another command is at work on it; wait until"):
+                _run(name, "b.csv")
+        assert list_files(tmp_path) == before
+        _run(tmp_path / "other")
+    _run(out, "b.csv")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["link", "other", "out"]
+
+
+def test_everything_is_on_the_disk_before_a_rename_makes_it_an_output(tmp_path, monkeypatch):
+    flushed, renamed = [], []
+    fsync, replace = os.fsync, os.replace
+
+    def noted(descriptor):
+        state = os.fstat(descriptor)
+        flushed.append((state.st_ino, state.st_size))
+        fsync(descriptor)
+
+    def checked(source, target):
+        for file in [Path(source), *Path(source).rglob("*")]:
+            state = file.stat()
+            assert (state.st_ino, state.st_size) in flushed, f"{file} would be lost"
+        renamed.append(Path(target).name)
+        flushed.clear()
+        replace(source, target)
+
+    monkeypatch.setattr("os.fsync", noted)
+    monkeypatch.setattr("os.replace", checked)
+    write_text(tmp_path / "a.csv", "text")
+    assert tmp_path.stat().st_ino in {inode for inode, _ in flushed}, "the name is not on the disk"
+    with output_folder(tmp_path / "out", export="test") as new:
+        (new / "deep").mkdir()
+        write_text(new / "deep" / "a.csv", "text")
+        (new / "b.csv").write_text("more")
+    assert tmp_path.stat().st_ino in {inode for inode, _ in flushed}, "the name is not on the disk"
+    assert renamed == ["a.csv", "out"]
 
 
 def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch):

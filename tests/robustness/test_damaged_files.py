@@ -12,8 +12,7 @@ from kinematics import KinematicsError, Leg, urdf_path
 from planner import InvalidInput, LogOptions, read_logs
 from planner.cli.run import read_run
 from planner.files.joint_model import read_model_file
-from planner.files.paths import foot_path, read_joint_path
-from planner.files.table import read_table
+from planner.files.paths import foot_path, path_table, read_joint_path
 from tests.files.logs.bags import START, Kit, only_file, store, write
 from tests.files.logs.datasets import v21
 
@@ -59,7 +58,7 @@ def _read_logs(path):
 
 READERS = {
     "joints.csv": (JOINTS.encode(), read_joint_path),
-    "foot.csv": (FOOT.encode(), lambda path: foot_path(read_table(path))),
+    "foot.csv": (FOOT.encode(), lambda path: foot_path(path_table(path))),
     "log.csv": (LOG.replace("_deg", "").encode(), _read_logs),
     "log.json": (BAM.encode(), _read_logs),
     "models.toml": (MODELS.encode(), read_model_file),

@@ -51,7 +51,7 @@ def read_csv_log(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
 
 def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
     """Read the recording in a BAM file: angles in radians, and the load of its pendulum."""
-    content = read_json(path)
+    content = read_json(path, what="a log")
     entries = content.get("entries") if isinstance(content, dict) else None
     unit, problem = options.unit_of(""), ""
     if not isinstance(entries, list):

@@ -266,7 +266,7 @@ def find_dataset(path: Path) -> Dataset:
             "no meta/info.json, which names the joints, in the folders above; keep the file in "
             "its LeRobot dataset, or give the log as CSV",
         )
-    info = read_json(root / INFO)
+    info = read_json(root / INFO, what="a log")
     version = info.get("codebase_version") if isinstance(info, dict) else None
     if version not in (versions := ("v2.0", "v2.1", "v3.0")):
         raise InvalidFile(
