@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Sequence
 from html import escape
 from reprlib import Repr
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -380,7 +380,13 @@ def turning_points(angles: Array, least: float) -> list[tuple[int, bool]]:
 
 
 class ReadOnly:
-    """A value whose arrays stay read-only when it is copied or unpickled."""
+    """A dataclass whose arrays stay read-only when it is copied or unpickled."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields, without cached figures."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Freeze the copied arrays: NumPy copies are writeable."""

@@ -108,10 +108,6 @@ class Plan(ReadOnly, Summarised):
         """Make the arrays read-only."""
         freeze(self.requests, self.nominal_requests)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields, without cached figures."""
-        return {name: getattr(self, name) for name in self.__dataclass_fields__}
-
     def _summarised(self) -> Summary:
         """Requests and errors; the lower bound where it has been computed already."""
         foot = self.task.goal == "foot"
@@ -424,7 +420,7 @@ def joined(plans: Sequence[Plan]) -> Plan:
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class _View(Summarised):
+class _View(ReadOnly, Summarised):
     """A judged joint of a plan, or its foot; [unit] is rad, or m for a foot.
 
     ``dataclasses.replace`` takes ``requests`` and fields of the plan and of its task.
@@ -447,10 +443,6 @@ class _View(Summarised):
                 own["requests"] = np.reshape(own["requests"], plan.requests.shape).copy()
             plan = replace(plan, **{"task": replace(plan.task, **changes), **own})
         vars(self).update(plan=plan, column=column)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields, without cached figures."""
-        return {"plan": self.plan, "column": self.column}
 
     def _summarised(self) -> Summary:
         """Requests and errors; the lower bound where it has been computed already."""
