@@ -2,7 +2,7 @@
 
 from kinematics.chain import Limits
 from kinematics.inverse import InverseSolution
-from kinematics.leg import Leg
+from kinematics.leg import Leg, foot_function
 from kinematics.robot import urdf_path
 from planner.exceptions import InvalidInput, UnreachableFoot, UnsupportedLeg
 from planner.exceptions import PlannerError as KinematicsError
@@ -15,5 +15,6 @@ __all__ = [
     "Limits",
     "UnreachableFoot",
     "UnsupportedLeg",
+    "foot_function",
     "urdf_path",
 ]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +31,8 @@ class Chain:
     """Revolute joints in series, from the base to the foot.
 
     Every joint's frame is the one before it, moved by the joint's constant placement and then
-    turned about the joint's axis; the foot is a point in the last frame.
+    turned about the joint's axis; the foot is a point in the last frame. Methods that take the
+    cosines and the sines of the k joints' angles take numbers, arrays (n,) or symbols.
     """
 
     rotations: Array  # constant rotations of the joints' frames, shape (k, 3, 3)
@@ -60,13 +62,16 @@ class Chain:
         steps = np.linalg.norm(self.translations[1:], axis=1)
         return float(np.sum(steps) + np.linalg.norm(self.tip))
 
+    def foot(self, cosines: Iterable[Any], sines: Iterable[Any]) -> Any:
+        """The foot in the base frame [m]: (3, n) for arrays, a column of three otherwise."""
+        point: Any = self.tip[:, None]
+        for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
+            point = link.origin + _turned(link, point, cosine, sine)
+        return point
+
     def feet(self, angles: Array) -> Array:
         """The foot in the base frame [m], (n, 3), along a path of the joints [rad], (n, k)."""
-        point = self.tip[:, None]
-        turns = zip(self.links, np.cos(angles.T), np.sin(angles.T), strict=True)
-        for link, cosine, sine in reversed(list(turns)):
-            point = link.origin + _turned(link, point, cosine, sine)
-        return np.asarray(point.T)
+        return np.asarray(self.foot(np.cos(angles.T), np.sin(angles.T)).T)
 
     def points_and_axes(self, angles: Array) -> tuple[list[Array], list[Array]]:
         """Origins of the joints and, last, the foot [m], and the joints' unit axes: (3, 1 or n)."""
@@ -89,12 +94,9 @@ class Chain:
         return np.ascontiguousarray(self.derivatives(angles)[1].transpose(2, 1, 0))
 
 
-def _turned(link: Link, vector: Array, cosine: Array, sine: Array) -> Array:
+def _turned(link: Link, vector: Any, cosine: Any, sine: Any) -> Any:
     """A vector beyond the joint, in the frame before it."""
-    turned: Array = (
-        link.axial @ vector + cosine * (link.cosine @ vector) + sine * (link.sine @ vector)
-    )
-    return turned
+    return link.axial @ vector + cosine * (link.cosine @ vector) + sine * (link.sine @ vector)
 
 
 class Limits(NamedTuple):

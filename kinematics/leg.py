@@ -415,3 +415,35 @@ def _check_against_pinocchio(robot: Robot, chain: Chain) -> None:
                 f"the chain from {robot.base.name!r} to {robot.foot.name!r} disagrees with "
                 f"Pinocchio by {np.linalg.norm(foot - expected):.3g} m; please report this robot"
             )
+
+
+def foot_function(leg: Leg) -> Any:
+    """The foot's position and its derivatives as a CasADi function.
+
+    The chain's constants are those of the leg, from Pinocchio; CasADi computes the
+    derivatives itself, an independent check of :meth:`Leg.jacobians`.
+
+    Args:
+        leg: Any leg.
+
+    Returns:
+        ``casadi.Function``: angles (k,) [rad] to foot (3,) [m] and Jacobian (3, k) [m/rad], both in
+        the base frame. Its ``map(n)`` takes a whole path, shape (k, n).
+
+    Example:
+        >>> from kinematics import Leg, urdf_path
+        >>> leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
+        >>> foot, jacobian = foot_function(leg)([0.0, 0.2, 1.0])
+        >>> foot.shape, jacobian.shape
+        ((3, 1), (3, 3))
+    """
+    import casadi
+
+    if not isinstance(leg, Leg):
+        raise InvalidInput(f"leg: got {type(leg).__name__}, expected a kinematics.Leg")
+    angles = casadi.SX.sym("angles", len(leg.joint_names))
+    each = casadi.vertsplit(angles)
+    foot = leg.chain.foot(map(casadi.cos, each), map(casadi.sin, each))
+    return casadi.Function(
+        "foot", [angles], [foot, casadi.jacobian(foot, angles)], ["angles"], ["foot", "jacobian"]
+    )

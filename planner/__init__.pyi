@@ -1,5 +1,5 @@
 from planner._version import __version__ as __version__
-from planner.approximation.curve import PiecewiseLinear as PiecewiseLinear
+from planner.approximation.curve import CurveStack as CurveStack, PiecewiseLinear as PiecewiseLinear
 from planner.approximation.fit_pwl import fit_pwl as fit_pwl
 from planner.evaluation.cross_check import cross_check as cross_check
 from planner.exceptions import (

@@ -38,6 +38,9 @@ CHARTS = {
     "The foot": Chart("rows", "^(rms|largest), cm$", "distance of the foot from its path [cm]"),
     "Approximation, time by length": Chart("curves", ", s$", "time [s] over the number of samples"),
     "Approximation, 6 segments, side by side": Chart("rows", "^time, ms$", "time [ms]"),
+    "Closed form of known curves, microseconds per cycle": Chart(
+        "curves", "^rule", "time of a curve [µs] over the number of curves at once"
+    ),
     "Streams on a virtual servo": Chart(
         "rows", "^(direct|EMA|feed-forward|shift|stream)$", "rms error [mrad]"
     ),

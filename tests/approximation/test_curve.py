@@ -1,4 +1,4 @@
-"""Curves as values: evaluation, slopes, the cycle boundary, what is refused."""
+"""Curves and stacks of them as values: evaluation, slopes, the cycle boundary, what is refused."""
 
 import dataclasses
 import json
@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from planner import PiecewiseLinear
+from planner import CurveStack, PiecewiseLinear
 
 OVER = {"values": [1.0, -1.0, 0.5], "samples": 10, "tick": 0.5}
 CYCLE = PiecewiseLinear(knots=[2.0, 5.5, 8.0], **OVER, cyclic=True)
@@ -14,6 +14,8 @@ PATH = PiecewiseLinear(knots=[0.0, 4.0, 9.0], **OVER, cyclic=False)
 
 INDEX = np.linspace(-7.0, 17.0, 49) + 0.013
 """Places between samples, before, in and after the samples."""
+
+OVER = {"samples": 10, "tick": 0.5}
 
 
 def test_a_curve_takes_its_values_at_its_knots_and_repeats_or_goes_on_straight_beyond():
@@ -40,3 +42,13 @@ def test_plain_data_gives_the_curve_back_to_the_last_digit(curve):
     assert np.array_equal(again.knots, curve.knots)
     assert np.array_equal(again.values, curve.values)
     assert np.array_equal(again(INDEX), curve(INDEX))
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_its_slopes_and_lengths_are_those_of_every_curve(cyclic):
+    rows = [[0.0, 2.5, 7.0], [1.0, 3.0, 8.5]], [[0.0, 1.0, -2.0], [3.0, 3.0, 4.0]]
+    stack = CurveStack(knots=rows[0], values=rows[1], cyclic=cyclic, **OVER)
+    for k, v, lengths, slopes in zip(*rows, stack.lengths, stack.slopes, strict=True):
+        curve = PiecewiseLinear(knots=k, values=v, cyclic=cyclic, **OVER)
+        np.testing.assert_array_equal(lengths, curve.lengths)
+        np.testing.assert_array_equal(slopes, curve.slopes)

@@ -1,11 +1,11 @@
-"""Any leg against Pinocchio and itself."""
+"""Any leg, in numbers and in CasADi: against Pinocchio, differences and itself."""
 
 import numpy as np
 import pinocchio
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics import Leg
+from kinematics import Leg, foot_function
 from tests.kinematics.made_up_robots import Joint, urdf_text
 
 ROUNDING = 1e-12  # two routes through the same kinematics agree to this [m, m/rad]
@@ -56,14 +56,17 @@ def test_any_leg_agrees_with_pinocchio_in_numbers_and_in_symbols(
     held = {name: random.uniform(-2.0, 2.0) for name in names if name not in free}
     leg = Leg.from_urdf(path, base="link_0", foot="tip", locked=held)
     assert leg.joint_names == tuple(free)
-    model = pinocchio.buildModelFromXML(urdf_text(chain, tip))
+    model, function = pinocchio.buildModelFromXML(urdf_text(chain, tip)), foot_function(leg)
     angles = random.uniform(-3.0, 3.0, (4, len(free)))
     numeric = leg.foot_positions(angles), leg.joint_positions(angles), leg.jacobians(angles)
     for pose, foot, points, derivatives in zip(angles, *numeric, strict=True):
         whole = dict(zip(free, pose, strict=True)) | held
         position, origins, jacobian = pinocchios(model, free, whole)
-        np.testing.assert_allclose(foot, position, atol=ROUNDING)
-        np.testing.assert_allclose(derivatives, jacobian, atol=ROUNDING)
+        symbolic_position, symbolic_jacobian = function(pose)
+        for found in (foot, symbolic_position.full()[:, 0]):
+            np.testing.assert_allclose(found, position, atol=ROUNDING)
+        for found in (derivatives, symbolic_jacobian.full()):
+            np.testing.assert_allclose(found, jacobian, atol=ROUNDING)
         np.testing.assert_allclose(points[:-1], origins, atol=ROUNDING)
         np.testing.assert_array_equal(points[-1], foot)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.approximation.curve import CurveStack
 from planner.planning import pattern_search
 from planner.planning.closed_form import (
     approximations,
@@ -132,14 +133,16 @@ def test_the_search_for_knots_counts_the_error_of_the_simulated_requests(terms, 
         tracking = pattern_search.tracked(problem, curve, "exact")
         knots, values = np.array(curve.knots), np.array(curve.values)
         found = pattern_search.search(*tracking, knots, values, (0.0, 1.0, 0.0), 0)
-        load = problem.load_of_drives[0]
-        requests = requests_of(model, curve, rule="exact", load=load)
-        error = problem.exact_error(problem.admissible(requests[:, np.newaxis]))
+        stack = CurveStack.of([curve])
+        requests = requests_of(model, stack, rule="exact", load=problem.load_of_drives[0]).T
+        error = problem.exact_error(problem.admissible(requests))
         # Offsets from a table are good to some 1e-5 of theta_0.
         assert math.sqrt(found / len(desired)) == pytest.approx(error, abs=1e-4 * model.theta_0)
         refined = pattern_search.refined_curve(problem, curve, rule="exact")
-        better = requests_of(model, refined, rule="exact", load=load)
-        assert problem.exact_error(problem.admissible(better[:, np.newaxis])) < error
+        better = requests_of(
+            model, CurveStack.of([refined]), rule="exact", load=problem.load_of_drives[0]
+        ).T
+        assert problem.exact_error(problem.admissible(better)) < error
 
 
 def test_lines_are_as_steep_each_way_as_the_joint_is_fast():

@@ -159,6 +159,8 @@ ENTRANCES: Mapping[str, tuple[Callable[[], dict[str, Any]], str]] = {
     ),
     "PiecewiseLinear": (lambda: dict(CURVE), ""),
     "PiecewiseLinear.slope_at": (lambda: {"index": 3}, ""),
+    "CurveStack": (lambda: CURVE | {"values": np.array([CURVE["values"]] * 2)}, ""),
+    "CurveStack.of": (lambda: {"curves": [curve()]}, ""),
     "Log": (lambda: dict(LOG), "torque_on name joint unit notes"),
     "LogOptions": (
         dict,
@@ -169,7 +171,7 @@ ENTRANCES: Mapping[str, tuple[Callable[[], dict[str, Any]], str]] = {
         lambda: JOINT | {"norm": "max", "level": "slope", "time_limit": 1.0},
         "cyclic start",
     ),
-    "closed_form_requests": (lambda: {"model": MODEL, "curve": curve()}, "rule"),
+    "closed_form_requests": (lambda: {"model": MODEL, "curves": [curve()]}, "rule"),
     "cross_check": (
         lambda: JOINT | {"segments": 3, "level": "envelope"},
         "cyclic limits leg norm names progress",
@@ -217,6 +219,7 @@ ENTRANCES: Mapping[str, tuple[Callable[[], dict[str, Any]], str]] = {
     "Leg.jumps": (_poses, ""),
     "Leg.joint_angles": (lambda: _feet() | {"unreachable": "nearest"}, ""),
     "Leg.inverse": (lambda: _feet() | {"unreachable": "clamp"}, ""),
+    "foot_function": (lambda: {"leg": leg()}, ""),
     "urdf_path": (lambda: {"name": "ers210a.urdf"}, ""),
 }
 """By name a maker of arguments, and further arguments; each is replaced in turn."""

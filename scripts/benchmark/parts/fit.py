@@ -24,6 +24,9 @@ TOLERANCE = math.radians(2.0)  # largest error allowed where the fewest segments
 WITHIN = 0.05  # largest error where the fewest segments are counted, of samples of a range of one
 LOOSE_SEGMENTS = (2, 3, 4, 5, 6, 7, 8)  # numbers of segments at which pwlf is met
 LOOSE = 1000.0  # a bound of so many v_max binds nowhere
+CURVES = (1, 100, 10_000)  # curves that are turned into requests at once
+SAMPLES = 88  # samples of the reference walk's cycle
+RULES = ("paper", "exact")
 
 Call = Callable[[], piecewise_linear.Knots]
 
@@ -33,7 +36,7 @@ SIDE_BY_SIDE = "rms, deg | steepest over v_max | ends apart, deg | time, ms | ti
 
 def measure(options: Options) -> list[Table]:
     """Times by length, and the rivals that can be imported."""
-    tables = (times, fewest, beside, loose)
+    tables = (times, fewest, beside, loose, known_curves)
     return [table(options) for table in tables]
 
 
@@ -125,6 +128,29 @@ def loose(options: Options) -> Table:
             methods: dict[str, Call] = {"fit_pwl": partial(our_path, instance, segments)}
             both = methods | rivals(instance, segments, "pwlf fit")
             add_all(table, instance, both, options.repeats, f", {segments}")
+    return table
+
+
+def known_curves(options: Options) -> Table:
+    """Requests from curves, many at once."""
+    table = Table(
+        "Closed form of known curves, microseconds per cycle",
+        "curves at once | " + " | ".join(f"rule {rule!r}" for rule in RULES),
+        note=f"The reference rotator's {SEGMENTS} segments, scaled at random, {SAMPLES} samples "
+        "a cycle, by closed_form_requests.",
+    )
+    rotator = reference()[0]
+    fit = ours(rotator, segments=SEGMENTS)
+    rng = np.random.default_rng(0)
+    for curves in CURVES:
+        values = fit.values * rng.uniform(0.5, 1.0, size=(curves, 1))
+        grid = {"samples": fit.samples, "tick": fit.tick, "cyclic": True}
+        stack = planner.CurveStack(knots=fit.knots, values=values, **grid)
+        for_each = [
+            partial(planner.closed_form_requests, rotator.model, stack, rule=rule) for rule in RULES
+        ]
+        seconds = [typical(call, options.repeats)[1] for call in for_each]
+        table.add(f"{curves}", *(1e6 * np.array(seconds) / curves))
     return table
 
 
