@@ -163,6 +163,7 @@ def calibrate(
         calibration_text(results, output),
         page=lambda: calibration_page(results, output),
         origins=[*filter(all, origins), ("rate", f"{rate_hz:g} Hz")],
+        linked=[("models", output)],
     )
 
 

@@ -34,7 +34,7 @@ from planner.files.text import (
 )
 
 if TYPE_CHECKING:
-    from planner.report.page import Page
+    from planner.report.page import Page, Written
 
 KEY = "planner.cli.verbosity"  # key of the verbosity in the command's context
 BAR, WIDTH = 24, 80  # characters of the bar, and of a line of a terminal of unknown width
@@ -91,6 +91,7 @@ class Answer(NamedTuple):
     write: Callable[[str], None] | None = None  # writes the output, whose name it takes
     page: Callable[[], Page] | None = None  # the report
     origins: Iterable[tuple[str, str]] = ()  # what it says that it comes from, by name
+    linked: Written = ()  # files to which it links
     files: Sequence[tuple[str | None, str]] = ()  # other files, by name, and their text
     warnings: Sequence[str] = ()  # said after the summary
     failure: str = ""  # why the exit status is not 0
@@ -102,7 +103,7 @@ class Answer(NamedTuple):
         if report is not None and self.page is not None:
             with Progress() as progress:
                 progress("the page")
-                texts.append((report, self.page().html(self.origins)))
+                texts.append((report, self.page().html(report, self.origins, self.linked)))
         with ExitStack() as files:
             for name, text in texts:
                 if name != STANDARD_STREAM:

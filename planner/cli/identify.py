@@ -119,7 +119,7 @@ def identify(
         identification_text(identifications, "joint.toml" if output == "-" else output),
         lambda file: write_text(file, text),
         page,
-        [("log", file) for file in logs],
+        linked=[*(("log", file) for file in logs), ("model", output)],
         failure=failure,
         status=2 if any(isinstance(each, InvalidInput) for each in left_out.values()) else 1,
     )

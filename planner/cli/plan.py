@@ -30,7 +30,7 @@ def plan(
         "tolerance: deg cm",
         path=argument(),
     ),
-    output: str = options.output,  # noqa: ARG001
+    output: str = options.output,
 ) -> Answer:
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.
 
@@ -54,7 +54,7 @@ def plan(
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
-    from planner.cli.planning import answer_of, origins_of, page_of, plan_of, prepare
+    from planner.cli.planning import answer_of, inputs_of, origins_of, page_of, plan_of, prepare
 
     desired = prepare(run)
     options.warn_of(desired.remarks)
@@ -69,6 +69,7 @@ def plan(
         lambda file: desired.write(file, result.requests, result.task.load),
         lambda: page_of(desired, answer),
         origins_of(run),
+        [*inputs_of(desired), ("requests", output)],
         failure=f"{missed}; the requests are written all the same" if missed else "",
     )
 
@@ -103,7 +104,7 @@ def compare(
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
     from planner.cli.desired import desired_of, model_words, scaled, units_in_messages
-    from planner.cli.planning import notes_of, origins_of
+    from planner.cli.planning import inputs_of, notes_of, origins_of
     from planner.evaluation.cross_check import cross_check
     from planner.files.columns import SHARES
     from planner.report.comparison_page import comparison_page, comparison_text, verdict_line
@@ -151,6 +152,7 @@ def compare(
             check, units, title=title, leg=whole, unreachable=unreachable, notes=notes
         ),
         [*origins_of(run), ("bounds up to", level)],
+        inputs_of(desired),
         failure="" if check.passed else verdict,
     )
 
@@ -174,7 +176,7 @@ def fit(
     knots: options.Output | None = option(
         "Also write the knots of a single joint: knot_s and value_deg."
     ),
-    output: str = options.output,  # noqa: ARG001
+    output: str = options.output,
 ) -> Answer:
     """Approximate DESIRED, a CSV of <joint>_deg, _rad or _percent columns, by lines within ±v_max.
 
@@ -188,7 +190,7 @@ def fit(
 
     from planner.approximation.fit_pwl import fit_pwl
     from planner.cli.desired import load_joints, model_words, units_in_messages
-    from planner.cli.planning import origins_of
+    from planner.cli.planning import inputs_of, origins_of
     from planner.files.paths import write_curve
     from planner.report.fit_page import fit_page, fit_results, fits_table, proof_words
     from planner.report.wording import CARRIED
@@ -234,6 +236,7 @@ def fit(
         lambda file: path.write(file, angles),
         lambda: fit_page(fits, units),
         origins_of(run),
+        [*inputs_of(path), ("lines", output), ("knots", knots)],
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from planner.arrays import excess, index_of_largest
 from planner.cli import settings
 from planner.cli.console import BadSetting, SettingsError, marked
 from planner.cli.declared import flat
-from planner.cli.desired import Desired, desired_of, model_words, units_in_messages
+from planner.cli.desired import Desired, desired_of, model_words, own_robot, units_in_messages
 from planner.files.text import toml_value
 from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
@@ -202,6 +203,14 @@ def notes_of(desired: Desired) -> list[str]:
         "The URDF has no more than the top speeds of the servos; the rest of their models is "
         "assumed. Identify the joints before these requests are sent."
     ]
+
+
+def inputs_of(desired: Desired) -> list[tuple[str, str]]:
+    """The files that the settings name, not standard input or a shipped model: role and path."""
+    run = desired.settings
+    named = [("path", run.path.file), ("model", run.model.file), ("robot", own_robot(run))]
+    places = [(role, run.place(name)) for role, name in named if name]
+    return [(role, place) for role, place in places if Path(place).is_file()]
 
 
 def origins_of(run: settings.Run) -> list[tuple[str, str]]:

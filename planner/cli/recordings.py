@@ -18,10 +18,10 @@ from planner.arrays import Array, error_norm
 from planner.cli import desired as loading
 from planner.cli import settings
 from planner.cli.console import BadSetting, marked
-from planner.cli.export import check_place
+from planner.cli.export import FOLDERS, check_place, exported
 from planner.cli.planning import search_options
 from planner.exceptions import PlannerError
-from planner.files.exports import check_installed, lerobot_dataset
+from planner.files.exports import Schedule, check_installed, lerobot_dataset
 from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, find_dataset
@@ -231,18 +231,33 @@ def check_writing(form: str, recordings: Sequence[Recording], output: str) -> No
     if len(recordings) > 1 and click.get_current_context().params["report"] is not None:
         words = f"a page is about one recording, got {len(recordings)}; leave it out: --json prints"
         raise click.UsageError(f"--report: {words} the errors of all.")
+    if form in FOLDERS:
+        check_place("replay.write_as", form, output)
     if form != "lerobot" and len(recordings) > 1:
         raise BadSetting(
             f"{len(recordings)} recordings, and {marked('replay.write_as', form)} holds one: name "
             "one file, or one episode (--episodes 0), or write them all with ‹replay.write_as = "
             '"lerobot"›'
         )
-    if form != "lerobot":
+    if form not in ("csv", "joints"):
+        check_installed(form)
+    if form in FOLDERS:
+        click.get_current_context().with_resource(claimed(output))
+    else:
         check_writable(output)
+
+
+def write(file: str, task: ReplayTask, replay: Replay) -> None:
+    """Write the requests of one recording."""
+    form = task.settings.replay.write_as
+    if form in ("csv", "joints", "lerobot"):
+        episode.write_replay(file, task.recording, replay, form)
         return
-    check_place("replay.write_as", form, output)
-    check_installed(form)
-    click.get_current_context().with_resource(claimed(output))
+    export = settings.Export(format=form, file=file)
+    units = tuple(joint.path.unit for joint in replay.joints)
+    schedule = Schedule(replay.names, replay.requests, replay.period, units)
+    *_, write_rows = exported(export, schedule)
+    write_rows(file)
 
 
 ABOUT = "replay.json"  # the file of a planned dataset with its settings and errors

@@ -57,7 +57,7 @@ def refine(
         default=True,
         otherwise="reidentify",
     ),
-    output: str = options.output,  # noqa: ARG001
+    output: str = options.output,
 ) -> Answer:
     """Learn from executed REQUESTS and the angles MEASURED meanwhile: write the next requests.
 
@@ -76,9 +76,10 @@ def refine(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import model_words, units_in_messages
-    from planner.cli.planning import origins_of, prepare
+    from planner.cli.desired import model_words, repeats, units_in_messages
+    from planner.cli.planning import inputs_of, origins_of, prepare
     from planner.files.executed import read_executed, read_history, read_measured, write_history
+    from planner.learning.refine import in_a_cycle
     from planner.learning.refine import refine as learn
     from planner.model.response import load_columns
     from planner.planning.plan import joined
@@ -89,6 +90,11 @@ def refine(
     begun = history is not None and Path(history).is_file()
     if not begun:  # else the first trial has said it
         options.warn_of(desired.remarks)
+    if desired.foot is not None and "method" not in run.plan.keys_set:
+        warn(
+            f"learning joint by joint, as --method is {run.plan.method}: after a plan for the foot "
+            "give --method foot-optimal here too"
+        )
     period = desired.period
     executed = read_executed(requests, desired.names, len(desired.angles), period)
     names, angles, unused = read_measured(
@@ -96,16 +102,16 @@ def refine(
     )
     columns = [desired.names.index(name) for name in names]
     sent = executed.values[:, columns]
+    if not desired.cyclic and repeats(sent, None)[0]:
+        starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
+        if in_a_cycle([desired.models[j] for j in columns], sent, angles, starts):
+            warn(
+                "the measured angles begin as in a cycle that repeats, and --no-cyclic is for a "
+                "motion from rest: if the requests were repeated, leave it out, here and in plan"
+            )
     if unused:
         warn(f"{unused} measured rows after the last whole cycle are not used")
-    about_missing = ""
-    if missing := [name for name in desired.names if name not in names]:
-        about_missing = f"no measured angles of {', '.join(missing)}: requests kept as they are"
-        if run.plan.method == "foot-optimal":
-            words = "a plan for the foot is learnt by the angles of all its joints"
-            raise BadSetting(f"no measured angles of {', '.join(missing)}: {words}")
-        warn(about_missing)
-    every = executed_plans(desired, executed.values)
+    every = executed_plans(desired, executed.values, by_joint=names != desired.names)
     states: dict[str, LearningState] = {}  # others stay in the history: of the foot, or of joints
     if history is not None and begun:
         of_foot = [FOOT] * (run.plan.method == "foot-optimal")
@@ -124,6 +130,13 @@ def refine(
                 every[name] = learn(
                     every[name], cycles_of_plan, sensor_delay=delay, reidentify=reidentify
                 )
+    about_missing = ""
+    if missing := [name for name in desired.names if name not in names]:
+        about_missing = f"no measured angles of {', '.join(missing)}: requests kept as they are"
+        if run.plan.method == "foot-optimal":
+            learnt_by = "learnt by the angles of the plan for the foot, joint by joint"
+            about_missing += f"; {', '.join(names)} {learnt_by}"
+        warn(about_missing)
     if history is not None:
         states |= {
             name: (each.models, each.learning[0]) for name, each in every.items() if each.learning
@@ -162,13 +175,23 @@ def refine(
         f"{count} of {len(rows)} requests; {model_words(run.model)}\n{trials_text(trials)}",
         lambda file: desired.write(file, rows, loads),
         page,
-        [*origins_of(run), ("executed", requests), *(("measured", file) for file in measured)],
+        origins_of(run),
+        [
+            *inputs_of(desired),
+            ("requests", output),
+            ("executed", requests),  # where it is another file
+            *(("measured", file) for file in measured),
+            ("history", history),
+        ],
     )
 
 
-def executed_plans(desired: Desired, requests: Array) -> dict[str, Plan]:
-    """The plans whose requests [rad], (n, k), were executed, planned by any method."""
-    from planner.cli.planning import task_of
+def executed_plans(desired: Desired, requests: Array, *, by_joint: bool) -> dict[str, Plan]:
+    """The plans whose requests [rad], (n, k), were executed, planned by any method.
+
+    ``by_joint``: each joint of a plan for the foot is to follow its predicted angles in that plan.
+    """
+    from planner.cli.planning import plan_of, task_of
     from planner.planning.plan import Plan
 
     chosen = desired.settings.plan
@@ -177,8 +200,10 @@ def executed_plans(desired: Desired, requests: Array) -> dict[str, Plan]:
         raise BadSetting('‹plan.method = "foot-optimal"› plans for a foot path of a leg')
     task = task_of(replace(desired, load=desired.torques))
     task = replace(task, load_of_pose=callable(desired.load) and task.load is not None)
-    if of_foot:
+    if of_foot and not by_joint:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
+    if of_foot:  # what its joints were to do there, not the executed requests
+        task = replace(task, desired=plan_of(desired, bounded=False).predicted)
     plan = Plan(task=task, requests=requests, solver=chosen.solver)
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}
 
@@ -189,12 +214,19 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers
     from planner.report.wording import CARRIED
 
     trials = {}
+    file_models = dict(zip(desired.names, desired.models, strict=True))
     for name, plan in learnt.items():
         learning, foot = plan.learning[0], plan.task.goal == "foot"
         unit = "cm" if foot else desired.shown_units[name]
         factor = CARRIED[unit].factor
         bound, noise = learning.floor
         remarks = [as_options(text, desired.names) for text in learning.remarks]
+        models = zip(desired.names if foot else (name,), plan.models, strict=True)
+        changed = [joint for joint, model in models if model != file_models[joint]]
+        if changed and not any("identified anew" in text for text in remarks):
+            whose = f" of {', '.join(changed)}" if foot else ""
+            anew = "is not that of the file: earlier trials identified it anew"
+            remarks.append(f"the model{whose} {anew}")
         trials[name] = {
             "unit": unit,
             "trials": len(learning.errors),

@@ -87,7 +87,7 @@ def replay(
     for each in tasks[0].models.remarks:
         warn(each)
     if len(tasks) == 1:
-        return _replay_one(tasks[0])
+        return _replay_one(tasks[0], output)
     with (
         executor_of(work["workers"], work["scheduler"]) as executor,
         Progress(len(tasks), parallel=True) as progress,
@@ -100,9 +100,8 @@ def replay(
     return _answer(document, kept)
 
 
-def _replay_one(task: ReplayTask) -> Answer:
-    from planner.cli.recordings import missed
-    from planner.recording.episode import write_replay
+def _replay_one(task: ReplayTask, output: str) -> Answer:
+    from planner.cli.recordings import missed, write
     from planner.report.replay_page import fastest_results, replay_page, replay_results, replay_text
 
     with Progress() as progress:
@@ -136,9 +135,10 @@ def _replay_one(task: ReplayTask) -> Answer:
     return Answer(
         content,
         words,
-        lambda file: write_replay(file, task.recording, result, task.settings.replay.write_as),
+        lambda file: write(file, task, result),
         page,
         [("recording", task.recording.name), ("track", result.path.track)],
+        [("recording", task.recording.path), ("requests", output)],
         failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",
     )
 

@@ -13,7 +13,7 @@ from planner.cli import options
 from planner.cli.console import Answer, Progress, terminal_width
 from planner.cli.declared import option
 from planner.files.staging import list_files, output_folder
-from planner.files.text import to_json, write_text
+from planner.files.text import to_json, write_bytes, write_text
 from planner.report.wording import fitted_to
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def reproduce(
 ) -> Answer:
     """Run the paper's experiment again and put every figure beside the paper's own.
 
-    Writes results.json, report.html, figures (SVG) and CSVs of the desired angles, the
+    Writes results.json, report.html, figures (SVG and PNG) and CSVs of the desired angles, the
     approximation, the requests and the angles to a folder, which appears whole or not at all.
 
     \b
@@ -65,7 +65,7 @@ def reproduce(
         request-planner reproduce --out out/paper
         request-planner reproduce --robot virtual --out out/virtual
     """  # noqa: D301
-    from planner.report.paper_figures import picture_of
+    from planner.report.paper_figures import pictures_of
     from planner.report.paper_results import experiment_page, experiment_text
 
     experiment = on_virtual_robot if robot == "virtual" else on_model
@@ -79,7 +79,9 @@ def reproduce(
         linked = ["results.json", *list_files(folder)]
         (folder / "figures").mkdir()
         for figure in figures:
-            write_text(folder / "figures" / f"{figure.name}.svg", picture_of(figure))
+            svg, png = pictures_of(figure)
+            write_text(folder / "figures" / f"{figure.name}.svg", svg)
+            write_bytes(folder / "figures" / f"{figure.name}.png", png)
         write_text(folder / "report.html", experiment_page(document, figures, linked))
         document["files"] = list_files(folder)
         write_text(folder / "results.json", to_json(document))

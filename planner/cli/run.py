@@ -124,7 +124,7 @@ def _check_names(run: Run) -> None:
 
 def carried_out(desired: Desired, out: str) -> Answer:
     """Plan, and write the folder of the results, ``results.json`` among them."""
-    from planner.cli.planning import answer_of, origins_of, page_of, plan_of
+    from planner.cli.planning import answer_of, inputs_of, origins_of, page_of, plan_of
     from planner.files.exports import Schedule
     from planner.files.paths import write_foot_path
     from planner.report.page import versions
@@ -152,8 +152,11 @@ def carried_out(desired: Desired, out: str) -> Answer:
             exports.append({"file": export.file, **document})
             words += f"\n{export.file}: {summary}"
         if run.output.report:
-            page = page_of(desired, answer).html(origins_of(run))
-            write_text(folder / run.output.report, page)
+            page = folder / run.output.report
+            files: list[tuple[str, Path | str | None]] = [*inputs_of(desired)]
+            files += [("run", run.source.path)]
+            files += [(Path(name).stem, folder / name) for name in [*list_files(folder), MANIFEST]]
+            write_text(page, page_of(desired, answer).html(page, origins_of(run), files))
         results = {
             "made_by": "request-planner run",
             "settings": {name: value for name, (value, _) in flat(run).items()},
@@ -242,9 +245,11 @@ def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
     from planner.report.page import versions
     from planner.report.sweep_page import command, missed, sweep_page, sweep_results, verdict
 
-    run, rows = space.settings, sweep_results(swept)
+    run, page, rows = space.settings, folder / "report.html", sweep_results(swept)
     write_text(folder / "points.csv", csv_text([*rows[0]], [[*row.values()] for row in rows]))
-    write_text(folder / "report.html", sweep_page(swept).html(origins_of(run)))
+    files: list[tuple[str, Path | str]] = [("sweep", swept.file)]
+    files += [(Path(name).suffix[1:], folder / name) for name in list_files(folder)]
+    write_text(page, sweep_page(swept).html(page, origins_of(run), files))
     document = {
         "made_by": "request-planner sweep",
         "verdict": verdict(swept),

@@ -314,6 +314,27 @@ def record(
     )
 
 
+def _fault(text: str) -> tuple[str, int, float]:
+    """A fault, its servo (0 for the bus), and its share or time."""
+    parts = re.fullmatch(
+        r"(drop|disconnect|power-off)=(.+)|(stall|overheat|saturate)=(\d{1,3})@(.+)", text
+    )
+    if parts is None:
+        raise ValueError
+    kind, number = parts[1] or parts[3], float(parts[2] or parts[5])
+    most = 1.0 if kind == "drop" else math.inf
+    if not math.isfinite(number) or (parts[1] and not 0.0 <= number <= most):
+        raise ValueError
+    return kind, int(parts[4] or 0), number
+
+
+FAULT = options.Parsed(
+    _fault,
+    "FAULT",
+    "drop=SHARE, disconnect=S, power-off=S, or stall, overheat or saturate=ID@S, such as stall=3@5",
+)
+
+
 @options.command(answers=False)
 def virtual_bus(
     *,
@@ -329,6 +350,10 @@ def virtual_bus(
         "Lock step: so much time passes from one sync write to the next, however long it takes.",
         otherwise="real time",
     ),
+    fault: Annotated[tuple[tuple[str, int, float], ...], FAULT] = option(
+        "drop=0.05 (of the packets), disconnect=10 (seconds from now), power-off=10, stall=3@5 "
+        "(servo 3 after 5 s), overheat=3@5, saturate=3@5 (its supply sags). Repeat it for several."
+    ),
 ) -> None:
     """Put moving virtual servos behind a pseudo-terminal, and print the port; Ctrl-C ends it.
 
@@ -343,9 +368,18 @@ def virtual_bus(
     """  # noqa: D301
     from planner.virtual import servo_bus
 
+    fault_settings: dict[str, Any] = {}
+    for what, servo, value in fault:
+        if what in ("drop", "disconnect", "power-off"):
+            fault_settings[what.replace("-", "_")] = value
+        elif servo in range(1, servos + 1):
+            fault_settings.setdefault(what, {})[servo] = value
+        else:
+            raise click.UsageError(f"--fault: got servo {servo}, expected 1 to {servos}.")
     virtual_servos = servo_bus.VirtualServos(
         servos,
         servo_bus.KINDS[kind],
+        faults=servo_bus.Faults(**fault_settings),
         step=None if step_ms is None else 1e-3 * step_ms,
     )
     virtual_servos.run(0.01)  # compiles its functions before a program waits for answers

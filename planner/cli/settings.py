@@ -50,7 +50,7 @@ LegName = Annotated[
 ]
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
-ReplayFormat = Literal["csv", "joints", "lerobot"]
+ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
 
 
 class Leg(Settings):
@@ -325,7 +325,7 @@ class Replay(Settings):
             slower where errors are large.
         urdf_joints: With a URDF: what a joint of the recording is called there.
         write_as: What to write: csv has the columns and units of the recording, joints those of
-            `plan`, which `export` converts; lerobot is a folder.
+            `plan`; lerobot, bag and mcap are folders.
     """
 
     track: Literal["state", "action"] = option(default="state")

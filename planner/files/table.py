@@ -94,22 +94,23 @@ def read_table(path: Path | str, *, most_rows: int = MOST_CELLS) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
     Lines that begin with ``#`` are comments; where numbers follow at once, the last of these lines
-    is the header. The commonest of :data:`DELIMITERS` in the header is the delimiter. Where it is
-    not a comma, numbers may have decimal commas.
+    is the header. A first line ``sep=;``, or else the commonest of :data:`DELIMITERS` in the
+    header, is the delimiter. Where it is not a comma, numbers may have decimal commas.
     """
     stream = io.StringIO(read_text(path), newline=None)
     lines = [(number, line) for number, line in enumerate(stream, 1) if not line.isspace()]
-    content = [each for each in lines if each[1].lstrip()[0] != "#"]
+    declared = re.fullmatch(r"sep=([,;\t])\s*", lines[0][1]) if lines else None  # of spreadsheets
+    content = [each for each in lines[bool(declared) :] if each[1].lstrip()[0] != "#"]
     if not content:
         raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
     first, text = content[0]
     title = next((line.strip() for number, line in lines[::-1] if number < first), "")
     title = title if title[1:2] in DELIMITERS else title[1:].strip()
-    delimiter = max(DELIMITERS, key=title.count)
+    delimiter = declared[1] if declared else max(DELIMITERS, key=title.count)
     cells = [_with_point(cell) for cell in text.split(delimiter)]
     if title and len(cells) == title.count(delimiter) + 1 and any(map(_is_number, cells)):
         content.insert(0, (first - 1, title))  # as long as the row of numbers
-    else:
+    elif not declared:
         delimiter = max(DELIMITERS, key=text.count)
     reader = csv.reader((line for _, line in content), delimiter=delimiter, strict=True)
     rows, numbers = list[tuple[str, ...]](), list[int]()

@@ -69,8 +69,8 @@ def read_json(path: Path | str, *, what: str) -> Any:
 def write_text(path: Path | str, text: str) -> None:
     """Write ``text`` to a file, whole or not at all, or to standard output for ``-``."""
     if str(path) != STANDARD_STREAM:
-        with staged(path, text.encode()):
-            return
+        write_bytes(path, text.encode())
+        return
     if sys.stdout is None:
         raise InvalidFile(STANDARD_STREAM, "standard output is closed; name a file for the output")
     try:
@@ -84,6 +84,12 @@ def write_text(path: Path | str, text: str) -> None:
         raise
     except OSError as error:
         raise cannot_write(STANDARD_STREAM, error) from error
+
+
+def write_bytes(path: Path | str, content: bytes) -> None:
+    """Write ``content`` to a file, whole or not at all; see :func:`write_text`."""
+    with staged(path, content):
+        pass
 
 
 def to_json(content: Mapping[str, Any]) -> str:

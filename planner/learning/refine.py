@@ -19,14 +19,14 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.arrays import Array, as_flag, as_number, freeze, rms, shown
-from planner.exceptions import InvalidInput, PlannerError, about
+from planner.exceptions import InvalidInput, NoSteadyCycle, PlannerError, about
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.learning import measurements
 from planner.learning.trials import Learning, Trial
 from planner.model.evidence import ENCODER_STEP, UNFORESEEN
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import simulate, simulate_joints
 from planner.planning.inversion import planned
 from planner.planning.plan import FootInversion, Inversion, Plan, joined
 
@@ -464,3 +464,16 @@ def _identified(model: JointModel, logs: Sequence[Log]) -> JointModel | None:
         stretch = model.v_max / candidate.v_max
         candidate = replace(candidate, v_max=model.v_max, theta_0=candidate.theta_0 * stretch)
     return candidate
+
+
+def in_a_cycle(
+    models: Sequence[JointModel], requests: Array, measured: Array, starts: Sequence[float]
+) -> bool:
+    """Whether joints were in their steady cycle, not at rest at ``starts``: angles in rad."""
+    try:
+        cycle = simulate_joints(models, requests, cyclic=True)
+    except NoSteadyCycle:
+        return False
+    apart = cycle - simulate_joints(models, requests, cyclic=False, starts=starts)
+    toward = np.sum(apart * (measured.mean(axis=0) - cycle + apart))
+    return bool(np.max(np.abs(apart)) > np.radians(0.5) and toward >= 0.5 * np.sum(apart**2))

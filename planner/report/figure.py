@@ -194,7 +194,7 @@ class Figure:
 
     # parts of the axis that a button of that name brings into view; it takes the whole page's width
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    # data of a moving leg, which a page shows in place of the panels
+    # data of a moving leg or of numbers at a moment, which a page shows in place of the panels
     live: Mapping[str, Any] | None = None
 
     @property

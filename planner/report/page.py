@@ -6,12 +6,15 @@ import base64
 import gzip
 import json
 import math
+import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import numpy as np
 from markupsafe import Markup
@@ -32,6 +35,9 @@ from planner.report.wording import (
 
 if TYPE_CHECKING:
     from planner.model.joint import JointModel
+
+Written = Iterable[tuple[str, "Path | str | None"]]
+"""Role and path of each file of a run; None or an empty name for none."""
 
 PARAMETERS: Mapping[str, tuple[str, str]] = {
     "v_max": ("top speed", "top speed v_max"),
@@ -63,8 +69,10 @@ class Page:
         """Keep the template's name, such as "plan", and the values."""
         self.template, self.values = template, values
 
-    def html(self, origins: Iterable[tuple[str, str]] | None = None) -> str:
-        """The whole page; with what it comes from, by name, unless it says this itself."""
+    def html(
+        self, place: Path | str = "", origins: Iterable[tuple[str, str]] = (), written: Written = ()
+    ) -> str:
+        """The whole page; at a ``place`` with its inputs and links to the files of its run."""
         templates, drawn = environment(), dict[str, Mapping[str, Any]]()
         element, downloads = templates.get_template("figure.html"), "files" in self.values
 
@@ -79,7 +87,7 @@ class Page:
             return Markup('<div class="{}">\n{}\n</div>').format(kind, elements)
 
         return templates.get_template(f"{self.template}.html").render(
-            sources=[] if origins is None else sources_of(origins),
+            sources=sources_of(place, origins, written) if place else [],
             roles=ROLES,
             show=show,
             live_scripts=lambda: live_scripts(drawn),
@@ -121,7 +129,7 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
     folder = files("planner.report").joinpath("scripts")
     parts += [
         f"<script>\n{folder.joinpath(name).read_text('utf-8')}</script>"
-        for name in ("live.js", "plots.js", "leg.js", "tables.js")
+        for name in ("live.js", "plots.js", "leg.js", "moment.js", "tables.js")
     ]
     return Markup("\n".join(parts))  # our own, and JSON without markup
 
@@ -180,10 +188,28 @@ def versions(*more: str) -> dict[str, str]:
     return by_package
 
 
-def sources_of(origins: Iterable[tuple[str, str]]) -> list[tuple[str, list[tuple[str, Any]]]]:
-    """Title and pairs of name and content of the lists at the end of a page."""
-    known = [(name, breakable(which)) for name, which in origins]
-    return [("Where it comes from", known), ("Versions", list(versions().items()))]
+def sources_of(
+    page: Path | str, origins: Iterable[tuple[str, str]] = (), files: Written = ()
+) -> list[tuple[str, list[tuple[str, Any]]]]:
+    """Title and pairs of name and content of the lists at the end of a page; none is empty."""
+    # "-" is standard input or output; one file may have several roles
+    folder, links = Path(page).resolve().parent, dict[str, tuple[str, Markup]]()
+    for role, file in files:
+        if file and str(file) != "-":
+            name = Path(os.path.relpath(Path(file).resolve(), folder)).as_posix()
+            href = f"./{quote(name)}" if ":" in name.split("/")[0] else quote(name)
+            links.setdefault(href, (role, file_link(name, href)))
+    lists: dict[str, list[tuple[str, Any]]] = {
+        "Where it comes from": [(name, breakable(which)) for name, which in origins],
+        "Files of this run": list(links.values()),
+        "Versions": list(versions().items()),
+    }
+    return [each for each in lists.items() if each[1]]
+
+
+def file_link(name: str, href: str = "") -> Markup:
+    """A link to a file, by default to the one of this name beside the page."""
+    return Markup('<a href="{}">{}</a>').format(href or name, breakable(name))
 
 
 @cache

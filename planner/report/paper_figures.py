@@ -329,16 +329,23 @@ def _learning(outcome: VirtualOutcome) -> Figure:
 # Files, drawn by Matplotlib as the same bytes every time.
 
 
-def picture_of(figure: Figure) -> str:
-    """The figure as an SVG file, text as text, and not dated."""
+def pictures_of(figure: Figure) -> tuple[str, bytes]:
+    """The figure as an SVG file, text as text, and as a PNG file, laid out once and not dated."""
     import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    svg = io.StringIO()
+    svg, png = io.StringIO(), io.BytesIO()
     with mpl.rc_context(fname=Path(__file__).with_name("paper.mplstyle")):
-        canvas: Any = FigureCanvasSVG(draw(figure))  # `savefig` would draw it twice
+        picture = draw(figure)  # printed by canvases: `savefig` draws it once before
+        canvas: Any = FigureCanvasSVG(picture)
         canvas.print_svg(svg, metadata={"Date": None, "Creator": None})
-    return "\n".join(row.rstrip() for row in svg.getvalue().splitlines()) + "\n"
+        picture.set_layout_engine("none")
+        picture.dpi = 200  # dots per inch
+        canvas = FigureCanvasAgg(picture)
+        canvas.print_png(png, metadata={"Software": None})
+    rows = (row.rstrip() for row in svg.getvalue().splitlines())
+    return "\n".join(rows) + "\n", png.getvalue()
 
 
 def draw(figure: Figure) -> Picture:

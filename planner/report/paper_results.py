@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from markupsafe import Markup
-
 from planner._version import __version__
 from planner.arrays import Array, Distance, excess
 from planner.evaluation.reproduction import (
@@ -27,7 +25,7 @@ from planner.evaluation.virtual_experiment import (
 from planner.identification.result import Identification
 from planner.model.joint import JointModel
 from planner.report.figure import Figure
-from planner.report.page import Page, models_table, versions
+from planner.report.page import Page, file_link, models_table, versions
 from planner.report.wording import (
     phrase,
     rendered_text,
@@ -291,7 +289,7 @@ def experiment_page(results: Results, figures: Sequence[Figure], files: Sequence
         featured=[figure for figure in figures if figure.name in featured],
         learning=alone,
         others=[each for each in figures if each not in alone and each.name not in featured],
-        files=[(Markup('<a href="{0}">{0}</a>').format(file), "") for file in files],
+        files=[(file_link(file), "") for file in files],
         seconds=[(part.replace("_", " "), f"{s:.2f}") for part, s in results["seconds"].items()],
     ).html()
 

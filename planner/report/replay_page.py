@@ -1,4 +1,4 @@
-"""Replays: their pages, their text and their JSON."""
+"""Replays: their pages, with a slider through the episode, their text and their JSON."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from planner.arrays import Array
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure
-from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, line
+from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, line, rounded
 from planner.report.page import Page, models_table
 from planner.report.plan_results import Numbers, in_unit, motion_of, motions_table, sizes_of
 from planner.report.wording import (
@@ -96,7 +96,7 @@ def replay_page(
         fast={name: seconds for name, seconds in fast.items() if seconds},
         farthest=max(joints, key=lambda name: float(joints[name]["planned"]["rms"])),
         expected=max(known, key=lambda name: known[name], default=None),
-        moving=arm and arm_figure(replay, arm),
+        moving=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         speeds=[] if fastest is None else speeds_figures(fastest),
         open_speeds=sorted(replay.path.open_top_speeds),
         pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
@@ -140,6 +140,25 @@ def _allowed(fastest: Fastest) -> tuple[float, Unit]:
 
 
 # The figures.
+
+
+def moment_figure(replay: Replay) -> Figure:
+    """The slider through the episode, with the numbers of its moment."""
+    timeline, joints = Timeline(replay.period, len(replay.moments), cyclic=False), replay.joints
+    stride, units, kinds = timeline.stride, [UNITS[each.path.unit] for each in joints], []
+    for name, kind in (("path", "desired"), ("request", "requests"), ("predicted", "predicted")):
+        arrays = zip((getattr(each, kind) for each in joints), units, strict=True)
+        values = [None if a is None else rounded(a[::stride], unit.factor) for a, unit in arrays]
+        kinds.append({"name": name, "values": values})
+    pairs = zip(replay.names, units, strict=True)
+    live = {
+        "kind": "moment",
+        "period": stride * timeline.period,
+        "samples": len(range(0, timeline.samples, stride)),
+        "joints": [{"name": name, "unit": unit.sign} for name, unit in pairs],
+        "kinds": kinds,
+    }
+    return Figure("moment", *words_of("moment"), timeline.axis, live=live)
 
 
 def arm_figure(replay: Replay, arm: Leg) -> Figure:

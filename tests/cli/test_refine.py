@@ -1,15 +1,18 @@
 """``request-planner refine``: executed requests and measured angles in, the next requests out."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from planner import simulate
-from planner.files.paths import read_joint_path, write_joint_path
+from planner import half_ellipse, simulate
+from planner.files.paths import read_joint_path, write_foot_path, write_joint_path
 from tests.instances import ERS210A
 
 TRUE = replace(ERS210A, theta_0=1.2 * ERS210A.theta_0, lag=1.2 * ERS210A.lag, offset=0.01)
+
+LEG = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
 
 
 @pytest.fixture
@@ -102,3 +105,44 @@ def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):
     late = np.column_stack([np.roll(rows[:, 2], 2), rows[:, 3]])
     write_joint_path("log.csv", ("requested", "actual"), late, period=0.008)
     assert run(*line, "--joint", "knee").stdout == alone.stdout, "requests two rows late"
+
+
+def keep_columns(file, *names):
+    """Leave only some joints in a file of angles."""
+    path = read_joint_path(file, joints=names)
+    write_joint_path(file, names, path.values, period=0.008)
+
+
+@pytest.mark.usefixtures("unbounded")
+def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
+    run, execute, tmp_path
+):
+    """They come to follow their angles in that plan; a foot measured whole is learnt as ever."""
+    file = tmp_path / "foot.csv"
+    write_foot_path(file, half_ellipse(samples=40, length=0.015, height=0.005), period=0.008)
+    assert run("plan", file, *LEG, "-o", "requests.csv").exit_code == 0
+    first = read_joint_path("requests.csv")
+    planned = np.column_stack([simulate(ERS210A, column) for column in first.values.T])
+    line = ("refine", "requests.csv", "measured.csv", "--desired", file, *LEG, "--no-reidentify")
+    line = (*line, "--history", "all.json", "--json", "-o", "requests.csv")
+    line = (*line, "--report", "page.html")
+    name, errors = first.names[1], []
+    for _ in range(2):
+        errors.append(np.sqrt(np.mean((execute()[:, 1] - planned[:, 1]) ** 2)))
+        keep_columns("measured.csv", name)
+        result = run(*line)
+        assert result.exit_code == 0, result.output
+        assert "no measured angles of rotator, knee: requests kept" in result.stderr
+        said = f"{name} learnt by the angles of the plan for the foot"
+        assert said in result.stderr
+        assert said in (tmp_path / "page.html").read_text("utf-8")
+        learning = json.loads(result.stdout)["learning"]
+        assert learning.keys() == {name}
+        assert np.radians(learning[name]["errors_deg"]) == pytest.approx(errors, rel=1e-6)
+        sent = read_joint_path("requests.csv").values
+        np.testing.assert_allclose(sent[:, [0, 2]], first.values[:, [0, 2]], atol=1e-12)
+    left = np.sqrt(np.mean((execute()[:, 1] - planned[:, 1]) ** 2))
+    assert left < 0.25 * errors[0]
+    answer = json.loads(run(*line).stdout)
+    assert answer["learning"]["foot"]["trials"] == 1
+    assert json.loads((tmp_path / "all.json").read_text())["plans"].keys() == {name, "foot"}

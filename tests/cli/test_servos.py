@@ -474,7 +474,25 @@ def test_a_check_compares_the_parts_of_a_motion_that_the_logs_of_the_model_teste
     assert share == pytest.approx(beyond, abs=0.01)
 
 
-def test_the_servos_that_are_asked_for_are_served_at_the_port_that_is_printed(run, monkeypatch):
+ALL_FAULTS = (
+    "--fault drop=1 --fault disconnect=0 --fault power-off=3.5 --fault stall=1@5 --fault "
+    "stall=6@0.5 --fault overheat=3@7 --fault saturate=2@1"
+)
+KNOWN = {"drop": 1.0, "disconnect": 0.0, "power_off": 3.5}
+KNOWN |= {"stall": {1: 5.0, 6: 0.5}, "overheat": {3: 7.0}, "saturate": {2: 1.0}}
+
+
+@pytest.mark.parametrize(
+    ("asked", "count", "kind", "faults", "step"),
+    [
+        (ALL_FAULTS, 6, "sts3215", Faults(**KNOWN), None),
+        ("--servos 2 --step-ms 20 --kind mx-64", 2, "mx-64", Faults(), 0.02),
+    ],
+    ids=["faults", "others"],
+)
+def test_the_servos_that_are_asked_for_are_served_at_the_port_that_is_printed(
+    run, monkeypatch, asked, count, kind, faults, step
+):
     made, served = [], []
 
     def servos(*given, **more):
@@ -488,7 +506,7 @@ def test_the_servos_that_are_asked_for_are_served_at_the_port_that_is_printed(ru
     monkeypatch.setattr(servo_bus, "VirtualServos", servos)
     monkeypatch.setattr(servo_bus, "terminal", terminal)
     monkeypatch.setattr(servo_bus, "serve", lambda _, end: served.append(end))
-    result = run("virtual-bus", "--servos", "2", "--step-ms", "20", "--kind", "mx-64")
+    result = run("virtual-bus", *asked.split())
     assert result.stdout == "/dev/pts/9\n"
     assert served == [7]
-    assert made == [(2, KINDS["mx-64"], {"step": pytest.approx(0.02)})]
+    assert made == [(count, KINDS[kind], {"faults": faults, "step": pytest.approx(step)})]

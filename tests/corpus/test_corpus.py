@@ -120,7 +120,7 @@ def in_few_lines(text: str, *, ending: str = "") -> str:
 
 COMMON = (
     *("The figures of this page need", "Drag in a plot (on a touch", "Where it comes from"),
-    *("Above: the joint's angle as desired,", "Distance of the foot from its"),
+    *("Above: the joint's angle as desired,", "Distance of the foot from its", "Files of this run"),
     *("Errors are predicted minus desired", "The length is the sum of all", "Versions …"),
     *("Move the slider and the leg follows", "No requests have less error than the"),
 )

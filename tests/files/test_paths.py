@@ -134,7 +134,7 @@ READ = {
     "no loads of these joints": (b"hip_deg,knee_deg,knee_load_Nm\n1,2,0.5\n3,4,0.6\n", ["hip"]),
     "chosen joints": (b"note,knee_deg,hip_deg\nstart,1,2\nend,3,4\n", ["hip", "knee"]),
     "a column of a log": (b"t_s,req_knee_deg,act_knee_deg\n0,1,2\n1,3,4\n", ["act_knee"]),
-    "a spreadsheet's": b"t_ms;knee_deg\r\n0;1,5\r\n20,5;-2,5e1\r\n",
+    "a spreadsheet's": b"sep=;\r\nt_ms;knee_deg\r\n0;1,5\r\n20,5;-2,5e1\r\n",
     "semicolons": b"\n\nt_ms;knee_deg\n0;1,5\n20,5;-2,5e1\n",
     "tabs": b"t_ms\tknee_deg\n0\t1,5\n20,5\t-2.5e1\n",
     "titles of formulas": b"'=1+2_deg,'knee_deg,'-a_deg\n1,2,3\n4,5,6\n",

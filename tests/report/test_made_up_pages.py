@@ -84,7 +84,7 @@ def robot():
     missed = ["the foot is 2 cm off"]
     answer = PlanAnswer(plan=plan_by_tested_models(), method="optimal", legs=legs, missed=missed)
     page = plan_page(answer, title="walk", notes=["Mind the step."])
-    return page.html(ORIGINS)
+    return page.html("page.html", ORIGINS)
 
 
 def replayed_arm():

@@ -61,7 +61,9 @@ def text_of_page(outcome, **about):
 
 
 def page_of(outcome, **about):
-    return plan_page(answer_about(outcome, **about), title="leg <1>").html([("path", "<x>.csv")])
+    return plan_page(answer_about(outcome, **about), title="leg <1>").html(
+        "page.html", [("path", "<x>.csv")]
+    )
 
 
 @pytest.mark.parametrize(

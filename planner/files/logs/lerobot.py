@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ _EPISODE = re.compile(r"episode_(\d+)\.parquet", re.ASCII)
 # number of the episode, and that of its task, are read.
 TIME, EPISODE, TASK = "timestamp", "episode_index", "task_index"
 COUNTED = {TIME: "float32"} | dict.fromkeys(("frame_index", EPISODE, "index", TASK), "int64")
+MOST_BYTES = 2**28  # unfolded columns of one file [bytes]: 22 hours at 30 Hz of 6 joints
 
 
 class EpisodeRows(NamedTuple):
@@ -158,24 +160,36 @@ def _read(file: Path, *names: str, rows: Mask | None = None) -> list[Array]:
         with parquet.ParquetFile(file) as parts:
             present = parts.schema_arrow.names
             for name in names:
+                problem = f"{present.count(name)} columns '{name}', expected one"
                 if name not in present:
                     hint = nearest(name, present)
                     problem = f"no column '{name}'{hint}; columns: {', '.join(present)}"
+                if present.count(name) != 1:
                     raise InvalidFile(file, problem)
-            groups = [*range(parts.num_row_groups)]
+            groups, batches, size, begin = None, list[Any](), 0, 0
             if rows is not None:
-                counts = [parts.metadata.row_group(k).num_rows for k in groups]
+                counts = [parts.metadata.row_group(k).num_rows for k in range(parts.num_row_groups)]
                 pieces = np.split(rows, np.cumsum(counts)[:-1])
-                groups = [k for k in groups if pieces[k].any()]
-            table = parts.read_row_groups(groups, [*names], use_threads=False)
-            if rows is not None:
-                table = table.filter(pa.array(np.concatenate([pieces[k] for k in groups])))
-            if not len(table):
+                groups = [k for k, own in enumerate(pieces) if own.any()]
+                rows = np.concatenate([pieces[k] for k in groups])
+            # Rows are unfolded some at a time, as a small file cannot fill all of the memory. The
+            # size in its description is not used: pyarrow ends the process where that is damaged.
+            for batch in parts.iter_batches(8192, groups, [*names], use_threads=False):
+                own = slice(begin, begin := begin + len(batch))
+                batches.append(batch if rows is None else batch.filter(pa.array(rows[own])))
+                size += batches[-1].nbytes
+                if size > MOST_BYTES:
+                    words = f"more than {MOST_BYTES >> 20} MiB of angles and times; split it"
+                    raise InvalidFile(file, words)
+            if not sum(map(len, batches)):
                 raise InvalidFile(file, "no rows; is the file cut short?")
-            return [_numbers(file, pa.concat_arrays(table[name].chunks), name) for name in names]
+            return [
+                _numbers(file, pa.concat_arrays([batch.column(name) for batch in batches]), name)
+                for name in names
+            ]
     except InvalidFile:
         raise
-    except (pa.ArrowException, OSError, ValueError, LookupError, MemoryError) as error:
+    except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
         why = " ".join(str(error).split())[:120]
         words = f"not Parquet that can be read ({why}); is the file cut short?"
         raise InvalidFile(file, words) from error
@@ -184,7 +198,9 @@ def _read(file: Path, *names: str, rows: Mask | None = None) -> list[Array]:
 def _episodes_in(file: Path) -> Indices:
     """The number of the episode of each row of a file, shape (n,), read-only."""
     try:
-        return _numbered(file, file.stat().st_mtime_ns)
+        written = file.stat().st_mtime_ns
+        is_new = time.time_ns() - written < 1_000_000_000  # and may change in the same clock tick
+        return (_numbered.__wrapped__ if is_new else _numbered)(file, written)
     except OSError as error:
         words = f"cannot be read ({reason(error)}); check the name and the folder"
         raise InvalidFile(file, words) from error

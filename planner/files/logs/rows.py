@@ -192,6 +192,7 @@ def make_log(rows: Rows) -> Log:
     check_increasing(_checked(rows, "time", rows.times, Scale("s", 1.0, 0.0, "s")), rows.fault)
     requests = _checked(rows, "requested angle", rows.requests, requested)
     angles = _checked(rows, "actual angle", rows.angles, actual)
+    _check_one_unit(rows, requests[measured], angles[measured])
     if np.array_equal(requests[measured], angles[measured]) and np.ptp(angles) > 0.0:
         raise rows.wrong(
             "the actual angles equal the requested ones in every row, expected measured angles; is "
@@ -339,6 +340,38 @@ def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
         expected = IN_SHARES.get(scale.name, f"an angle in {scale.name}; check the unit")
         raise rows.fault(f"{what}: got {numbers[k]:g}, expected {expected}", k)
     return values
+
+
+def _check_one_unit(rows: Rows, requests: Array, angles: Array) -> None:
+    """Refuse a log in which one column alone, which the other follows, has another unit."""
+    if len(angles) < 20:
+        return
+    spans = np.ptp(requests), np.ptp(angles)
+    ratio = max(spans) / max(min(spans), 1e-300)
+    if not 40.0 < ratio < 80.0:  # a radian has 57.3 degrees
+        return
+    latest = min(len(angles) // 2, round(0.5 / float(np.median(np.diff(rows.times)))))
+
+    def follows(late: int) -> bool:
+        (inputs, both), (_, outputs) = np.cov(requests[: len(requests) - late], angles[late:])
+        return bool(both > 0.7 * np.sqrt(inputs * outputs))
+
+    if not any(follows(late) for late in range(0, latest + 1, 1 + latest // 25)):
+        return
+    large, small = ROLES if spans[0] > spans[1] else ROLES[::-1]
+    units = {role: of.name for role, of in zip(ROLES, rows.scales, strict=True)}
+    if units[large] == "rad":
+        wrong, named, held, units[large] = large, "radians", "degrees", "deg"
+    elif units[small] == "deg":
+        wrong, named, held, units[small] = small, "degrees", "radians", "rad"
+    else:
+        return
+    option = ",".join(f"{column}={unit}" for column, unit in units.items())
+    raise rows.wrong(
+        f"the {large} angles span {ratio:.3g} times as much as the {small} ones: the {wrong} ones "
+        f"are read as {named}, and are {held}; rename their column, or give "
+        f"--unit {option} if the names have no unit"
+    )
 
 
 def _doubts(rows: Rows) -> tuple[str, ...]:

@@ -172,6 +172,14 @@ def _potentiometer(slow):
     return _csv(("", ""), times, 1500.0 + 2000.0 / np.pi * requests, counts)
 
 
+def _sines(units, of_requests, of_angles):
+    """A log of a joint that lags, with factors of requests and angles."""
+    times = 0.02 * np.arange(200)
+    requests, angles = 0.12 * np.sin(5.0 * times), 0.1 * np.sin(5.0 * (times - 0.1))
+    titles = [f"_{unit}" for unit in units.split()]
+    return _csv(titles, times, of_requests * requests, of_angles * angles)
+
+
 BAD = {
     "empty": "",
     "too short": "t_s,req_rad,act_rad\n0,0,0\n1,0,0\n",
@@ -218,6 +226,10 @@ BAD = {
         partial(_potentiometer, 1.0),
         {"unit": "requested=counts,actual=us"},
     ),
+    "angles in degrees": _sines("rad rad", 1.0, 57.3),
+    "requests alone in degrees": _sines("rad rad", 57.3, 1.0),
+    "angles in radians": _sines("deg deg", 57.3, 1.0),
+    "both in degrees": _sines("deg rad", 57.3, 57.3),
 }
 
 
