@@ -191,7 +191,8 @@ def _multisine(
     joins = np.linspace(-1.0 / 3.0, 2.0 / 3.0, len(waves)) if quickens else -np.ones(len(waves))
     present = _risen((shares - joins[:, None]) / SWELL + (joins[:, None] <= 0.0))
     amplitudes = waves[:, None] ** -0.5 * present
-    amplitudes *= _swell(samples) / np.linalg.norm(amplitudes, axis=0)
+    amplitudes *= _risen(np.minimum(shares, 1.0 - shares) / SWELL)
+    amplitudes /= np.linalg.norm(amplitudes, axis=0)
     angles = 2.0 * np.pi * np.outer(waves, shares)
     drawn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (64, len(waves)))
     made = [np.sum(amplitudes * np.sin(angles + phases[:, None]), axis=0) for phases in drawn]
@@ -224,12 +225,6 @@ def _slow_triangle(samples: int, cycles: int) -> Array:
         phase = np.mod(cycles * np.arange(len(part)) / len(part) + 0.75, 1.0)
         parts.append(height * (4.0 * np.abs(phase - 0.5) - 1.0))
     return np.concatenate(parts)
-
-
-def _swell(samples: int) -> Array:
-    """From 0 to 1 along half a cosine at the beginning of a signal, and back at its end."""
-    share = np.arange(samples) / samples
-    return _risen(np.minimum(share, 1.0 - share) / SWELL)
 
 
 def _risen(shares: Array) -> Array:

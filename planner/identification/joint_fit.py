@@ -193,18 +193,6 @@ def with_observed_speed(fit: Fit) -> Fit:
     return replace(fit, parameters=fit.parameters._replace(v_max=JUST_ABOVE * shown))
 
 
-def never_saturating(fit: Fit) -> Fit | None:
-    """The joint whose top speed is far above all motion of the log.
-
-    On slow ramps a top speed a little below theirs may stand for a sag or friction that is not
-    fitted yet. None where the top speed of the fit is above all motion that was measured.
-    """
-    if fit.parameters.v_max > fit.grid.fastest:
-        return None
-    at = fit.parameters._replace(v_max=4.0 * fit.grid.fastest)
-    return fit.again(at, free=fit.free & ~only("v_max"))
-
-
 def with_speed_of(fit: Fit, speed: float) -> Fit:
     """The fit with the top speed raised to one that a joint was seen to have [rad/s]."""
     at = fit.parameters._replace(v_max=JUST_ABOVE * speed)
