@@ -191,8 +191,8 @@ def _multisine(
     joins = np.linspace(-1.0 / 3.0, 2.0 / 3.0, len(waves)) if quickens else -np.ones(len(waves))
     present = _risen((shares - joins[:, None]) / SWELL + (joins[:, None] <= 0.0))
     amplitudes = waves[:, None] ** -0.5 * present
-    amplitudes *= _risen(np.minimum(shares, 1.0 - shares) / SWELL)
-    amplitudes /= np.linalg.norm(amplitudes, axis=0)
+    swell = _risen(np.minimum(shares, 1.0 - shares) / SWELL)
+    amplitudes *= swell / np.linalg.norm(amplitudes, axis=0)
     angles = 2.0 * np.pi * np.outer(waves, shares)
     drawn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (64, len(waves)))
     made = [np.sum(amplitudes * np.sin(angles + phases[:, None]), axis=0) for phases in drawn]
