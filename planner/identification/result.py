@@ -99,7 +99,12 @@ def _sentences() -> jinja2.Environment:
 
     @jinja2.pass_context
     def angle(of: Mapping[str, Any], value: float, per: str = "", *, digits: int = 3) -> str:
-        return angle_in(of["unit"], value, per, digits=digits)
+        """An angle [rad or share of a range], or what it is ``per`` second, with its unit."""
+        if math.isinf(value):
+            return "any amount"
+        factor, unit = (100.0, "% of range") if of["unit"] == "1" else (math.degrees(1.0), "deg")
+        number = float(f"{factor * value:.{digits - 1}e}")  # without a power of ten
+        return f"{number:g} {unit.removesuffix(' of range' * bool(per))}{per}"
 
     sentences = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -114,19 +119,6 @@ def _sentences() -> jinja2.Environment:
         "percent": lambda share: f"{100.0 * share:.0f}",
     }
     return sentences
-
-
-def angle_in(unit: str, value: float, per: str = "", *, digits: int = 3) -> str:
-    """An angle of a log [rad or share of a range], or what it is ``per`` second, with its unit."""
-    if math.isinf(value):
-        return "any amount"
-    factor, unit = (100.0, "% of range") if unit == "1" else (math.degrees(1.0), "deg")
-    return f"{plain(factor * value, digits)} {unit.removesuffix(' of range' * bool(per))}{per}"
-
-
-def plain(value: float, digits: int = 3) -> str:
-    """A number of so many digits without a power of ten."""
-    return f"{float(f'{value:.{digits - 1}e}'):g}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
