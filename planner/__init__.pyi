@@ -27,6 +27,7 @@ from planner.identification.log import Log as Log
 from planner.identification.result import Identification as Identification
 from planner.learning.trials import (
     Learning as Learning,
+    SensorDelay as SensorDelay,
     Trial as Trial,
 )
 from planner.learning.refine import refine as refine

@@ -238,7 +238,7 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers
             "best_trial": learning.best + 1,
             "stopped": learning.stopped.replace(" deg", f" {CARRIED[unit].words}") or None,
             "remarks": remarks,
-            "sensor_delay_ms": [1e3 * late for late in learning.sensor_delays],
+            "sensor_delay_ms": [1e3 * each.removed for each in learning.delays],
         }
     return trials
 

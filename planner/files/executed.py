@@ -17,7 +17,7 @@ from planner.files.paths import SampledPath, check_step, joint_path, read_joint_
 from planner.files.table import Table, read_table
 from planner.files.text import read_json, to_json, write_text
 from planner.identification.grid import mean_period
-from planner.learning.trials import Learning, Trial
+from planner.learning.trials import Learning, SensorDelay, Trial
 from planner.model.joint import JointModel
 
 MOST_LOST = 3  # measured rows in sequence that may be missing, and are interpolated
@@ -222,7 +222,7 @@ def _state(name: str, content: Mapping[str, Any], shape: tuple[int, ...]) -> Lea
         "noise": np.array(fields["noise"], dtype=np.float64),
         "gain": float(fields["gain"]),
         "reidentified": tuple(fields["reidentified"]),
-        "sensor_delays": tuple(map(float, fields["sensor_delays"])),
+        "delays": tuple(SensorDelay(**each) for each in fields["delays"]),
         "best": int(fields["best"]),
         "floor": (speed, noise),
         "next_error": number(fields["next_error"]),

@@ -19,7 +19,7 @@ from scipy.ndimage import convolve1d
 
 from planner.arrays import LARGEST, Array, as_reals, rms
 from planner.exceptions import InvalidTrajectory, angle_text
-from planner.learning.trials import Trial
+from planner.learning.trials import SensorDelay, Trial
 from planner.model.joint import JointModel
 from planner.planning.line_inverse import advanced
 from planner.planning.plan import Plan
@@ -184,9 +184,8 @@ def _joint(j: int, angles: Array) -> str:
 def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float]:
     """The delay to take off the measured angles (cycles, n, k) of each joint [s]: a sensor's."""
     removed = []
-    for j, (angles, by_model) in enumerate(zip(cycles.mean(axis=0).T, modelled.T, strict=True)):
-        delay, share = pure_delay(angles, by_model, cyclic=joints.cyclic)
-        seconds = joints.period * delay if share >= 0.9 else 0.0
+    for j, delay in enumerate(delays_of(joints, cycles, modelled, [0.0] * len(joints.models))):
+        seconds = delay.seconds if delay.share >= 0.9 else 0.0
         latency = joints.models[j].latency
         if -seconds > latency:
             raise InvalidTrajectory(
@@ -199,6 +198,18 @@ def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float
     return removed
 
 
+def delays_of(
+    joints: Plan, cycles: Array, modelled: Array, removed: Sequence[float]
+) -> tuple[SensorDelay, ...]:
+    """The delay beside the removed one that explains most, for each joint."""
+    delays = []
+    for angles, by_model, seconds in zip(cycles.mean(axis=0).T, modelled.T, removed, strict=True):
+        delay, share = pure_delay(angles, by_model, cyclic=joints.cyclic)
+        delay *= joints.period
+        delays.append(SensorDelay(seconds=delay, share=share, removed=seconds))
+    return tuple(delays)
+
+
 def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
     """The cycles with the sensors' delays taken off [rad], (cycles, n, k)."""
     if not any(removed):
@@ -208,6 +219,33 @@ def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
         for j, late in enumerate(removed)
     ]
     return np.moveaxis(np.array(columns), 0, -1)
+
+
+def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array) -> list[str]:
+    """Remarks on delays that were taken off, and on those that might be a sensor's."""
+    remarks = []
+    steps = np.diff(joints.requests, axis=0)
+    speeds = np.sqrt(np.mean(steps**2, axis=0)) / joints.period
+    for j, delay in enumerate(delays):
+        of = "" if len(delays) == 1 else f" of joint {j + 1}"
+        late = abs(delay.seconds)
+        clear = late >= 0.25 * joints.period and late * speeds[j] > 2.0 * noise[j]
+        if delay.removed:
+            remarks.append(
+                f"the measured angles{of} are taken to be {1e3 * delay.removed:.3g} ms late, by "
+                "their sensor or log; that is not learnt. If the joint itself is that late: "
+                "sensor_delay=0"
+            )
+        elif delay.share >= 0.8 and clear:
+            share = f"{100.0 * delay.share:.0f} % of what the model misses{of} is"
+            remarks.append(
+                f"{share} that the joint answers {1e3 * late:.3g} ms earlier than the model: that "
+                "is learnt"
+                if delay.seconds < 0.0
+                else f"{share} a delay of {1e3 * late:.3g} ms: it is learnt as the joint's. If the "
+                f"sensor or the log is late by it: sensor_delay={late:.3g}"
+            )
+    return remarks
 
 
 def pure_delay(measured: Array, modelled: Array, *, cyclic: bool) -> tuple[float, float]:

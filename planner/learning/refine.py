@@ -147,15 +147,9 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         remarks += notes
         disturbances = _disturbances(joints, trials)
         noise = measurements.noise_of(measured, disturbances[now], cyclic=joints.cyclic)
+    delays = measurements.delays_of(joints, cycles, joints.task.response(joints.requests), removed)
     spread = measurements.deviation_of(noise)
-    for j, late in enumerate(removed):
-        if late:
-            of = "" if len(removed) == 1 else f" of joint {j + 1}"
-            remarks.append(
-                f"the measured angles{of} are taken to be {1e3 * late:.3g} ms late, by their "
-                "sensor or log; that is not learnt. If the joint itself is that late: "
-                "sensor_delay=0"
-            )
+    remarks += measurements.remarks_on_delays(joints, delays, spread)
     disturbance, best, gain = _estimated(joints, trials, max(reidentified_at), noise)
     base, task = trials[best], joints.task
     freeze(disturbance)
@@ -198,7 +192,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         noise=spread,
         gain=gain,
         reidentified=reidentified_at,
-        sensor_delays=tuple(removed),
+        delays=delays,
         best=best,
         floor=floor,
         next_error=next_error,
@@ -224,7 +218,7 @@ def _measured(
     if sensor_delay is not None:
         removed = [float(sensor_delay)] * len(joints.models)
     elif before is not None:
-        removed = [*before.sensor_delays]
+        removed = [delay.removed for delay in before.delays]
     else:
         removed = measurements.delays_to_remove(joints, cycles, modelled)
     cycles = measurements.earlier(cycles, removed, joints)

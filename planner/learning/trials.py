@@ -45,6 +45,21 @@ class Trial(ReadOnly, Summarised):
         return len(self.measured)
 
 
+@dataclass(frozen=True, kw_only=True)
+class SensorDelay:
+    """The part of the disturbance that late sensors would explain.
+
+    Attributes:
+        seconds: The delay of the measured angles behind the model that fits best [s].
+        share: Share of the squared disturbance that it explains [-].
+        removed: Delay removed from the measured angles before learning [s].
+    """
+
+    seconds: float
+    share: float
+    removed: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Learning(ReadOnly, Summarised):
     """The state of learning: all data, beside the plan, for the next cycle.
@@ -55,8 +70,7 @@ class Learning(ReadOnly, Summarised):
         gain: Learning gain: share of the last disturbance that the requests compensate, 0 to 1.
         reidentified: The trial after which each joint's model was changed last, one a joint; 0
             for the model of the first plan.
-        sensor_delays: Delay of each joint's sensor, removed from the measured angles before
-            learning [s], one a joint.
+        delays: The effect of a late sensor, for each joint.
         best: The trial from which the requests were computed.
         floor: Error of the best trial that cannot be learnt: ``speed``, from the lower bound of the
             model, and ``noise``, in the unit of the trials' errors; ``nan`` where unknown.
@@ -72,7 +86,7 @@ class Learning(ReadOnly, Summarised):
     noise: Array
     gain: float
     reidentified: tuple[int, ...]
-    sensor_delays: tuple[float, ...]
+    delays: tuple[SensorDelay, ...]
     best: int
     floor: tuple[float, float]
     next_error: float = math.nan

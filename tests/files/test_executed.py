@@ -20,7 +20,7 @@ def _state(models):
         noise=np.zeros(models),
         gain=1.0,
         reidentified=(0,) * models,
-        sensor_delays=(),
+        delays=(),
         best=0,
         floor=(0.0, 0.0),
     )

@@ -82,20 +82,24 @@ def test_it_stops_at_the_speed_limit_and_says_so() -> None:
 
 
 def test_a_late_sensor_is_not_learnt_as_motion() -> None:
-    """Where it is known, or long and the whole of the difference."""
+    """Where it is known, or long and the whole of the difference; a short one is mentioned."""
     desired = random_path(5, 88, span=1.0, fastest=0.03)
     plan = planner.invert_optimal(ERS210A, desired)
     for late, given in ((6, None), (2, 2 * ERS210A.period)):
         joint = MadeJoint(ERS210A, noise=math.radians(0.05), late=late)
         after = planner.refine(plan, joint.play(plan.requests, 3)[1], sensor_delay=given)
         assert rms(joint.angles(after.requests) - desired) < math.radians(0.05)
-        (removed,) = after.learning.sensor_delays
+        removed = after.learning.delays[0].removed
         assert removed == pytest.approx(late * ERS210A.period, rel=0.05)
         said = f"angles are taken to be {1e3 * removed:.3g} ms late, by their sensor or log"
         assert any(said in remark for remark in after.learning.remarks)
     after = planner.refine(plan, MadeJoint(ERS210A, late=2).play(plan.requests)[1])
-    assert after.learning.sensor_delays == (0.0,)  # it may be the joint's
-    assert after.learning.remarks == ()
+    assert after.learning.delays[0].seconds == pytest.approx(2 * ERS210A.period, rel=0.05)
+    assert any("late by it: sensor_delay=0.016" in remark for remark in after.learning.remarks)
+    noisy = MadeJoint(ERS210A, noise=math.radians(1.5), late=2).play(plan.requests, 40)[1]
+    after = planner.refine(plan, noisy)
+    assert after.learning.delays[0].share > 0.9
+    assert after.learning.remarks == ()  # as a cycle's noise is half of what the delay makes
 
 
 def test_a_sensors_delay_stays_what_it_was_and_the_same_requests_are_one_trial() -> None:
@@ -104,7 +108,7 @@ def test_a_sensors_delay_stays_what_it_was_and_the_same_requests_are_one_trial()
     joint = MadeJoint(replace(ERS210A, theta_0=1.1 * ERS210A.theta_0), late=2)
     after = planner.refine(plan, joint.play(plan.requests)[1], sensor_delay=2 * ERS210A.period)
     after = planner.refine(after, joint.play(after.requests)[1])
-    assert after.learning.sensor_delays == (2 * ERS210A.period,)
+    assert after.learning.delays[0].removed == 2 * ERS210A.period
     plan = planner.invert_optimal(ERS210A, desired)
     noisy = MadeJoint(ERS210A, noise=math.radians(0.5)).play(plan.requests, 3)[1]
     once = planner.refine(plan, noisy[:2])

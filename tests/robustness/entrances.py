@@ -18,7 +18,7 @@ from kinematics import Leg
 ANSWERS = {
     *("Certificate", "FootInversion", "Identification", "Inversion", "Plan"),
     *("Playback", "Replay", "Fastest", "InverseSolution", "Limits"),
-    *("Learning", "Trial"),
+    *("Learning", "SensorDelay", "Trial"),
 }
 
 MODEL = planner.JointModel(v_max=4.0, theta_0=0.2, lag=0.02, acceleration_time=0.04, tick=0.01)
