@@ -32,7 +32,7 @@ from planner.identification.intervals import (
 from planner.identification.judgement import notes_on, verdict_on, wrong_columns
 from planner.identification.least_squares import FULL, Fit, better, sound_rms
 from planner.identification.log import Log, as_logs, check_alike, check_periods, unwrapped
-from planner.identification.parameters import TERMS, only
+from planner.identification.parameters import only
 from planner.identification.residual_patterns import Held
 from planner.identification.result import (
     Alternative,
@@ -41,7 +41,6 @@ from planner.identification.result import (
     Identification,
     Interval,
     LogFit,
-    Term,
     told,
 )
 from planner.identification.terms import INTEGRALS, MOTOR, ORDER
@@ -361,7 +360,7 @@ def _held_out(
 
 def _friction_shown(fit: Fit) -> float:
     """Largest dead band that the rows allow, where one was sought [rad]."""
-    return fit.tried["dead_band"].upper if "dead_band" in fit.tried else 0.0
+    return fit.terms["dead_band"].interval.upper if "dead_band" in fit.terms else 0.0
 
 
 def _answer(
@@ -425,8 +424,8 @@ def _answer(
         verdict=verdict,
         reason=reason.words,
         terms=tuple(
-            Term(name=name, kept=name in intervals, interval=intervals.get(name, ends))
-            for name, ends in ((TERMS[tried], ends) for tried, ends in fit.tried.items())
+            replace(term, interval=intervals[term.name]) if term.kept else term
+            for term in fit.terms.values()
         ),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -15,6 +16,7 @@ from planner.arrays import Array, Indices, rms
 from planner.identification.grid import Grid
 from planner.identification.parameters import (
     BASE,
+    TERMS,
     Free,
     Parameters,
     box_of,
@@ -24,7 +26,7 @@ from planner.identification.parameters import (
     parameters_at,
     units,
 )
-from planner.identification.result import Interval
+from planner.identification.result import Interval, Term
 from planner.model.law import Law
 
 USUAL = only(*BASE)  # what is fitted where nothing else is asked for: the terms stay what they are
@@ -208,8 +210,8 @@ class Fit:
     residuals: Array  # predicted minus actual angle at the used rows [rad]
     scale: float  # standard deviation of the weighted residuals without outliers [rad]
     cost: float  # Huber's loss at that scale, sum over the rows [rad^2]; half a sum of squares
-    # intervals of the terms that were tried, whether they are fitted or not
-    tried: dict[str, Interval] = dataclasses.field(default_factory=dict)
+    # what was tried beside the paper's parameters, by the names of a model
+    terms: dict[str, Term] = dataclasses.field(default_factory=dict)
 
     @property
     def free_names(self) -> tuple[str, ...]:
@@ -288,7 +290,7 @@ class Fit:
         grid = self.grid if grid is None else grid
         how = {"free": self.free, "starts": self.starts_on(grid), **how}
         found = least_squares(grid, self.parameters if at is None else at, **how)
-        return replace(found, tried=self.tried)
+        return replace(found, terms=self.terms)
 
     def trial(self, at: Parameters | None = None, *, effort: Effort = TERM, **how: Any) -> Fit:
         """The same at this fit's scale, so that the losses compare."""
@@ -305,6 +307,14 @@ class Fit:
         at, short = self.parameters, self.grid.tick
         lag = at.lag + 0.5 * (at.acceleration_time - short)
         return self.trial(at._replace(lag=lag, acceleration_time=short), effort=effort)
+
+    def noting(self, ends: Mapping[str, Interval]) -> Fit:
+        """The fit with a note of terms that were tried; those that it has are kept."""
+        tried = {
+            TERMS[name]: Term(name=TERMS[name], kept=self.has(name), interval=interval)
+            for name, interval in ends.items()
+        }
+        return replace(self, terms=self.terms | tried)
 
 
 def least_squares(

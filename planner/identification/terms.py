@@ -37,6 +37,7 @@ from planner.identification.least_squares import (
 )
 from planner.identification.parameters import (
     MOST_SAG,
+    TERMS,
     Free,
     Parameters,
     coordinates_of,
@@ -88,7 +89,7 @@ def with_terms(fit: Fit) -> Fit:
     Terms that the fit has are kept. The interval of a dead band that cannot be told from a sag has
     no upper end.
     """
-    fit = replace(fit, tried={name: ends for name, ends in fit.tried.items() if fit.has(name)})
+    fit = replace(fit, terms={name: term for name, term in fit.terms.items() if term.kept})
     for name in ORDER:
         if not fit.has(name) and _shows(name, fit):
             fit = _with_term(name, fit)
@@ -100,7 +101,7 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> Fit:
 
     The fit with it is ``known`` of an overloaded joint.
     """
-    trial = known or _fitted_with(name, fit)
+    trial = replace(known or _fitted_with(name, fit), terms=fit.terms)
     kept = pays(fit, trial)
     if name == "sag_sin":
         kept = kept and _sag_is_determined(trial)
@@ -109,7 +110,7 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> Fit:
     ends = {each: model_interval(trial, each) for each in (name, *PARTNERS.get(name, ()))}
     if name == "dead_band" and not kept and _any_dead_band_does(fit, trial):
         ends[name] = Interval(0.0, math.inf)
-    return replace(trial if kept else fit, tried=fit.tried | ends)
+    return (trial if kept else fit).noting(ends)
 
 
 def with_motor(fit: Fit, begin: Parameters | None = None) -> Fit:
@@ -137,20 +138,20 @@ def with_motor(fit: Fit, begin: Parameters | None = None) -> Fit:
         if _saving(fit, bare) >= SAVING:
             motor = min(motor, bare, key=lambda each: huber(each.weighted, fit.scale))
     for name, by in (("compliance", None), ("slowing", None), ("sag_sin", loaded)):
-        refused = name in fit.tried and not fit.has(name)
-        if refused and (by is not None or motor.response is not fit.response):
+        untried = TERMS[name] in fit.terms and not fit.terms[TERMS[name]].kept
+        if untried and (by is not None or motor.response is not fit.response):
             motor = _with_term(name, motor, by)
     if motor.response is fit.response:
         return fit
     ends = dict.fromkeys(MOTOR, Interval(0.0, math.inf))
     ends["asymmetry"] = Interval(-math.inf, math.inf)
-    motor = replace(motor, tried=motor.tried | ends)
     for name in MOTOR[1:]:  # another one may pay now
         if not motor.has(name) and _shows(name, motor):
             motor = _with_term(name, motor)
+            ends[name] = motor.terms[TERMS[name]].interval
     motor = motor.again()
-    ends = {name: model_interval(motor, name) for name in MOTOR if motor.has(name)}
-    return replace(motor, tried=motor.tried | ends)
+    ends |= {name: model_interval(motor, name) for name in MOTOR if motor.has(name)}
+    return motor.noting(ends)
 
 
 def with_integral(fit: Fit) -> Fit:
@@ -178,7 +179,7 @@ def with_integral(fit: Fit) -> Fit:
     if not (possible and determined and pays_alone and pays(fit, trial)):
         return fit
     names = [name for name in ends if name in INTEGRALS or fit.has(name) != trial.has(name)]
-    return replace(trial, tried=trial.tried | {name: ends[name] for name in names})
+    return trial.noting({name: ends[name] for name in names})
 
 
 def _imitates_drift(at: Parameters) -> bool:
