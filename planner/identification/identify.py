@@ -405,6 +405,7 @@ def _answer(
         rms=fit.rms,
         held_out_rms=None if held is None else held.rms,
         noise=fit.noise,
+        unexplained=math.sqrt(max(fit.scale**2 - fit.noise**2, 0.0)),
         fastest=fit.grid.fastest,
         heaviest=float(np.max(np.abs(fit.grid.loads), initial=0.0)),
         signal=fit.grid.signal,

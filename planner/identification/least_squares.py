@@ -308,10 +308,11 @@ class Fit:
         lag = at.lag + 0.5 * (at.acceleration_time - short)
         return self.trial(at._replace(lag=lag, acceleration_time=short), effort=effort)
 
-    def noting(self, ends: Mapping[str, Interval]) -> Fit:
-        """The fit with a note of terms that were tried; those that it has are kept."""
+    def noting(self, without: Fit, with_it: Fit, ends: Mapping[str, Interval]) -> Fit:
+        """The fit with a note of what terms would bring; those that it has are kept."""
+        errors = {"rms_without": without.rms, "rms_with": with_it.rms}
         tried = {
-            TERMS[name]: Term(name=TERMS[name], kept=self.has(name), interval=interval)
+            TERMS[name]: Term(name=TERMS[name], kept=self.has(name), interval=interval, **errors)
             for name, interval in ends.items()
         }
         return replace(self, terms=self.terms | tried)

@@ -146,12 +146,16 @@ class Term:
     Attributes:
         name: As an attribute of the model.
         kept: Whether it reduces the loss enough; if not, it is exactly 0 in the model.
+        rms_without: Error over all rows without it, and with the terms that were kept before [rad].
+        rms_with: Error with it [rad].
         interval: Where it lies with 95 % confidence, whether kept or not; infinite where the logs
             do not separate it from other parameters.
     """
 
     name: str
     kept: bool
+    rms_without: float
+    rms_with: float
     interval: Interval
 
 
@@ -298,6 +302,7 @@ class Identification(ReadOnly, Summarised):
             None where nothing was held out.
         noise: Standard deviation of what changes from row to row at random, by the differences of
             neighbouring residuals, without outliers [rad].
+        unexplained: Standard deviation of what the model leaves unexplained beside it [rad].
         signal: Standard deviation of the actual angles about their mean in each log [rad].
         intervals: 95 % interval of v_max [rad/s], theta_0 [rad], lag [s], acceleration_time [s],
             offset [rad] and every term that is kept; infinite where the data does not determine
@@ -328,6 +333,7 @@ class Identification(ReadOnly, Summarised):
     alternatives: tuple[Alternative, ...]
     findings: tuple[Finding, ...]
     terms: tuple[Term, ...] = ()
+    unexplained: float = 0.0
     fastest: float = math.nan
     heaviest: float = 0.0
     verdict: Verdict = "holds"
@@ -449,6 +455,7 @@ class Identification(ReadOnly, Summarised):
             "rms": self.rms,
             "held_out_rms": self.held_out_rms,
             "noise": self.noise,
+            "unexplained": self.unexplained,
             "signal": self.signal,
             "intervals": {name: [*map(finite, of)] for name, of in self.intervals.items()},
             "gain": self.gain,

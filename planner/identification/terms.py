@@ -110,7 +110,7 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> Fit:
     ends = {each: model_interval(trial, each) for each in (name, *PARTNERS.get(name, ()))}
     if name == "dead_band" and not kept and _any_dead_band_does(fit, trial):
         ends[name] = Interval(0.0, math.inf)
-    return (trial if kept else fit).noting(ends)
+    return (trial if kept else fit).noting(fit, trial, ends)
 
 
 def with_motor(fit: Fit, begin: Parameters | None = None) -> Fit:
@@ -151,7 +151,7 @@ def with_motor(fit: Fit, begin: Parameters | None = None) -> Fit:
             ends[name] = motor.terms[TERMS[name]].interval
     motor = motor.again()
     ends |= {name: model_interval(motor, name) for name in MOTOR if motor.has(name)}
-    return motor.noting(ends)
+    return motor.noting(fit, motor, ends)
 
 
 def with_integral(fit: Fit) -> Fit:
@@ -179,7 +179,7 @@ def with_integral(fit: Fit) -> Fit:
     if not (possible and determined and pays_alone and pays(fit, trial)):
         return fit
     names = [name for name in ends if name in INTEGRALS or fit.has(name) != trial.has(name)]
-    return trial.noting({name: ends[name] for name in names})
+    return trial.noting(fit, trial, {name: ends[name] for name in names})
 
 
 def _imitates_drift(at: Parameters) -> bool:

@@ -210,12 +210,12 @@ def told(found):
     for term in found.terms:
         assert not term.kept or term.interval == found.intervals[term.name]
         kept = "kept" if term.kept else "not kept"
-        lines.append(f"{term.name} {kept} {numbers(term.interval)}")
+        lines.append(f"{term.name} {kept} {numbers([term.rms_without, *term.interval])}")
     for each in found.alternatives:
         held_out = numbers([] if each.held_out_rms is None else [each.held_out_rms])
         known = numbers(each.parameters.values())
         lines.append(f"{each.name} {each.rms:.3g} held out {held_out} {known}")
-    errors = found.rms, found.expected_error, found.noise, found.signal
+    errors = found.rms, found.expected_error, found.noise, found.unexplained, found.signal
     lines.append(f"errors {numbers(errors)}")
     seen = found.tested
     lines.append(f"seen {numbers([found.fastest, found.heaviest, seen.speed, seen.load])}")
