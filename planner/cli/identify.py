@@ -222,6 +222,13 @@ def excite(
     duration_s: float | None = option(
         "Length of the signal, rests included.", otherwise="60 for combined, else 20"
     ),
+    amplitude_deg: tuple[float, ...] = option(
+        "Height of a step test. Repeat the option for several.",
+        otherwise="an eighth, half and the whole of the range",
+    ),
+    cycles: int | None = option(
+        "Cycles of each step test.", otherwise="3; 1 in each half of combined"
+    ),
     joint: str = option("Name of the joint, for the column.", default=UNNAMED, form="NAME"),
     run: Run = options.settings("model: file"),
     expected_log: options.Output | None = option(
@@ -265,12 +272,17 @@ def excite(
             f"--limits-deg: got {low:g}:{high:g}, expected at most {turns:g} degrees from one to "
             "the other, two turns; are they counts of a sensor?"
         )
+    for name, value in (("--amplitude-deg", amplitude_deg), ("--cycles", cycles)):
+        if value not in (None, ()) and kind not in ("combined", "steps"):
+            raise click.UsageError(f"{name} has no effect with --kind {kind}.")
     usual = 60.0 if kind == "combined" else 20.0
     excitation = make(
         kind.replace("-", "_"),
         limits=(low / unit.factor, high / unit.factor),
         period=model.period if rate_hz is None else 1.0 / rate_hz,
         duration=usual if duration_s is None else duration_s,
+        amplitudes=[height / unit.factor for height in amplitude_deg],
+        cycles=cycles,
     )
     expected = expect(excitation, model, noise=0.2 / unit.factor, resolution=0.3 / unit.factor)
     (fit,) = expected.fits

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,9 +25,6 @@ PARTS = (
 """Of each half of the combined signal: kinds, their shares, what each makes identifiable."""
 
 SWELL = 0.08  # share of a sum of sines in which it, or one of its sines, swells
-
-
-HEIGHTS = (0.125, 0.5, 1.0)  # of steps, as shares: well inside theta_0, and far beyond it
 
 
 class Part(NamedTuple):
@@ -95,6 +92,8 @@ def excite(
     limits: tuple[float, float],  # least and largest request [rad]
     period: float,  # between requests [s]
     duration: float,  # of the whole signal [s]
+    amplitudes: Sequence[float] = (),  # height theta_test of each step test [rad]
+    cycles: int | None = None,  # of each step test
     highest: float | None = None,  # frequency of a sum of sines [Hz]
     seed: int = 0,
 ) -> Excitation:
@@ -122,9 +121,21 @@ def excite(
     moving = samples - 2 * rest
     fastest = min(5.0, 0.1 / period) if highest is None else highest
     both = kind == "combined"
+    # those that follow too soon shake a servo out of step, which no model foretells
+    cycles = (1 if both else 3) if cycles is None else cycles
+    if cycles < 1:
+        raise InvalidInput(f"cycles: got {cycles}, expected 1 or more")
+    # by default well inside theta_0 of most joints, and far beyond it
+    amplitudes = amplitudes or [2.0 * reach * share for share in (0.125, 0.5, 1.0)]
+    for amplitude in amplitudes:
+        if not 0.0 < amplitude <= 2.0 * reach * (1.0 + 1e-12):
+            raise InvalidInput(
+                f"amplitudes: got a step of {angle_text(amplitude)}, expected more than 0 and at "
+                f"most {angle_text(2.0 * reach)}, what the limits allow about the centre"
+            )
+    tests = [height / (2.0 * reach) for height in amplitudes]
     make: Mapping[str, Callable[[int, int], Array]] = {  # of a length, with a seed
-        # those that follow too soon shake a servo out of step, which no model foretells
-        "steps": lambda n, _: _steps(n, 1 if both else 3),
+        "steps": lambda n, _: _steps(n, tests, cycles),
         "multisine": lambda n, own: _multisine(n, period, fastest, own, quickens=both),
         "random_steps": lambda n, own: _random_steps(n, period, own),
         "slow_triangle": lambda n, _: _slow_triangle(n, 1 if both else 2),
@@ -153,7 +164,7 @@ def excite(
         requests=requests,
         period=period,
         centre=middle,
-        amplitudes=tuple(2.0 * reach * share for share in HEIGHTS if both or kind == "steps"),
+        amplitudes=tuple(map(float, amplitudes)) if both or kind == "steps" else (),
         parts=tuple(
             Part(names.get(name, name.replace("_", " ")), begin, end, determines)
             for (name, _, determines), begin, end in zip(parts, edges[:-1], edges[1:], strict=True)
@@ -162,15 +173,15 @@ def excite(
     )
 
 
-def _steps(samples: int, cycles: int) -> Array:
+def _steps(samples: int, shares: Sequence[float], cycles: int) -> Array:
     """Step tests of Equation 1 about 0, one height after the other, as shares of the range."""
-    half = samples // (2 * cycles * len(HEIGHTS))
+    half = samples // (2 * cycles * len(shares))
     if half < 2:
         raise InvalidInput(
-            f"{samples} samples for {len(HEIGHTS)} step tests of {cycles} cycles leave {half} for "
-            "a half cycle, expected at least 2: ask for a longer duration"
+            f"{samples} samples for {len(shares)} step tests of {cycles} cycles leave {half} for "
+            "a half cycle, expected at least 2: ask for a longer duration or for fewer tests"
         )
-    tests = [np.tile(step_test(2.0 * share, samples=2 * half) - share, cycles) for share in HEIGHTS]
+    tests = [np.tile(step_test(2.0 * share, samples=2 * half) - share, cycles) for share in shares]
     made = np.concatenate(tests)
     return np.append(made, np.zeros(samples - len(made)))
 

@@ -56,10 +56,11 @@ def test_steps_are_those_of_equation_1_about_the_centre():
     assert step_test(0.7).tolist() == [0.7] * 44 + [0.0] * 44
     assert step_test(-1.0, samples=6).tolist() == [-1.0] * 3 + [0.0] * 3
     np.testing.assert_allclose(signal("steps").amplitudes, np.array([0.125, 0.5, 1.0]) * 1.4)
-    made = signal("steps", duration=10.0)
-    half = 450 // 18  # 10 s at 50 Hz, less half a second at either end, for 3 tests of 3 cycles
+    made = signal("steps", amplitudes=(0.2, 1.0), cycles=2, duration=9.0)
+    assert made.amplitudes == (0.2, 1.0)
+    half = 400 // 8  # 9 s at 50 Hz, less half a second at either end, for 2 tests of 2 cycles
     tests = [step_test(height, samples=2 * half) - 0.5 * height for height in made.amplitudes]
-    expected = np.concatenate([np.tile(test, 3) for test in tests])
+    expected = np.concatenate([np.tile(test, 2) for test in tests])
     played = made.requests[25 : 25 + len(expected)]
     np.testing.assert_allclose(played, made.centre + expected, atol=EQUAL)
 
