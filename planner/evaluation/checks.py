@@ -127,7 +127,7 @@ def _symbolic_run(
     acting_load = load_by_period(load, cyclic=cyclic)
     torques = np.zeros(count) if acting_load is None else acting_load
     sent = requests[np.maximum(acting_requests(model).numbers(count, cyclic=cyclic), 0)]
-    size = model.law.states
+    size = model.states
     first = 0 if cyclic else 1
     periods = period_function(model).mapaccum("run", count - first)
 

@@ -446,6 +446,10 @@ class JointModel:
             angle -= (angle - self.pose_sag(angle) - known) / slope
         return np.where(finite, angle, level)
 
+    def request_at(self, angle: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
+        """Request that holds the joint at an angle, in the middle of the dead band [rad]."""
+        return np.asarray(np.asarray(angle) - self.sag(load) - self.pose_sag(angle))
+
     @property
     def feels_load(self) -> bool:
         """Whether a torque on the joint changes its answer."""
@@ -514,6 +518,11 @@ class JointModel:
     def has_inertia(self) -> bool:
         """Whether the speed before a tick counts, a part of the joint's state."""
         return self.time_constant > 0.0 or math.isfinite(self.max_acceleration)
+
+    @cached_property
+    def states(self) -> int:
+        """Numbers in its state: the angle, with inertia the speed, then the integral."""
+        return 3 if self.has_integral else 2 if self.has_inertia else 1
 
     @cached_property
     def exceeds_v_max(self) -> bool:

@@ -58,13 +58,6 @@ class Law(NamedTuple):
     offset: float = 0.0  # static offset c [rad], beside the sag under a load
 
     @property
-    def states(self) -> int:
-        """Numbers in the joint's state: the angle, with inertia the speed, then the integral."""
-        if self.integral_share > 0.0:
-            return 3
-        return 2 if self.share < 1.0 or self.acceleration < math.inf else 1
-
-    @property
     def braking(self) -> float:
         """What friction takes of the speed in a tick [rad/tick]; nothing in (1b)."""
         return self.share * self.friction if self.share < 1.0 else 0.0

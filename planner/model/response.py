@@ -199,29 +199,16 @@ def checked_start(start: float | None, first: float, *, cyclic: bool) -> float |
     return angle
 
 
-def rest_requests(
-    models: Sequence[JointModel], angles: Array, loads: Loads | Array | None = None
-) -> Array:
-    """Requests that hold joints at angles, in the middle of the dead band [rad], (..., joints)."""
-    return _by_joint(
-        lambda model, q, load: q - model.sag(load) - model.pose_sag(q), models, angles, loads
-    )
-
-
-def rest_angles(
-    models: Sequence[JointModel], requests: Array, loads: Loads | Array | None = None
-) -> Array:
-    """Angles at which joints rest under these requests, as :func:`rest_requests` [rad]."""
-    return _by_joint(JointModel.rest, models, requests, loads)
-
-
-def _by_joint(
+def of_joints(
     of: Callable[[JointModel, Array, Any], Array],
     models: Sequence[JointModel],
     values: Array,
-    loads: Loads | Array | None,
+    loads: Loads | Array | None = None,
 ) -> Array:
-    """A function of a model, its column of values and its load, for each joint."""
+    """A function of a model, its value and its load, for each joint, (..., joints).
+
+    It is ``JointModel.rest``, or ``JointModel.request_at``.
+    """
     columns = []
     for j, model in enumerate(models):
         load = None if loads is None else loads[j]

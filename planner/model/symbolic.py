@@ -21,7 +21,7 @@ def period_function(model: JointModel) -> Any:
     """
     import casadi
 
-    law, size, acting = model.law, model.law.states, acting_requests(model)
+    law, size, acting = model.law, model.states, acting_requests(model)
     state: Any = casadi.SX.sym("x", size)
     requests = casadi.SX.sym("R", acting.width)
     load, radius = casadi.SX.sym("load"), casadi.SX.sym("e")

@@ -46,7 +46,7 @@ def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
     if not problem.cyclic and len(problem.desired) <= problem.acting.youngest + 1:
         return first  # no free request acts before the end
     (model,), samples, cyclic = problem.drives, len(problem.desired), problem.cyclic
-    unit, size, torques = model.theta_0, model.law.states, problem.torques[0]
+    unit, size, torques = model.theta_0, model.states, problem.torques[0]
     opti: Any = casadi.Opti()
     angles, requests, radius = opti.variable(samples), opti.variable(samples), opti.parameter()
     opti.set_initial(angles, ideal[:, 0] / unit)

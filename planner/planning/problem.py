@@ -16,7 +16,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.exceptions import Infeasible
 from planner.model.joint import Acting, JointModel, acting_requests
-from planner.model.response import load_by_period, rest_angles, rest_requests
+from planner.model.response import load_by_period, of_joints
 from planner.planning.gauss_newton import (
     FIRST,
     LARGEST_CHANGE,
@@ -73,7 +73,8 @@ class Problem(Task):
         """From rest: the requests that hold the joints, not yet within the limits [rad], (J,)."""
         if self.start is None or self.first is not None:
             return self.first
-        return rest_requests(self.nominal, self.start, self.load_of_drives[: len(self.names), 0])
+        loads = self.load_of_drives[: len(self.names), 0]
+        return of_joints(JointModel.request_at, self.nominal, self.start, loads)
 
     @property
     def resting(self) -> Array:
@@ -99,7 +100,7 @@ class Problem(Task):
     @cached_property
     def spec(self) -> Spec:
         """The problem as arrays, for the compiled search."""
-        parts = max(map(attrgetter("law.states"), self.drives))
+        parts = max(map(attrgetter("states"), self.drives))
         periods, drives = np.empty((2, len(self.drives), len(self.desired))), []
         for number, (model, torque) in enumerate(zip(self.drives, self.torques, strict=True)):
             periods[0, number] = model.compliance * torque
@@ -112,9 +113,8 @@ class Problem(Task):
         held = 0.0 if first is None else first
         bounds[FIRST] = np.minimum(np.maximum(held, bounds[LOWER]), bounds[UPPER])
         if self.near is None:
-            near = np.array(
-                rest_requests(self.nominal, self.desired, self.load_of_drives[: len(self.names)])
-            )
+            loads = self.load_of_drives[: len(self.names)]
+            near = np.array(of_joints(JointModel.request_at, self.nominal, self.desired, loads))
             # From the middle of a dead band: a request returns there within some four periods; with
             # half the weight within six, at twice the weight within three, with larger steps.
             centring = 0.1 if any(map(attrgetter("dead_band"), self.drives)) else 0.0
@@ -218,7 +218,9 @@ def problem_of(task: Task) -> Problem:
     problem = Problem(**given | {"models": tuple(zip(models, strict=True))})
     if task.disturbance is not None or task.goal == "foot":  # where requests can hold them
         added = 0.0 if task.disturbance is None else task.disturbance
-        least, most = (rest_angles(models, end, loads) for end in (task.lower, task.upper))
+        least, most = (
+            of_joints(JointModel.rest, models, end, loads) for end in (task.lower, task.upper)
+        )
         desired = np.clip(desired - added, least, most)
     if task.goal == "angles":
         return replace(problem, desired=np.ascontiguousarray(desired))

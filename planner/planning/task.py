@@ -44,7 +44,7 @@ from planner.model.response import (
     checked_load,
     checked_start,
     load_columns,
-    rest_angles,
+    of_joints,
     simulate_joints,
 )
 
@@ -413,7 +413,10 @@ class Task(ReadOnly):
         if task.goal == "angles":
             task._check_within()
         elif not task.cyclic:
-            ends = (rest_angles(task.nominal, end, task.loads) for end in (task.lower, task.upper))
+            ends = (
+                of_joints(JointModel.rest, task.nominal, end, task.loads)
+                for end in (task.lower, task.upper)
+            )
             return replace(task, start=np.clip(task.desired, *ends)[0])
         return task
 

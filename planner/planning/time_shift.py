@@ -12,7 +12,6 @@ from planner.arrays import Array, rms
 from planner.exceptions import NoSteadyCycle
 from planner.model.evidence import ENCODER_STEP, unproven_gains
 from planner.model.joint import JointModel, checked_model
-from planner.model.response import rest_requests
 from planner.planning.line_inverse import advanced
 from planner.planning.plan import Inversion, Plan
 from planner.planning.task import Norm, Task
@@ -179,7 +178,8 @@ def early(joint: Task, lead: float) -> Array:
     requests = advanced(joint.desired[:, 0], lead, cyclic=joint.start is None)
     requests = np.clip(requests, joint.lower, joint.upper)
     if joint.start is not None:
-        requests[0] = np.atleast_2d(rest_requests(joint.nominal, joint.start, joint.loads))[0, 0]
+        load = joint.loads_on(joint.nominal)[0, 0]
+        requests[0] = joint.nominal[0].request_at(joint.start[0], load)
     return requests
 
 

@@ -31,7 +31,7 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, moving=None, 
     rounded = (model.law.gain * max(radius, 1e-150) * model.theta_0) ** 2
     window = np.empty((3, width, n))
     window[0] = windows.T
-    own = max(model.law.states, 2)
+    own = max(model.states, 2)
     states = np.vstack([angles, np.zeros((own - 1, n)) if moving is None else moving])
     derivatives = np.empty((own, own + 2 * width, n))
     kernel.periods(

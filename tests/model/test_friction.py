@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from planner.model.joint import JointModel, acting_requests
-from planner.model.response import load_by_period, motion_under, rest_requests, simulate
+from planner.model.response import load_by_period, motion_under, simulate
 from planner.model.symbolic import period_function
 from tests.independent import equation_2, from_rest, next_cycle
 from tests.instances import random_model
@@ -91,7 +91,7 @@ def test_the_cycle_is_the_one_that_the_motion_from_its_start_settles_into(model,
 
 
 def test_the_request_that_holds_an_angle_holds_it_in_the_middle_of_the_dead_band():
-    (request,) = rest_requests((DRY,), np.array([0.7]), (0.4,))
+    request = DRY.request_at(0.7, 0.4)
     assert np.all(simulate(DRY, np.full(9, request), load=0.4) == pytest.approx(0.7, abs=1e-15))
     for aside in (-0.99, 0.99):
         requests = np.full(60, request + aside * DRY.dead_band)
@@ -119,7 +119,7 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
         model = with_inertia(rng, model, inert) if inert else model
         own = acting_requests(model)
         before = rng.uniform(-1.0, 1.0, samples)
-        size = model.law.states
+        size = model.states
         moving = rng.uniform(-1.0, 1.0, (max(size, 2) - 1, samples)) * model.v_max_per_tick
         errors = rng.uniform(-2.0, 2.0, (samples, own.width)) * model.theta_0
         windows = before[:, np.newaxis] + errors - model.offset

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import planner
 from planner.model.joint import MOST_POSE_SAG, JointModel
-from planner.model.response import load_columns, path_speeds, rest_angles, rest_requests, simulate
+from planner.model.response import load_columns, of_joints, path_speeds, simulate
 from tests.strategies import INTEGRALS, models
 
 PAPER = JointModel.ers210a()
@@ -30,9 +30,11 @@ PATH = np.radians(25.0) * np.cos(2.0 * np.pi * np.arange(250) / 250)
 def test_a_request_holds_the_angle_at_rest(model, request_, load):
     angle, torque = float(model.rest(request_, load)), [np.array([load])]
     assert abs(request_ + float(model.sag(load) + model.pose_sag(angle)) - angle) <= 1e-12
-    held = rest_requests([model], np.array([[angle]]), torque)
+    held = of_joints(JointModel.request_at, [model], np.array([[angle]]), torque)
     assert held.item() == pytest.approx(request_, abs=1e-12)
-    assert rest_angles([model], held, torque).item() == pytest.approx(angle, abs=1e-12)
+    assert of_joints(JointModel.rest, [model], held, torque).item() == pytest.approx(
+        angle, abs=1e-12
+    )
     still = simulate(model, np.full(5, request_), cyclic=False, load=load)
     np.testing.assert_allclose(still, angle, rtol=0.0, atol=1e-12)
 
@@ -40,15 +42,17 @@ def test_a_request_holds_the_angle_at_rest(model, request_, load):
 def test_joints_rest_each_by_its_own_angle_and_load():
     angles, loads = np.array([[0.4, -0.7], [1.0, 0.2]]), [None, np.array([1.0, -2.0])]
     models = [PAPER, replace(HANGING, compliance=0.1)]
-    held = rest_requests(models, angles, loads)
+    held = of_joints(JointModel.request_at, models, angles, loads)
     np.testing.assert_array_equal(held[:, 0], angles[:, 0])
     second = angles[:, 1] - models[1].pose_sag(angles[:, 1]) - 0.1 * loads[1]
     np.testing.assert_allclose(held[:, 1], second, rtol=0.0, atol=1e-15)
-    np.testing.assert_allclose(rest_angles(models, held, loads), angles, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        of_joints(JointModel.rest, models, held, loads), angles, rtol=0.0, atol=1e-12
+    )
     np.testing.assert_array_equal(load_columns(loads, 2), [[0.0, 1.0], [0.0, -2.0]])
     assert load_columns([None, None], 2) is None
     ends = np.array([[-math.inf], [math.inf]])
-    np.testing.assert_array_equal(rest_angles([HANGING], ends), ends)
+    np.testing.assert_array_equal(of_joints(JointModel.rest, [HANGING], ends), ends)
 
 
 @pytest.mark.parametrize("angle", [-1.1, 0.3, 1.4])

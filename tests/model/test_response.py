@@ -166,7 +166,7 @@ def test_every_request_said_to_act_acts_and_no_younger_one_does(model, seed):
     rng = np.random.default_rng(seed)
     # Small errors leave every term of the window unsaturated, so that each of them counts.
     windows = rng.uniform(-0.01, 0.01, size=(1, at.width)) * model.theta_0 - model.offset
-    symbols = casadi.SX.sym("state", model.law.states), casadi.SX.sym("requests", at.width)
+    symbols = casadi.SX.sym("state", model.states), casadi.SX.sym("requests", at.width)
     reached = period_function(model)(*symbols, 0.0, 1e-9)
     by_request = casadi.jacobian(reached[0], symbols[1])
     slopes = casadi.Function("slopes", symbols, [by_request])(0.0, windows)

@@ -23,7 +23,7 @@ from scipy import sparse
 from kinematics.chain import Chain
 from planner.arrays import Array, Indices
 from planner.model.joint import JointModel
-from planner.model.response import Loads, rest_angles
+from planner.model.response import Loads, of_joints
 from planner.planning.bounds.multipliers import conic_solutions
 from planner.planning.bounds.reachable_set import farthest_per_period, reachable_set
 from planner.planning.task import Norm, Task
@@ -386,7 +386,9 @@ def attainable_angles(
         if not (model.has_inertia or overcome):
             over = max(top - model.theta_0 / (1.0 + pose), 0.0) * farthest[j] / period
             beyond[j] = max(over, model.dead_band / (1.0 - pose))
-    lowest, highest = (np.atleast_2d(rest_angles(models, end, loads)) for end in limits)
+    lowest, highest = (
+        np.atleast_2d(of_joints(JointModel.rest, models, end, loads)) for end in limits
+    )
     lower, upper = np.min(lowest, axis=0) - beyond, np.max(highest, axis=0) + beyond
     if start is not None:
         away = np.arange(samples)[:, np.newaxis] * farthest
