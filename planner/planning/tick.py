@@ -2,7 +2,7 @@
 
 A plan R of one joint, with the angles M of the exact model under it, costs
 
-    sum_k  (M_k - D_k)^2 + sigma (R_k - R_{k-1})^2 + xi excess_k^2 + rho (R_k - R*_k)^2
+    sum_k  w_k (M_k - D_k)^2 + sigma (R_k - R_{k-1})^2 + xi excess_k^2 + rho (R_k - R*_k)^2
 
 where excess_k is the excess of the change R_k - R_{k-1} over ``max_step``, and R* would hold the
 desired angles D. The plan of the tick before, shifted by one request, is improved by damped
@@ -34,6 +34,7 @@ from planner.model.kernel import (
     run_period,
 )
 from planner.model.law import Law, State
+from planner.planning.repeating_path import Repeating, continue_path
 from planner.planning.task import NEGLIGIBLE_SAG, ON_THE_LIMIT
 
 SHARES = (1.0, 0.4, 0.15)
@@ -84,10 +85,10 @@ STATE = _fields(
 )
 """State of a joint, with a tick's arguments and answer."""
 
-SAMPLE = _fields("load_sag resting faster goal rounded", "")
+SAMPLE = _fields("load_sag resting faster goal count rounded", "")
 """Data of one joint's plan in a period: its sag under the load, the request R* that would hold the
-desired angle [rad], how much faster it is [rad/tick], the desired angle D [rad], and the squared
-radius of the corners [rad^2/tick^2]."""
+desired angle [rad], how much faster it is [rad/tick], the desired angle D [rad], the weight w, and
+the squared radius of the corners [rad^2/tick^2]."""
 
 
 class Data(NamedTuple):
@@ -116,18 +117,18 @@ class Problem(NamedTuple):
 
 
 @compiled
-def tick(data: Data, missed: int, strict: bool) -> bool:
+def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
     """Plan the requests of all joints for now; the answer, and states updated to now, are in data.
 
-    ``missed`` ticks have passed without a step, in which the last requests were held. The answer is
-    whether the tick has planned: not with faults where ``strict``, nor if the first tick has no
-    angle of a joint; requests are then NaN.
+    ``path`` has no rows ahead where it does not repeat; ``missed`` ticks have passed without a
+    step, in which the last requests were held. The answer is whether the tick has planned: not with
+    faults where ``strict``, nor if the first tick has no angle of a joint; requests are then NaN.
     """
     joints, laws, states, weights, radii, sent, plan, desired, load = data
     preview, count = desired.shape
     samples, begins = plan.shape[1], np.isnan(states[0].angle)
     youngest = sent.shape[1] - weights.shape[2] + 1  # age of the youngest request that acts
-    rows, rested = np.empty((count, preview)), np.empty(count, dtype=np.bool_)
+    rows, rested = np.empty((count, preview + path.ahead)), np.empty(count, dtype=np.bool_)
     unknown = False
     for j in range(count):
         state = states[j]
@@ -144,6 +145,9 @@ def tick(data: Data, missed: int, strict: bool) -> bool:
             rows[j, row] = now if rested[j] else desired[row, j]
     if unknown:
         return False
+    shares = np.ones(count)
+    if path.ahead > 0:
+        continue_path(path, rows, rested, 1 + missed, shares)
     period_samples = np.empty(samples, dtype=SAMPLE)
     for j in range(count):
         joint, state, its_plan, its_sent = joints[j], states[j], plan[j], sent[j]
@@ -171,12 +175,13 @@ def tick(data: Data, missed: int, strict: bool) -> bool:
             if row < youngest:
                 begin = run_period(law, own, its_sent, row, load_sag, faster, begin, 0)
             else:
-                k, goal = row - youngest, rows[j, min(row, preview - 1)]
+                column, k = min(row, rows.shape[1] - 1), row - youngest
                 sample = period_samples[k]
-                sample.load_sag, sample.faster, sample.goal = load_sag, faster, goal
+                sample.load_sag, sample.faster, sample.goal = load_sag, faster, rows[j, column]
                 sags = joint.compliance * at + pose_sag(law, sample.goal)
                 sag = law.offset + left_at_rest(law, sags)
                 sample.resting = sample.goal - sag
+                sample.count = 1.0 if column < preview else shares[j]
                 sample.rounded = (law.gain * joint.theta_0 * radii[k]) ** 2
         problem = Problem(joint, law, own, period_samples, begin, begins)
         improve(problem, state, its_sent, its_plan)
@@ -356,7 +361,7 @@ def cost(problem: Problem, requests: Array, enough: float) -> float:
         sample, request = samples[k], requests[past + k]
         now = run_period(law, weights, requests, first + k, sample.load_sag, sample.faster, now, 0)
         away, change = request - sample.resting, request - requests[past + k - 1]
-        of_errors += (now.angle - sample.goal) ** 2
+        of_errors += sample.count * (now.angle - sample.goal) ** 2
         of_requests += cost_of_request(joint, change, away)
         if of_errors + of_requests > enough:
             break
@@ -407,7 +412,7 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         sags[k], faster[k], rounded[k] = sample.load_sag, sample.faster, sample.rounded
         state = run_period(law, weights, requests, first, sample.load_sag, sample.faster, state, 0)
         errors[k] = state.angle - sample.goal
-        of_errors += errors[k] ** 2
+        of_errors += sample.count * errors[k] ** 2
         away, change = request - sample.resting, request - requests[past + k - 1]
         of_requests += cost_of_request(joint, change, away)
         excess = change - min(max(change, -joint.max_step), joint.max_step)
@@ -426,10 +431,10 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
     feedback, constant = np.zeros((count, band + 1)), np.zeros(count)
     for k in range(count - 1, -1, -1):
         low = max(k - band + 1, 0)
-        last, change = k - low, slopes[:, :, k]
-        by_state[0] += errors[k]
-        linear[0] += errors[k]
-        curved[0, 0] += 1.0
+        last, error, change = k - low, samples[k].count * errors[k], slopes[:, :, k]
+        by_state[0] += error
+        linear[0] += error
+        curved[0, 0] += samples[k].count
         # The requests low to k, of which the youngest is the last
         older, rest = gradient[low:], q[low:]
         for t in range(last + 1):

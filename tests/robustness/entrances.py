@@ -208,7 +208,7 @@ ENTRANCES: Mapping[str, tuple[Callable[[], dict[str, Any]], str]] = {
         "cycles on_stop report",
     ),
     "follow": (lambda: _streamed() | {"send": lambda _: None}, "measure"),
-    "Stream": (lambda: {"models": MODEL, "preview": 7}, "limits max_step on_bad"),
+    "Stream": (lambda: {"models": MODEL, "preview": 7}, "limits cycle max_step on_bad"),
     "Stream.step": (lambda: {"desired": ANGLES[:7]}, "measured load missed"),
     "simulate": (lambda: {"model": MODEL, "requests": ANGLES}, "cyclic start load"),
     "step_test": (lambda: {"amplitude": 0.5}, "samples"),

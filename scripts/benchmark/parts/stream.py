@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,13 @@ CYCLES = 4  # cycles of the walk that are followed from rest
 ROWS = 600
 """Rows of a recording that are followed, and those from which its joint is identified: 2,000."""
 
+CYCLE = 0.7  # cycle of the paths on which ticks are timed [s]
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll")
 
 COLUMNS = "direct | EMA | feed-forward | shift | stream | whole plan | stream over whole, %"
 
 MODELLED = f"{COLUMNS} | with {1e3 * LONGER:g} ms, %"  # where the joint is its model
+WALKED = f"{MODELLED} | with its cycle, %"  # where the path repeats, too
 EXPLAINED = (
     f"Root mean square of the error, mrad, from rest, with {1e3 * AHEAD:g} ms known ahead. EMA: "
     f"exponential smoothing, alpha {ALPHA:g}. Feed-forward: first order, by the model's lag, half "
@@ -38,7 +41,7 @@ EXPLAINED = (
 def measure(options: Options) -> list[Table]:
     """Times, and errors on the model, on the virtual servo and on recordings."""
     ticks = 1000 if options.instances > 3 else 100
-    tables = [times(ticks), on_models(), on_servo()]
+    tables = [times(ticks), on_models(), on_changing_walks(), on_servo()]
     folder = recordings()
     return [*tables, *(on_recordings(folder) if folder else [])]
 
@@ -69,10 +72,11 @@ def streamed(
     path: Array,
     measured: Callable[[Array], Array] | None = None,
     ahead: float = AHEAD,
+    cycle: int | None = None,
 ) -> Array:
     """The stream's requests; ``measured`` sends each and returns the next measured angle."""
     preview = round(ahead / model.period)
-    stream, sent, angle = planner.Stream(model, preview=preview), [], None
+    stream, sent, angle = planner.Stream(model, preview=preview, cycle=cycle), [], None
     for k in range(len(path)):
         requests = stream.step(path[k : k + preview], angle)
         angle = measured(requests) if measured is not None else None
@@ -98,28 +102,71 @@ def compared(stream: float, whole: float, *others: float) -> list[float]:
     return [1e3 * stream, 1e3 * whole, *over]
 
 
-def modelled(table: Table, name: str, model: planner.JointModel, path: Array) -> None:
-    """Add a joint that is its model."""
+def modelled(
+    table: Table, name: str, model: planner.JointModel, path: Array, cycle: int | None = None
+) -> None:
+    """Add a joint that is its model, and where its path repeats, the gain of a stream by that."""
 
     def execute(requests: Array) -> Array:
         return planner.simulate(model, requests, cyclic=False, start=float(path[0]))
 
     errors, requests = row(model, path, execute)
     whole = rms(execute(requests) - path)
-    stream, *others = (
-        rms(execute(streamed(model, path, ahead=ahead)) - path) for ahead in (AHEAD, LONGER)
-    )
+    settings = [{"ahead": AHEAD}, {"ahead": LONGER}, *([{"cycle": cycle}] if cycle else [])]
+    stream, *others = (rms(execute(streamed(model, path, **each)) - path) for each in settings)
     table.add(name, *errors, *compared(stream, whole, *others))
 
 
 def on_models() -> Table:
     """The reference walk, whose joints saturate, and slower ones, which they can follow."""
-    table = Table("Streams, walks on the model", f"joint | {MODELLED}", note=EXPLAINED)
+    note = EXPLAINED + f"With its cycle: {CYCLES} cycles, of which the stream expects the length. "
+    table = Table("Streams, walks on the model", f"joint | {WALKED}", note=note)
     joint, walk = planner.JointModel.ers210a(), planner.reference_walk()
     for share in (1.0, 0.5, 0.25):
         for name, angles in zip(("rotator", "abductor", "knee"), walk.desired.T, strict=True):
             path = np.tile(angles[0] + share * (angles - angles[0]), CYCLES)
-            modelled(table, f"{name}, stroke times {share:g}", joint, path)
+            modelled(table, f"{name}, stroke times {share:g}", joint, path, len(walk.desired))
+    return table
+
+
+def on_changing_walks() -> Table:
+    """The reference walk at a speed that changes: the cost of expecting a cycle."""
+    table = Table(
+        "Streams, walks whose speed changes",
+        "speed | stream | with a cycle | whole plan | stream over whole, % | with a cycle, %",
+        note="Root mean square of the error of the reference walk's three joints, mrad, from "
+        f"rest, with {1e3 * AHEAD:g} ms known ahead; five cycles at the speed of the walk. The "
+        "stream with a cycle expects that of the reference walk.",
+    )
+    joint, walk = planner.JointModel.ers210a(), planner.reference_walk()
+    count = len(walk.desired)
+    at = np.arange(5 * count)
+    middle = 2.5 * count
+    speeds = {
+        "constant": np.ones(len(at)),
+        "constant, 10 % slower than expected": np.full(len(at), 0.9),
+        "falls by 30 %": np.linspace(1.0, 0.7, len(at)),
+        "rises by 30 %": np.linspace(1.0, 1.3, len(at)),
+        "20 % more and less": 1.0 + 0.2 * np.sin(2.0 * np.pi * at / 300.0),
+        "half of it at once": np.where(at < middle, 1.0, 0.5),
+        "falls to 0 in 0.3 s": np.clip(1.0 - (at - middle) * joint.period / 0.3, 0.0, 1.0),
+        "0 at once": np.where(at < middle, 1.0, 0.0),
+    }
+    for name, speed in speeds.items():
+        row = np.cumsum(speed) - speed[0]
+        path = np.transpose(
+            [np.interp(row, np.arange(count), each, period=count) for each in walk.desired.T]
+        )
+        plans = [planner.invert_optimal(joint, each, cyclic=False) for each in path.T]
+        whole = rms(np.array([plan.rms for plan in plans]))
+        errors = []
+        for cycle in (None, count):
+            stream = planner.Stream([joint] * 3, preview=round(AHEAD / joint.period), cycle=cycle)
+            sent = np.array([stream.step(path[k:]) for k in at])
+            angles = [planner.simulate(joint, each, cyclic=False) for each in sent.T]
+            errors.append(rms(np.transpose(angles) - path))
+        over = [100.0 * (each / whole - 1.0) for each in errors]
+        table.add(name, *(1e3 * each for each in (*errors, whole)), *over)
     return table
 
 
@@ -190,25 +237,26 @@ def times(ticks: int) -> Table:
         "Streams, time of a tick",
         "period | rows | median, ms | 99th percentile, ms",
         note=f"Processor time. Six different joints, {ticks} ticks, with {1e3 * AHEAD:g} ms known "
-        f"ahead, limits, max_step and measured angles.",
+        f"ahead, limits, max_step and measured angles; and a cycle of {CYCLE:g} s where one is "
+        "expected.",
     )
     fast = ((period, 1, 0.0) for period in (0.002, 0.004, 0.008, 0.01))
     periods = (*fast, (0.02, 4, 0.02), (0.03, 1, 0.02))
-    for period, hold, band in periods:
+    for (period, hold, band), repeats in product(periods, (False, True)):
         joint = {"theta_0": 0.2, "lag": 0.03, "acceleration_time": 0.05, "dead_band": band}
         joint |= {"tick": period / hold, "hold": hold}
         models = [planner.JointModel(v_max=5.0 + 0.1 * j, **joint) for j in range(6)]
-        rows = round(AHEAD / period)
-        stream = planner.Stream(models, preview=rows, limits=(-1.0, 1.0), max_step=0.3)
+        rows, cycle = round(AHEAD / period), round(CYCLE / period) if repeats else None
+        stream = planner.Stream(models, preview=rows, limits=(-1.0, 1.0), max_step=0.3, cycle=cycle)
         clock = period * np.arange(ticks + rows)[:, np.newaxis]
-        turns = clock * (0.5 + 0.1 * np.arange(6))
-        path = 0.5 * np.sin(2.0 * np.pi * turns + np.arange(6))
+        turns = clock / (cycle * period) if cycle else clock * (0.5 + 0.1 * np.arange(6))
+        path = (0.3 if cycle else 0.5) * np.sin(2.0 * np.pi * turns + np.arange(6))
         used = []
         for k in range(ticks):
             began = time.process_time()
             stream.step(path[k : k + rows], path[k])
             used.append(1e3 * (time.process_time() - began))
         name = f"{1e3 * period:g} ms" + (f", {hold} ticks of the model" if hold > 1 else "")
-        name += ", dry friction" if band else ""
+        name += (", dry friction" if band else "") + (", with a cycle" if cycle else "")
         table.add(name, rows, *np.percentile(used, [50, 99]))
     return table
