@@ -166,6 +166,8 @@ def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
         more["is_flag"] = "/" not in declared.option or None
     elif each.type is str and not joint:
         click_type = Parsed(str, form, "", each.choices)
+    elif " " in form:
+        click_type, more["nargs"] = of_kind(kind.inner[0], form), kind.count
     else:
         like = _like(joint, declared.example) if joint or ":" in form else ""
         click_type = of_kind(each, form, like)
@@ -179,6 +181,7 @@ def _option(name: str, declared: Declared, about: str = "") -> click.Parameter:
     if more["multiple"] and not (declared.by_joint or about or "epeat" in text):
         text += " Repeat the option for several."
     default = declared.default_in_words.strip('"[]{}')
+    default = default.replace(".0,", "").removesuffix(".0") if "nargs" in more else default
     if default and "  [" not in text and (kind.type is not bool or "/" in declared.option):
         text += f"  [default: {default}]"
     return click.Option([*declared.option.split(), name], help=text, type=click_type, **more)

@@ -25,7 +25,7 @@ def plan(
         "path: joints rate_hz speed",
         "plan: cyclic",
         "start: deg",
-        f"plan: method segments rule load norm solver {SMOOTHING} robust",
+        f"plan: method segments rule load norm solver weights {SMOOTHING} robust",
         "limits: deg",
         "tolerance: deg cm",
         path=argument(),

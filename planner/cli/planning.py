@@ -154,7 +154,7 @@ def task_of(desired: Desired) -> Task:
     options = search_options(chosen, desired.period) | {"cyclic": desired.cyclic}
     options["load"] = None if callable(desired.load) else desired.load
     if chosen.method == "foot-optimal" and desired.foot is not None:
-        leg = checked_leg(leg)
+        leg, options["weights"] = checked_leg(leg), chosen.weights
         return Task.of(desired.models, desired.foot, leg=leg, limits=limits, **options)
     options["limits"] = None if chosen.method == "closed-form" else limits
     options |= {"start": desired.starts, "names": desired.names}

@@ -37,7 +37,7 @@ def refine(
         "path: joints rate_hz",
         "plan: cyclic",
         "start: deg",
-        f"plan: method load norm solver {SMOOTHING}",
+        f"plan: method load norm solver weights {SMOOTHING}",
         "limits: deg",
         path=option(
             "The path that the requests were planned for: of joints, or of a foot with --leg.",

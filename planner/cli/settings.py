@@ -26,6 +26,9 @@ the top speeds of the leg's description and assumed other parameters, and Table 
 Frame = Annotated[Text, Expected("the name of a frame")]
 Angles = Annotated[dict[str, float], Expected("a table of angles by joint")]
 JointNames = Annotated[tuple[Text, ...], Expected("a list of names of joints")]
+Weights = Annotated[
+    tuple[NotNegative, NotNegative, NotNegative], Expected("a list of three numbers, 0 or more")
+]
 Tick = Annotated[int, within(ge=1 - 10**9, le=10**9 - 1)]
 Length = Annotated[float, within(gt=0.0, le=2.0, words="a number above 0, up to 2, in metres")]
 Height = Annotated[float, within(ge=0.0, le=2.0, words="a number from 0 to 2, in metres")]
@@ -169,6 +172,7 @@ class Plan(Settings):
             degrees at least); 0 for none.
         robust: Plan for models drawn from the intervals of the
             model file, too, and make the mean or the worst of their errors small.
+        weights: How much each axis counts, x, y, z.
         segments: Lines of the approximation.
         rule: How a line is inverted.
     """
@@ -188,6 +192,7 @@ class Plan(Settings):
     robust: Literal["mean", "worst"] | None = option(
         only=OPTIMISED, otherwise="the model alone", example="worst"
     )
+    weights: Weights = option(only=("foot-optimal",), default=(1.0, 1.0, 1.0), form="X Y Z")
     segments: Count | None = option(
         only=("closed-form",), otherwise="as many as reduce the error", example=6
     )

@@ -328,7 +328,8 @@ class PlanAnswer:
             lines.append(words + robot)
             if plan.of_foot is not None and plan.foot_bound:
                 norm = "rms" if task.norm == "rms" else "at most"
-                gap, bound = plan.of_foot.gap, f"{100.0 * plan.foot_bound:.3f} cm {norm}"
+                weighted = " as weighted" if len(set(task.weights)) > 1 else ""
+                gap, bound = plan.of_foot.gap, f"{100.0 * plan.foot_bound:.3f} cm {norm}{weighted}"
                 above = "" if math.isinf(gap) else f": the plan is {percent(gap)} above that"
                 lines.append(f"no requests within the limits bring it below {bound}{above}")
         if plan.method == "shift":
