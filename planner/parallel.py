@@ -13,7 +13,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
@@ -57,8 +57,8 @@ def carry_out(
 ) -> dict[str, str]:
     """Compute the results of all tasks that have none yet, by a function that workers import.
 
-    ``progress`` takes the name of each that is done. Returns why tasks have failed, by their names,
-    in their order. Where a cluster goes away, which raises SchedulerLost, the results are kept.
+    ``progress`` takes the name of each that is done. Returns why tasks have failed, in their order.
+    Where a cluster goes away, which raises SchedulerLost, the results are kept.
     """
     failures, missing = {}, []
     for task in tasks:
@@ -148,9 +148,7 @@ class Processes(futures.ThreadPoolExecutor):
     def _call(self, call: Callable[[], Any]) -> Any:
         for _ in range(2):
             if not hasattr(self._own, "pool"):
-                self._own.pool = futures.ProcessPoolExecutor(
-                    1, self._spawn, _watch, (self._watched,)
-                )
+                self._own.pool = ProcessPoolExecutor(1, self._spawn, _watch, (self._watched,))
             try:
                 return self._own.pool.submit(call).result()
             except BrokenProcessPool:  # it may have been killed for another's memory
@@ -164,10 +162,9 @@ def _watch(lifeline: Any) -> None:
     """In a worker: end when the process that started it ends or closes the pipe, and only then."""
 
     def watch() -> None:
-        try:
+        with suppress(OSError, EOFError):
             lifeline.poll(None)
-        finally:
-            os._exit(0)
+        os._exit(0)
 
     os.environ |= {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -187,22 +184,17 @@ def _cluster(address: str) -> Iterator[Executor]:
     def check_workers() -> None:
         try:
             client.wait_for_workers(1, timeout=ARRIVAL)
-            versions = client.run(_version)
+            versions = client.run(_version, on_error="return")  # one may not import it
         except OSError as error:  # a timeout, too
             raise SchedulerLost(
                 f"{address}: the scheduler has no workers; start some with `dask worker {address} "
                 "--nthreads 1`"
             ) from error
-        except ImportError as error:
-            raise InvalidInput(
-                f"--scheduler: a worker of {address} cannot import request-planner ({error}); "
-                "install it there"
-            ) from error
         for worker, version in versions.items():
             if version != __version__:
                 raise InvalidInput(
-                    f"--scheduler: worker {worker} has request-planner {version}, expected "
-                    f"{__version__} as here"
+                    f"--scheduler: worker {worker} has request-planner '{version}', expected "
+                    f"{__version__} as here; install it there"
                 )
 
     logging.disable()  # the errors here describe faults of a cluster
