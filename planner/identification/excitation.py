@@ -100,9 +100,10 @@ def excite(
     """Make a test signal within the limits that rests in their middle at both ends.
 
     ``combined`` is a slow triangle, a sum of sines and steps; ``steps`` are those of Equation 1,
-    about the middle, and ``multisine``, ``random_steps`` and ``slow_triangle`` the other kinds. A
-    sum of sines has by default frequencies up to a tenth of the rate of the requests, at most 5 Hz.
-    Raises InvalidInput for limits, a period or a kind that cannot be, or a duration too short.
+    about the middle, and ``multisine``, ``random_steps`` and ``slow_triangle`` the other kinds.
+    Steps are by default an eighth, half and the whole of the limits high, each 3 times, or once in
+    each half of ``combined``. A sum of sines has by default frequencies up to a tenth of the rate
+    of the requests, at most 5 Hz. InvalidInput is raised where one of these cannot be.
     """
     low, high = limits
     if not -math.inf < low < high < math.inf:
