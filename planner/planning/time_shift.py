@@ -103,11 +103,6 @@ def has_refused(plan: Plan) -> bool:
     return any(model.evidence and model.evidence.verdict == "refused" for model in plan.models)
 
 
-def shift_allowed(plan: Plan, shift: Plan) -> bool:
-    """Whether the requests of a shift keep what the plan's task allows."""
-    return plan.task.keeps(shift.requests, rounding=1e-9)
-
-
 def shift_recommended(plan: Plan, shift: Plan) -> str:
     """Why the best time shift is recommended instead of a plan, in words; empty where it is not.
 
@@ -119,7 +114,7 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
     the shift is no reason, since the lead is that model's, too: of nine such motions of simulated
     servos the plan was closer in seven. The plan is one by another method for the same task.
     """
-    if has_refused(plan) or not shift_allowed(plan, shift):
+    if has_refused(plan) or not plan.task.keeps(shift.requests, rounding=1e-9):
         return ""
     evidence, period = [model.evidence for model in plan.models], plan.task.period
     if why := unproven_gains(plan.names, evidence):

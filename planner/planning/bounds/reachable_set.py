@@ -29,15 +29,6 @@ def ticks_of(joint: Task) -> int:
     return samples * hold if joint.cyclic else (samples - 1) * hold + 1
 
 
-def torques_of(joint: Task) -> Array:
-    """The torque in the tick that ends in each tick's angle [N m], shape (ticks,)."""
-    by_period = load_by_period(joint.loads[0], cyclic=joint.cyclic)
-    if by_period is None:
-        return np.zeros(ticks_of(joint))
-    following = -(-np.arange(ticks_of(joint)) // joint.nominal[0].hold)  # the sample that is next
-    return np.asarray(by_period[following % len(by_period)])
-
-
 @dataclass(frozen=True, eq=False)
 class ReachableSet:
     """A set that contains every trajectory the joint can make: ``matrix @ angles <= limits``."""
@@ -74,7 +65,11 @@ def reachable_set(
     0.3 of what they are, in the median.
     """
     (model,), (start,), cyclic = joint.nominal, joint.starts, joint.cyclic
-    ticks, load, pose = ticks_of(joint), torques_of(joint), pose_sags(model, angles)
+    ticks, pose = ticks_of(joint), pose_sags(model, angles)
+    load, by_period = np.zeros(ticks), load_by_period(joint.loads[0], cyclic=cyclic)
+    if by_period is not None:  # that in the tick that ends in each tick's angle
+        following = -(-np.arange(ticks) // model.hold)  # the sample that is next
+        load = np.asarray(by_period[following % len(by_period)])
     moved = np.arange(0 if cyclic else 1, ticks)
     every = sparse.eye_array(ticks, format="csr")
     unknowns = sparse.eye_array(ticks + len(moved), format="csr")
