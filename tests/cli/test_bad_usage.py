@@ -63,7 +63,6 @@ BAD = Path(__file__).parent / "snapshots" / "bad_commands.txt"
 
 ODD = (
     f"export d.csv --format csv --cycles 1{'0' * 400}",
-    f"plan d.csv --norm {'x' * 5000}",
     "'\u202enalp'",
 )
 
