@@ -1,5 +1,6 @@
 """The contract of `import planner`: names, cost, examples in docstrings, and one clear error."""
 
+import copy
 import doctest
 import inspect
 import pickle
@@ -78,3 +79,41 @@ def test_every_public_function_has_an_example():
         if inspect.isfunction(getattr(package, name))
     }
     assert functions | {"JointModel.from_toml"} <= set(EXAMPLES)
+
+
+ANGLES = np.sin(np.arange(30.0) / 5.0)
+
+
+CURVE = planner.PiecewiseLinear(knots=[0, 5], values=[0.0, 1.0], samples=9, tick=0.01, cyclic=True)
+
+
+SERVO = planner.JointModel(v_max=9.0, theta_0=0.2, lag=0.03, acceleration_time=0.05)
+
+
+def _with_predicted(plan):
+    """The plan, which has simulated its requests."""
+    assert plan.predicted.shape == plan.requests.shape
+    return plan
+
+
+VALUES = {
+    "Log": lambda: planner.Log(times=np.arange(30.0), requests=ANGLES, angles=ANGLES),
+    "PiecewiseLinear": lambda: CURVE,
+    "CurveStack": lambda: planner.CurveStack.of([CURVE]),
+    "Plan": lambda: _with_predicted(planner.plan(SERVO, ANGLES, method="closed_form")),
+    "fit": lambda: planner.fit_pwl(ANGLES, v_max=9.0, tick=0.1, segments=4),
+    "Trial": lambda: planner.Trial(
+        requests=ANGLES[:, np.newaxis], measured=ANGLES[np.newaxis, :, np.newaxis], error=0.0
+    ),
+}
+
+
+@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
+)
+def test_copies_of_values_cannot_be_written_to(name, copied):
+    value = VALUES[name]()
+    arrays = [each for each in vars(copied(value)).values() if isinstance(each, np.ndarray)]
+    assert arrays
+    assert not any(array.flags.writeable for array in arrays)

@@ -1,6 +1,7 @@
 """A leg of one's own at the command line, and ``gait --fastest``."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -10,9 +11,11 @@ from kinematics import urdf_path
 from planner import JointModel
 from planner.cli import settings
 from planner.cli.desired import find_leg
-from planner.files.paths import foot_path
+from planner.files.paths import foot_path, read_joint_path
 from planner.files.table import read_table
 from planner.model.evidence import Evidence
+from tests.docs.blocks import ROOT
+from tests.docs.shell import commands
 
 FRONT = ("--base", "body", "--foot", "front_left_ball")
 TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))  # of a joint whose logs were slow
@@ -35,6 +38,7 @@ def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
     assert "front_left_abductor_deg" in header
     page = (tmp_path / "page.html").read_text()
     assert "rotator = 20.0}<" in page
+    assert 'href="robot.urdf"' in page
 
 
 def test_a_shipped_leg_starts_near_a_pose_too():
@@ -109,3 +113,51 @@ def test_a_leg_has_no_joints_in_shares_of_their_range(run, tmp_path):
         result = run(*command, "-o", "-")
         assert result.exit_code == 2
         assert "the model of front_left_rotator is in shares of its range" in result.stderr
+
+
+PAGE = ROOT / "docs" / "any_leg.md"
+
+
+def blocks(language):
+    text = PAGE.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture
+def console(run, robots, tmp_path):
+    """What the page's commands for public robots answer, those with a word in them."""
+    (servo,) = blocks("toml")
+    (tmp_path / "servo.toml").write_text(servo)
+    lines = [line for block in blocks("console") for line in commands(block)]
+
+    def console(word):
+        chosen = [line for line in lines if word in line and "request-planner " in line]
+        assert chosen, f"{PAGE} has no command with {word}"
+        results = []
+        for line in chosen:
+            assert line.startswith("$ request-planner ")
+            arguments = line.replace("$ROBOTS", str(robots)).split()[2:]
+            result = run(*arguments)
+            assert result.exit_code == 0, result.stderr
+            results.append(result)
+        return results
+
+    return console
+
+
+@pytest.mark.usefixtures("no_foot_bound")
+@pytest.mark.parametrize("name", ["solo", "arm"])
+def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
+    word = {"arm": "ur5", "solo": "solo12"}[name]
+    if name == "solo":
+        pytest.importorskip("meshcat", reason="needs the extra meshcat")
+    step, planned, *_ = console(word)
+    assert "half stroke" in step.stderr
+    millimetres = 10.0 * float(re.search(r"foot: ([\d.]+) cm rms", planned.stderr)[1])
+    assert millimetres < 1.2  # an encoder's step in each joint moves the largest foot as far
+    requests = read_joint_path(tmp_path / f"{name}_requests.csv")
+    assert requests.values.shape == (len(foot_path(read_table(tmp_path / f"{name}.csv")).values), 3)
+    page = (tmp_path / f"{name}.html").read_text()
+    assert "By the model the foot stays within" in page
+    assert all(joint in page for joint in requests.names)
+    assert ("the rest of their models is assumed" in page) == (name != "solo")

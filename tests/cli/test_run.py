@@ -66,6 +66,7 @@ def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, tmp_pat
 def test_places_are_relative_to_the_file(run, write, desired, tmp_path, monkeypatch):
     write("v_max = 4.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n", "runs/a.toml")
     content = 'out = "results"\n[path]\nfile = "own.csv"\n[model]\nfile = "a.toml"\n'
+    content += '[output]\nreport = "page.html"\n'
     file = write(content, "runs/it.toml")
     desired.rename(tmp_path / "runs" / "own.csv")
     elsewhere = tmp_path / "elsewhere"
@@ -75,6 +76,8 @@ def test_places_are_relative_to_the_file(run, write, desired, tmp_path, monkeypa
     assert result.exit_code == 0, result.stderr
     assert (tmp_path / "runs" / "results" / "results.json").is_file()
     assert list(elsewhere.iterdir()) == []
+    page = (tmp_path / "runs" / "results" / "page.html").read_text("utf-8")
+    assert all(f'href="../{name}"' in page for name in ("own.csv", "a.toml"))
 
 
 @pytest.mark.usefixtures("desired")

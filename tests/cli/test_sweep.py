@@ -186,3 +186,32 @@ def test_outcomes_depend_on_the_content_of_all_files(tmp_path):
     with (tmp_path / "s.toml").open("a") as file:
         file.write("[sweep]\nat_error_cm = 1\n")
     assert read_sweep(str(tmp_path / "s.toml")).inputs() == seen[-1]
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypatch, run):
+    """A kept result that is damaged, what a killed repeat left, and a damaged answer."""
+    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
+    words = ("sweep", "gaits.toml", "--json", "--resume", "--workers", "1")
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.cli.run.write_sweep", killed)
+        assert run(*words).exit_code == 130
+        fresh = run("sweep", "gaits.toml", "--workers", "1")
+        assert "2 results of an earlier sweep removed; --resume keeps them" in fresh.stderr
+    left = tmp_path / ".gaits.results"
+    for kept, damage in zip(sorted(left.glob("??/*")), (b"", b"{}"), strict=True):
+        kept.write_bytes(damage)
+    first = run(*words)
+    assert (first.exit_code, first.stderr.count("Traceback")) == (0, 0)
+    answer = tmp_path / "gaits" / "results.json"
+    answer.write_text(answer.read_text().replace('"points"', '"joints"'))
+    again = run(*words)
+    assert (again.exit_code, again.stdout) == (0, first.stdout)
+    assert "nothing is missing" not in again.stderr
+    left.mkdir()
+    assert run(*words).stdout == first.stdout
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["gaits", "gaits.toml"]

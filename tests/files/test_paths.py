@@ -272,3 +272,16 @@ def test_a_joint_without_a_model_and_a_misspelt_table_are_refused(tmp_path):
     file.write_text(MODEL + "[rotater]\nlag = 0.05\n")
     with pytest.raises(InvalidFile, match="'rotator' \\(did you mean 'rotater'\\?\\)"):
         read_model_file(file).for_joints(["rotator"])
+
+
+@pytest.mark.parametrize(
+    "name", ["=1+2", "+knee", "-knee", "@SUM(A1)", "'=knee", "'knee", "\tknee"]
+)
+def test_a_title_that_a_spreadsheet_takes_as_a_formula_is_written_as_text_and_read_back(
+    tmp_path, name
+):
+    angles = np.linspace(0.0, 0.1, 12).reshape(6, 2)
+    write_joint_path(tmp_path / "path.csv", [name, "hip"], angles, period=0.02)
+    titles = (tmp_path / "path.csv").read_text().splitlines()[0].split(",")
+    assert not any(title.startswith(("=", "+", "-", "@")) for title in titles)
+    assert read_joint_path(tmp_path / "path.csv").names == (name, "hip")

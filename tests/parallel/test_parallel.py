@@ -1,6 +1,8 @@
 """Tasks in parallel: the same results however they are run, and none lost whatever dies."""
 
 import os
+import signal
+import subprocess
 import sys
 from dataclasses import replace
 
@@ -114,3 +116,18 @@ def test_a_scheduler_that_is_not_there_is_one_clear_error(address, results, monk
     monkeypatch.setattr(parallel, "PATIENCE", 0.2)
     with pytest.raises(InvalidInput, match=r"--scheduler: (nothing answers|got '.*', expected)"):
         run(work.square, work.tasks(), results, scheduler=address)
+
+
+@pytest.mark.parametrize("finished", [1, 7])
+def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, tmp_path, results):
+    """Kill -9 once some results are there. Its workers hold the pipe that is read to its end."""
+    output, folder = tmp_path / "killed", tmp_path / ".killed.results"
+    command = [sys.executable, "-P", "-m", "tests.parallel.work", output]
+    killed = subprocess.run([*command, str(finished)], capture_output=True, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    before = {name: (folder / name).stat().st_mtime_ns for name in work.held(folder)}
+    assert finished <= len(before) < 8 or finished == 7
+    run(work.square, work.tasks(), Results(output, {"power": 2}, resume=True), workers=2)
+    run(work.square, work.tasks(), results, workers=2)
+    assert work.held(folder) == work.held(results.folder)
+    assert all((folder / name).stat().st_mtime_ns == time for name, time in before.items())

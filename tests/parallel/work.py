@@ -1,4 +1,4 @@
-"""Tasks for tests of the engine, which other processes import."""
+"""Tasks for tests of the engine, and commands that are killed; other processes import them."""
 
 import os
 import pickle
@@ -13,7 +13,8 @@ from functools import partial
 from pathlib import Path
 
 from planner.exceptions import InvalidInput
-from planner.files.results import Task
+from planner.files.results import Results, Task
+from planner.parallel import carry_out, executor_of
 
 
 def square(number):
@@ -124,3 +125,19 @@ def held(folder):
         for file in Path(folder).glob("??/*")
         if not file.name.startswith(".")
     }
+
+
+def run_and_die_after(output, finished):
+    """Carry out tasks, resuming, and kill the whole command once some have a result."""
+    results = Results(output, {"power": 2}, resume=True)
+
+    def progress(_):
+        if len(held(results.folder)) >= finished:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    with executor_of(workers=2) as executor:
+        carry_out(square, tasks(), results, executor, progress=progress)
+
+
+if __name__ == "__main__":
+    run_and_die_after(sys.argv[1], int(sys.argv[2]))

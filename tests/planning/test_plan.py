@@ -310,3 +310,10 @@ def test_without_a_bound_the_gap_of_a_perfect_plan_is_0_and_of_any_other_infinit
 def test_the_excess_is_the_distance_beyond_the_desired_range(requests, excess):
     plan = inversion(ERS210A, [0.0, 1.0, 0.5], requests, cyclic=False, start=0.0)
     assert plan.excess == pytest.approx(excess)
+
+
+def test_a_caller_who_makes_underflow_an_error_gets_the_plan_all_the_same():
+    fast = 1.2 * np.sin(2.0 * np.pi * np.arange(88) / 88)
+    expected = planner.plan(ERS210A, fast, norm="max").requests
+    with np.errstate(all="raise"):
+        np.testing.assert_array_equal(planner.plan(ERS210A, fast, norm="max").requests, expected)
