@@ -63,19 +63,14 @@ class Effort(NamedTuple):
 
 
 QUICK = Effort(evaluations=12, tolerance=1e-3, rounds=2)  # tells a good start from a poor one
-
+# to a loss that is right to a thousandth, which tells one local optimum from another
 SEARCH = Effort(evaluations=25, tolerance=1e-4, rounds=6)
-"""To a loss that is right to a thousandth, which tells one local optimum from another."""
-
+# the same from a fit without a term: dry friction is found a long way from there
 TERM = SEARCH._replace(first_step=0.5)
-"""The same from a fit without a term: dry friction is found a long way from there."""
-
+# tells whether a value is refuted, from a fit with a value close by
 PROFILE = Effort(evaluations=15, tolerance=1e-3)
-"""Tells whether a value is refuted, from a fit with a value close by."""
-
+# to the optimum: parameters to a millionth of their standard deviations
 FULL = Effort(evaluations=60, tolerance=1e-7, rounds=6, averaging=(0.3, EDGE_DISTANCE))
-"""To the optimum: parameters to a millionth of their standard deviations."""
-
 
 NO_COLUMNS = np.zeros(0, dtype=np.int_)
 
