@@ -7,8 +7,10 @@ import os
 import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +63,7 @@ def read_robot(
             f"{path}: cannot be read ({error.strerror}); expected a URDF file"
         ) from error
     try:
-        root = ElementTree.fromstring(text)
+        root = ElementTree.parse(BytesIO(text)).getroot()
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise InvalidInput(f"{path}: is not XML ({error}); expected a URDF file") from error
     if root.tag != "robot":
@@ -78,7 +80,12 @@ def read_robot(
     ]
     if unlimited:
         raise InvalidInput(f"{path}: {named(unlimited)} without <limit>; {TO_LIMIT}")
-    model = _model_of(path, ElementTree.tostring(root, encoding="unicode"))
+    with captured_stderr() as complaints:
+        try:
+            model = pinocchio.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+        except (ValueError, RuntimeError) as error:  # too deep an element among them
+            complaint = next(iter(complaints()), str(error))
+            raise InvalidInput(f"{path}: is not a valid URDF: {complaint}") from error
     rest = np.clip(pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
     held = [_lock_joint(model, rest, *each) for each in (locked or {}).items()]
     start, end = _frame(model, base, role="base"), _frame(model, foot, role="foot")
@@ -153,22 +160,25 @@ def _set(model: Any, coordinates: Any, joint: int, position: float) -> None:
     coordinates[kind.idx_q :][: kind.nq] = both
 
 
-def _model_of(path: Path, text: str) -> Any:
-    """Pinocchio's model of a URDF; what its parser writes on standard error is in the message."""
-    import pinocchio
-
+@contextmanager
+def captured_stderr() -> Iterator[Any]:
+    """Capture the C++ parser's messages on standard error; yields what returns them, one by one."""
     sys.stderr.flush()
-    terminal = os.dup(2)
+    try:
+        terminal = os.dup(2)
+    except OSError:  # a process without standard error has nothing to catch
+        yield list
+        return
     with tempfile.TemporaryFile() as caught:
-        os.dup2(caught.fileno(), 2)
-        try:
-            return pinocchio.buildModelFromXML(text)
-        except (ValueError, RuntimeError) as error:
+
+        def complaints() -> list[str]:
             caught.seek(0)
             lines = caught.read().decode(errors="replace").splitlines()
-            errors = (line.removeprefix("Error:").strip() for line in lines if "Error:" in line)
-            complaint = next(errors, str(error))
-            raise InvalidInput(f"{path}: is not a valid URDF: {complaint}") from error
+            return [line.removeprefix("Error:").strip() for line in lines if "Error:" in line]
+
+        os.dup2(caught.fileno(), 2)
+        try:
+            yield complaints
         finally:
             os.dup2(terminal, 2)
             os.close(terminal)

@@ -11,7 +11,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
 import numpy as np
 
 from planner.arrays import Array, error_norm
@@ -228,9 +227,6 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 
 def check_writing(form: str, recordings: Sequence[Recording], output: str) -> None:
     """Refuse outputs that cannot be written, before anything is computed; claim those that can."""
-    if len(recordings) > 1 and click.get_current_context().params["report"] is not None:
-        words = f"a page is about one recording, got {len(recordings)}; leave it out: --json prints"
-        raise click.UsageError(f"--report: {words} the errors of all.")
     if form in FOLDERS:
         check_place("replay.write_as", form, output)
     if form != "lerobot" and len(recordings) > 1:

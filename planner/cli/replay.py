@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -97,7 +97,7 @@ def replay(
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)
-    return _answer(document, kept)
+    return _answer(document, logs, kept)
 
 
 def _replay_one(task: ReplayTask, output: str) -> Answer:
@@ -143,11 +143,11 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
     )
 
 
-def _answer(document: Mapping[str, Any], kept: Path) -> Answer:
+def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None = None) -> Answer:
     """The errors of the plans of many recordings, and a warning for each that failed."""
-    from planner.report.replay_page import episodes_text
+    from planner.report.replay_page import episodes_page, episodes_text
 
-    failure = ""
+    failure, title = "", ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
     if failed := document["left_out"]:
         count = len(document["recordings"]) + len(failed)
         failure = (
@@ -157,6 +157,8 @@ def _answer(document: Mapping[str, Any], kept: Path) -> Answer:
     return Answer(
         document,
         episodes_text(document),
+        page=lambda: episodes_page(document, title=title),
+        origins=[*(("recordings", name) for name in logs), ("track", document["track"])],
         failure=failure,
         warnings=[f"{name} is left out: {reason}" for name, reason in failed.items()],
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from planner.arrays import Array
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure
-from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, line, rounded
+from planner.report.figure import Axis, Curve, Figure, Panel, Span, Timeline, joined, line, rounded
 from planner.report.page import Page, models_table
 from planner.report.plan_results import Numbers, in_unit, motion_of, motions_table, sizes_of
 from planner.report.wording import (
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
     from planner.recording.recorded_path import JointModels
     from planner.recording.replaying import JointReplay, Kind, Replay
     from planner.recording.retiming import Fastest
+
+MOST_ROWS = 500
+"""Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
 
 AS_IT_IS = figure.DIRECT._replace(label="as it is")
 """The path itself as requests."""
@@ -293,6 +297,72 @@ def fastest_results(fastest: Fastest) -> dict[str, Any]:
 
 
 # Many recordings.
+
+
+def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
+    """The page about the document of ``replay --json`` for many recordings."""
+    rows, failures = document["recordings"], document["left_out"]
+    total = len(rows) + len(failures)
+    off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
+    shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
+    units = sorted({row["unit"] for row in rows})
+    worst = max(rows, key=lambda row: float(row["planned_rms"]))
+    return Page(
+        "episodes",
+        **document,
+        total=total,
+        title=title,
+        median={
+            kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
+            for kind in ("direct", "shifted", "planned")
+        },
+        unit=common(units).sign,
+        good=not failures,
+        worst={
+            **worst,
+            "recording": _short(worst["recording"]),
+            "sign": CARRIED[worst["unit"]].sign,
+        },
+        errors=[episodes_figure(rows, unit) for unit in units],
+        shown=shown,
+        rest=max(len(rows) - MOST_ROWS, 0),
+        short=_short,
+    )
+
+
+def episodes_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
+    """Errors against the number of the recording, in the order in which they were read."""
+    own = [(place, row) for place, row in enumerate(rows, 1) if row["unit"] == unit]
+    places = np.array([float(place) for place, _ in own])
+    notes = tuple(f"{_short(row['recording'])}, {row['worst_joint']}" for _, row in own)
+
+    def values(kind: str) -> Array:
+        return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
+
+    few = range(1, len(rows) + 1) if len(rows) <= 12 else ()  # more have round numbers on the axis
+    numbers = {float(k): str(k) for k in few} or None
+    looks = {
+        "direct_rms": figure.DIRECT,
+        "shifted_rms": figure.SHIFT,
+        "planned_rms": figure.OPTIMAL,
+    }
+    curves = []
+    for kind, role in looks.items():
+        marks: Literal["rings", "dots"] = "rings" if role is figure.SHIFT else "dots"
+        hidden = role is figure.DIRECT
+        curves.append(Curve(role, places, values(kind), marks=marks, notes=notes, hidden=hidden))
+    if np.isfinite(bounds := values("lower_bound")).any():
+        ends = places[:, None] + np.array([-0.4, 0.4])
+        heights = np.column_stack([bounds, bounds])
+        curves.append(Curve(figure.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
+    across = Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers)
+    panel = Panel(Axis("error, rms", CARRIED[unit].sign, from_zero=True), curves, height=2.2)
+    return Figure(f"errors_{unit}", *words_of("episodes"), across, [panel])
+
+
+def _short(recording: str) -> str:
+    """A recording without the folders that it is in."""
+    return PurePath(recording).name
 
 
 def episodes_text(document: Mapping[str, Any]) -> str:
