@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ from planner.approximation.fit_problem import (
 )
 from planner.approximation.knot_search import KnotSearch
 from planner.approximation.largest_error import within_largest_error
-from planner.approximation.values import within_slopes
+from planner.approximation.values import slope_bounded, within_slopes
 from planner.arrays import Array, Summarised, Summary, as_flag, as_trajectory, read_only
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 
@@ -281,3 +281,30 @@ def _certify(fit: PiecewiseLinearFit, question: Question) -> None:
         if bound is not None and error > bound * (1.0 + BARELY) + rounding:
             problem = f"{name} error of the piecewise-linear fit"
             raise SolverFailed(problem, "solved", violation=error - bound)
+
+
+class Choices(NamedTuple):
+    """The error for each number of segments, from which a user can choose one."""
+
+    segments: tuple[int, ...]  # numbers of segments, (m,)
+    rms: Array  # rms error of the curve of at most so many [rad], (m,)
+    floor: float  # rms error of the slope-bounded ideal [rad]: no number of segments has less
+    automatic: int  # the number that is chosen by default
+
+
+def choices(fit: PiecewiseLinearFit, *, most: int = 12) -> Choices:
+    """The errors of curves through the samples of ``fit``, for up to ``most`` segments or more.
+
+    Numbers begin at 1 for a path and at 2 for a cycle, and include those of ``fit`` and of the
+    automatic choice up to twice ``most``. Time: that of as many fits.
+    """
+    room = fit.desired.size if fit.cyclic else fit.desired.size - 1
+    plain = partial(fit_pwl, fit.desired, v_max=fit.v_max, tick=fit.tick, cyclic=fit.cyclic)
+    chosen = plain()
+    last = min(room, 2 * most, max(most, chosen.segments, fit.segments))
+    counts = tuple(range(2 if fit.cyclic else 1, last + 1))
+    # A curve with a segment less is one of so many, if it was found to be better.
+    rms = read_only(np.minimum.accumulate([plain(segments=count).rms for count in counts]))
+    ideal = slope_bounded(fit.desired, fit.v_max * fit.tick, cyclic=fit.cyclic)
+    floor = float(np.sqrt(np.mean((ideal - fit.desired) ** 2)))
+    return Choices(counts, rms, floor, chosen.segments)

@@ -157,7 +157,7 @@ def compare(
     )
 
 
-@options.command("Write a page (HTML) about the lines.")
+@options.command("Write a page (HTML) about the lines, and the error for other numbers of them.")
 def fit(
     *,
     run: Run = options.settings(
@@ -188,7 +188,7 @@ def fit(
     """  # noqa: D301
     import numpy as np
 
-    from planner.approximation.fit_pwl import fit_pwl
+    from planner.approximation.fit_pwl import choices, fit_pwl
     from planner.cli.desired import load_joints, model_words, units_in_messages
     from planner.cli.planning import inputs_of, origins_of
     from planner.files.paths import write_curve
@@ -234,7 +234,7 @@ def fit(
         document,
         words,
         lambda file: path.write(file, angles),
-        lambda: fit_page(fits, units),
+        lambda: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}, units),
         origins_of(run),
         [*inputs_of(path), ("lines", output), ("knots", knots)],
     )

@@ -1,4 +1,4 @@
-"""The page of a fit: its lines, and those at the top speed."""
+"""The page of a fit: its lines, those at the top speed, and errors of other numbers of lines."""
 
 from __future__ import annotations
 
@@ -13,28 +13,36 @@ from planner.report.figure import (
     DESIRED,
     DIRECT,
     INK,
+    LOWER_BOUND,
+    MUTED,
     Axis,
     Curve,
     Figure,
     Panel,
     Timeline,
     joined,
+    line,
 )
 from planner.report.page import Page
 from planner.report.wording import UNITS, Table, Unit, labelled, renamed, table_of, words_of
 
 if TYPE_CHECKING:
-    from planner.approximation.fit_pwl import PiecewiseLinearFit
+    from planner.approximation.fit_pwl import Choices, PiecewiseLinearFit
 
 
-def fit_page(fits: Mapping[str, PiecewiseLinearFit], units: Mapping[str, Unit]) -> Page:
-    """The page: every joint's samples and lines."""
+def fit_page(
+    fits: Mapping[str, PiecewiseLinearFit],
+    choices: Mapping[str, Choices],
+    units: Mapping[str, Unit],
+) -> Page:
+    """The page: every joint's samples and lines, with error against number of lines beside them."""
     worst = dict[str, str]()  # the joint that is farthest off, by the name of its unit
     for name in sorted(fits, key=lambda name: fits[name].max_error):
         worst[units[name].name] = name
     joints = {
-        name: [fit_figure(name, fit, k, units[name].sign)]
+        name: [fit_figure(name, fit, k, unit), choices_figure(choices[name], fit, k, unit)]
         for k, (name, fit) in enumerate(fits.items(), 1)
+        for unit in [units[name].sign]
     }
     return Page(
         "fit",
@@ -104,3 +112,27 @@ def fit_figure(name: str, fit: PiecewiseLinearFit, number: int, unit: str = "deg
     curves.append(Curve(INK, step * knots, np.degrees(fit.values), "knots", marks="rings"))
     panel = Panel(Axis("angle", unit), curves, height=1.3)
     return timeline.figure(f"fit_{number}", [panel], words_of("fit", name=name, fit=fit, unit=unit))
+
+
+def choices_figure(
+    choices: Choices, fit: PiecewiseLinearFit, number: int, unit: str = "deg"
+) -> Figure:
+    """Error against number of lines, its lower bound, and the automatic choice."""
+    numbers, errors = np.array(choices.segments, float), np.degrees(choices.rms)
+    bound = float(np.degrees(choices.floor))
+    top = float(np.max(errors, initial=bound))
+    room = max(top - bound, 0.05 * bound, 1e-9)  # less is no difference
+    low, high = max(0.0, bound - 0.25 * room), bound + 1.1 * room
+    ends = np.array([numbers.min(), numbers.max()])
+    curves = [
+        line((fit.segments, fit.segments), (low, high), MUTED),
+        Curve(LOWER_BOUND, ends, np.full(2, bound)),
+        Curve(INK._replace(width=1.2), numbers, errors, "rms error"),
+        Curve(INK, numbers, errors, "numbers of lines", legend=False, marks="dots"),
+    ]
+    if choices.automatic in choices.segments:
+        at = choices.segments.index(choices.automatic)
+        curves.append(Curve(APPROXIMATION, numbers[[at]], errors[[at]], "automatic", marks="rings"))
+    across = Axis("number of lines", names={each: f"{each:.0f}" for each in numbers})
+    panel = Panel(Axis("rms error", unit, (low, high)), curves, height=1.3)
+    return Figure(f"choices_{number}", *words_of("choices"), across, [panel])

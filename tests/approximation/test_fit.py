@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import Infeasible, fit_pwl, lower_bound
+from planner.approximation.fit_pwl import choices
 from tests.approximation.samples import (
     EXACT_KNOTS,
     EXACT_VALUES,
@@ -146,6 +147,19 @@ def test_automatic_follows_a_sine_in_few_corners_and_noise_in_none():
     assert fit_pwl(noise, v_max=1e4, tick=0.008).segments <= 6
     noisy = fit_pwl(np.sin(2 * np.pi * t) + 0.1 * noise, v_max=100.0, tick=0.008)
     assert noisy.segments <= 6
+
+
+def test_choices_never_rise_and_go_up_to_the_number_of_the_fit():
+    """Of this impulse the five lines that are found alone are a little worse than the four."""
+    impulse = (np.arange(40) == 20).astype(float)
+    fit = fit_pwl(impulse, **PATH, segments=6)
+    found = choices(fit, most=3)
+    assert found.segments == (1, 2, 3, 4, 5, 6)
+    assert np.all(np.diff(found.rms) <= 0.0)
+    assert found.rms[-1] == fit.rms
+    assert found.floor == pytest.approx(fit_pwl(impulse, **PATH, segments=39).rms, rel=SAME)
+    cycle = fit_pwl(np.roll(impulse, 20), v_max=0.2, tick=1.0, segments=3)  # it begins at the peak
+    assert choices(cycle, most=3).floor == pytest.approx(found.floor, rel=SAME)
 
 
 def test_an_error_out_of_reach_is_infeasible_and_says_what_is_in_reach():

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.approximation.fit_pwl import fit_pwl
+from planner.approximation.fit_pwl import choices, fit_pwl
 from planner.evaluation.pareto_front import Outcome, Swept
 from planner.report.fit_page import fit_page, fit_results, fits_table
 from planner.report.replay_page import fastest_results
@@ -58,7 +58,7 @@ def test_lines_through_shares_have_percent_beside_angles_in_degrees():
     assert [each.about for each in table.rows] == ["hip", "jaw [% of its range]"]
     both = [fit_results(fits[name], unit) for name, unit in units.items()]
     assert both[1]["rms_percent"] == both[0]["rms_deg"]
-    page = fit_page(fits, units).html()
+    page = fit_page(fits, {name: choices(fit) for name, fit in fits.items()}, units).html()
     assert re.search(r"within ([\d.]+) degrees and \1 % of the range of the path", page)
     assert '"%"' in page
 
