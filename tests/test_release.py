@@ -82,7 +82,7 @@ def test_changelog_and_citation_tell_the_version_and_its_date():
 def test_the_extra_for_developers_has_what_the_others_need_in_the_same_versions():
     extras = PROJECT["optional-dependencies"]
     inside = {*extras["dev"]}
-    for extra in ("parquet", "bags", "mujoco", "yaml", "cluster", "sweep"):
+    for extra in ("parquet", "bags", "mujoco", "meshcat", "yaml", "cluster", "sweep"):
         assert set(extras[extra]) <= inside, extra
 
 

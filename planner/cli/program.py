@@ -41,6 +41,7 @@ COMMANDS = {
     "run": ("run", "Carry out what one TOML file describes."),
     "simulate": ("plan", "Simulate joints under requests."),
     "sweep": ("run", "Plan for ranges of gaits or speeds: fast at a small error."),
+    "view": ("plan", "Write a page that shows the robot moving."),
     "virtual-bus": ("servos", "Put virtual servos behind a pseudo-terminal."),
 }
 """The commands, their modules and their help: each is the function of this name, with _ for -."""

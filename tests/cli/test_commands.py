@@ -5,10 +5,12 @@ import math
 import re
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import planner
 from kinematics import UnsupportedLeg
 from planner import JointModel
 from planner.approximation.fit_pwl import fit_pwl
@@ -20,8 +22,12 @@ from planner.exceptions import (
     PlannerError,
     SolverFailed,
 )
-from planner.files.paths import read_joint_path, write_joint_path
+from planner.files.paths import foot_path, read_joint_path, write_joint_path
+from planner.files.table import read_table
+from planner.report import meshcat_scene as report
 from tests.cli.test_servos import ARM
+
+SAME = 1e-9
 
 
 def from_compiled_code(cause):
@@ -190,6 +196,37 @@ def test_lines_are_no_faster_than_a_joint_whose_requests_are_held(run, desired):
         knots, values = np.array(answer["knots"]), np.radians(answer["values_deg"])
         speeds = np.diff(np.append(values, values[0])) / np.diff(np.append(knots, knots[0] + 88))
         assert np.max(np.abs(speeds)) / 0.008 == pytest.approx(fastest, rel=1e-6)
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """What the pages of the test show, page by page."""
+    pytest.importorskip("meshcat", reason="needs the extra meshcat")
+    pages = []
+
+    def keep(_, angles, feet, **__):
+        pages.append([SimpleNamespace(angles=a, foot=f) for a, f in zip(angles, feet, strict=True)])
+        return ""
+
+    monkeypatch.setattr(report, "scene_page", keep)
+    return pages
+
+
+def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
+    run("plan", foot, "--leg", "front-left", "-o", "requests.csv")
+    made = read_joint_path("requests.csv")
+    write_joint_path("other.csv", made.names[::-1], made.values[:, ::-1], period=0.008)
+    shared = ("view", foot, "--leg", "front-left", "--html", "page.html")
+    run(*shared, "--requests", "other.csv")  # whose columns stand in another order
+    run(*shared)  # planned there, all joints at once
+    (desired, direct, planned), (*_, other) = shown
+    requests = made.values
+    for motion, sent in ((direct, desired.angles), (planned, requests)):
+        for j in range(3):
+            answer = planner.simulate(planner.JointModel.ers210a(), sent[:, j])
+            assert np.max(np.abs(motion.angles[:, j] - answer)) <= SAME
+    assert np.max(np.abs(desired.foot - foot_path(read_table(foot)).values)) <= SAME
+    assert np.max(np.abs(other.angles - planned.angles)) > 1e-3
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ HEAVY = (
     "cvxpy",
     "jinja2",
     "matplotlib",
+    "meshcat",
     "mujoco",
     "numpy",
     "osqp",

@@ -18,6 +18,7 @@ NEEDED = {
     "my_dataset/data/chunk-000/file-000.parquet": "pyarrow",
     "run.bag": "rosbags",
     "run.mcap": "rosbags",
+    "view": "meshcat",
     "virtual": "mujoco",
     "yaml": "yaml",
 }
