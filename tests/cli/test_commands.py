@@ -119,6 +119,7 @@ def test_whether_a_simulation_repeats_follows_from_the_desired_path(run, tmp_pat
     assert json.loads(run(*ask).stdout)["cyclic"] is False
     assert json.loads(run(*ask, "--desired", "wanted.csv").stdout)["cyclic"] is True
 
+
 SAME = 1e-9
 
 
