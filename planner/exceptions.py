@@ -34,6 +34,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from planner.arrays import Array, Indices
 
+LONGEST = 1500
+"""Characters of a message; of a longer one the middle is left out."""
+
 
 class PlannerError(Exception):
     """The root of the tree; its message is one line, whatever the caller's names hold."""
@@ -218,5 +221,10 @@ def importing(what: str, extra: str) -> Iterator[None]:
 
 
 def printable(text: str) -> str:
-    """Text on one line, for any content of files and arguments."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    """Text on one line and of bounded length, for any content of files and arguments."""
+    text = _shortened(text)
+    return _shortened("".join(c if c.isprintable() else repr(c)[1:-1] for c in text))
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-300:]}"
