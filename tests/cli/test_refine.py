@@ -113,7 +113,7 @@ def keep_columns(file, *names):
     write_joint_path(file, names, path.values, period=0.008)
 
 
-@pytest.mark.usefixtures("unbounded")
+@pytest.mark.usefixtures("no_foot_bound")
 def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
     run, execute, tmp_path
 ):
