@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
-from planner.approximation.fit_problem import Candidate, Problem, residuals
-from planner.approximation.values import best_values, slope_bounded
+from planner.approximation.fit_problem import Candidate, Problem, nearest_samples, residuals
+from planner.approximation.values import best_values, ideal_of
 from planner.arrays import Array, Indices
 from planner.exceptions import SolverFailed
 
@@ -32,14 +32,13 @@ MOST_BRANCHES = 4_000  # halves that are looked at before the search gives up
 def proved_best(problem: Problem, start: Candidate) -> Candidate:
     """The curve of least squared error with as many segments as ``start`` and knots on samples.
 
-    The squared error exceeds the least possible by no more than :data:`PROVED` of it. Raises
-    SolverFailed without a proof within :data:`MOST_BRANCHES` halvings.
+    Required knots lie on samples. The squared error exceeds the least possible by no more than
+    :data:`PROVED` of it. Raises SolverFailed without a proof within :data:`MOST_BRANCHES` halvings.
     """
     n, knots = problem.samples, np.floor(start.knots + 0.5)
     knots = np.sort(np.mod(knots, n)) if problem.cyclic else knots
     search = Relaxation(problem, best_values(problem, knots))
-    ideal = slope_bounded(problem.desired, problem.step, cyclic=problem.cyclic)
-    if float(np.sum((ideal - problem.desired) ** 2)) >= search.enough:
+    if float(np.sum((ideal_of(problem) - problem.desired) ** 2)) >= search.enough:
         return search.best
     levels = [np.arange(t, n - knots.size + t + 1) for t in range(knots.size)]
     if not problem.cyclic:
@@ -50,7 +49,7 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
     residual = residuals(problem, search.best.knots, search.best.values)
     along = np.cumsum(residual) - 0.5 * residual
     along -= np.mean(along) if problem.cyclic else along * np.isin(np.arange(n), [0, n - 1])
-    first = np.tile(-2.0 * along, (knots.size, 1))
+    first = np.tile(-2.0 * along, (2, knots.size, 1))
     queue = [(-math.inf, number, levels, first)]
     while queue and queue[0][0] < search.enough:
         _, order, levels, multipliers = heapq.heappop(queue)
@@ -90,7 +89,8 @@ def halves_of(levels: Levels) -> list[Levels]:
 class Relaxation:
     """All segments between samples, with the sums from which their costs follow; the best curve.
 
-    Multipliers have the shape (levels, n).
+    Multipliers have the shape (2, levels, n): of the ends of segments and of the starts, the same
+    except at pins.
     """
 
     def __init__(self, problem: Problem, best: Candidate) -> None:
@@ -112,7 +112,10 @@ class Relaxation:
         first, last = np.full((count, 1), 0.5), np.full((1, count), 0.5)
         if not problem.cyclic:
             first[0], last[0, -1] = 1.0, 0.0
+        nodes = nearest_samples(problem.required) % n
         possible = span >= 1.0
+        for place in np.append(nodes, nodes + n):  # no required knot inside
+            possible &= (place <= start) | (place >= end)
         d_i, d_j = desired[start], desired[end]
         w0 = np.where(possible, span + first - last, 1.0)
         self.centre = (w1 - last * span) / w0
@@ -125,6 +128,8 @@ class Relaxation:
         error = square - w0 * self.mean**2 - self.slope * sxd
         self.error = np.where(possible, np.maximum(error, 0.0), np.inf)
         self.w0, self.length = w0, span
+        self.pins = np.full(n, np.nan)
+        self.pins[nodes] = problem.pins
 
     @property
     def enough(self) -> float:
@@ -156,15 +161,15 @@ class Relaxation:
             levels = [level[cost < self.enough] for level, cost in pairs]
             slopes = self.differences(chain, trial)
             square = float(np.sum(slopes**2))
-            if pace < 0.05 or square < 5e-21:  # the segments meet: as high as can be
+            if pace < 0.05 or square < 1e-20:  # the segments meet: as high as can be
                 break
             # Polyak's step upwards, which the neighbours of each knot share.
-            n = self.problem.samples
-            away = np.abs(np.arange(n) - np.array(chain)[:, np.newaxis])
+            near = np.where(np.isfinite(self.pins[chain]), 1, 3)[:, np.newaxis]
+            away = np.abs(np.arange(self.pins.size) - np.array(chain)[:, np.newaxis])
             if self.problem.cyclic:
-                away = np.minimum(away, n - away)
-            reach = pace * (self.best.error - bound) / square
-            trial = trial + reach * slopes[:, np.newaxis] * np.maximum(0.0, 1.0 - away / 3)
+                away = np.minimum(away, self.pins.size - away)
+            reach = 2.0 * pace * (self.best.error - bound) / square
+            trial = trial + reach * slopes[:, :, np.newaxis] * np.maximum(0.0, 1.0 - away / near)
         return highest, levels, best
 
     def lines(self, i: Indices, j: Indices, pi_i: Array, pi_j: Array) -> tuple[Array, Array, Array]:
@@ -183,15 +188,18 @@ class Relaxation:
 
     def bound(self, levels: Levels, multipliers: Array) -> tuple[float, list[int], list[Array]]:
         """Cost and knots of the cheapest chain, and costs of the cheapest through each place."""
-        last, tables = len(levels) - 1, []
+        into, out = multipliers
+        last, pin = len(levels) - 1, np.nan_to_num(self.pins)
+        tables = []
         for t in range(last + self.problem.cyclic):
             u = (t + 1) % (last + 1)
             i, j = levels[t][:, None], levels[u][None, :]
             table, _, _ = self.lines(
-                i, j + (self.problem.samples if u == 0 else 0), multipliers[t, i], multipliers[u, j]
+                i, j + (self.problem.samples if u == 0 else 0), out[t, i], into[u, j]
             )
-            tables.append(table)
+            tables.append(table + pin[j] * (out[u, j] - into[u, j]))
         if not self.problem.cyclic:
+            tables[0] = tables[0] + pin[0] * (out[0, 0] - into[0, 0])
             tables.append(np.zeros((1, 1)))
         # costs[t][a, b]: cheapest way from place a of level 0 to place b of level t + 1.
         costs, came_from = [tables[0]], []
@@ -215,14 +223,20 @@ class Relaxation:
         return float(total[first, end]), chain, by_level[::-1]
 
     def differences(self, chain: list[int], multipliers: Array) -> Array:
-        """Slopes of the bound by the multipliers at the knots of its chain, (levels,)."""
+        """Slopes of the bound by the multipliers at the knots of its chain, (2, levels)."""
+        into, out = multipliers
         size, n = len(chain), self.problem.samples
         own, arriving, leaving = np.array(chain), np.zeros(size), np.zeros(size)
         t = np.arange(size if self.problem.cyclic else size - 1)
         u = (t + 1) % size
         i, j = own[t], own[u] + n * (own[u] <= own[t])
-        _, leaving[t], arriving[u] = self.lines(i, j, multipliers[t, i], multipliers[u, own[u]])
-        slopes = arriving - leaving
+        _, leaving[t], arriving[u] = self.lines(i, j, out[t, i], into[u, own[u]])
+        pins = self.pins[own]
+        pinned = np.isfinite(pins)
+        by_into = np.where(pinned, arriving - pins, arriving - leaving)
+        by_out = np.where(pinned, pins - leaving, arriving - leaving)
         if not self.problem.cyclic:
-            slopes[[0, -1]] = 0.0
-        return slopes
+            by_into[0] = by_out[-1] = 0.0
+            by_out[0] *= pinned[0]
+            by_into[-1] *= pinned[-1]
+        return np.stack([by_into, by_out])

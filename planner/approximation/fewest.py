@@ -16,10 +16,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from planner.approximation.values import envelope_below
 from planner.arrays import Array
 from planner.exceptions import SolverFailed
 
@@ -34,6 +36,12 @@ class Gates(NamedTuple):
     lower: Sequence[float]  # least value of the curve at each
     upper: Sequence[float]  # largest value of the curve at each
     slope: float  # largest rise per sample, v
+
+    def reachable(self) -> tuple[Array, Array]:
+        """Least and largest value at each from which slopes can pass all others."""
+        ramp = self.slope * np.array(self.places)
+        least = -envelope_below(-np.array(self.lower), ramp)
+        return least, np.maximum(envelope_below(np.array(self.upper), ramp), least)
 
 
 class Line(NamedTuple):
@@ -65,23 +73,40 @@ class Link(NamedTuple):
     end: int  # the last gate that it passes
 
 
-def fewest_links(gates: Gates) -> tuple[Array, Array]:
+def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> tuple[Array, Array]:
     """Knots and values of the path of fewest segments through all gates; O(number of gates).
 
-    Where gates are one sample apart or more, so are the knots.
+    The path must have a knot at the gates whose numbers are ``breaks``, increasing, ends left out:
+    it falls into parts there. A part keeps its own fewest segments, since one more would save the
+    next part one at most. Where gates are one sample apart or more, so are the knots.
     """
-    start, end = gates.places[0], gates.places[-1]
-    links, lines = links_from(gates, len(gates.places) - 1)
-    if links:  # the last line: the one that crosses the line before it first
-        final = lines[links[-1].rising]
-    else:
-        top, bottom = lines
-        middle = 0.5 * (top.at(start) + bottom.at(start))
-        final = Line(start, middle, 0.5 * (top.slope + bottom.slope))
-    knots, values = joints(gates, links, final)
-    begin = (links[0].line if links else final).at(start)
-    begin = min(max(begin, gates.lower[0]), gates.upper[0])
-    return np.array([start, *knots, end]), np.array([begin, *values, final.at(end)])
+    lower, upper = list(gates.lower), list(gates.upper)
+    gates = gates._replace(lower=lower, upper=upper)
+    parts = list(pairwise([0, *breaks, len(lower) - 1]))
+    if breaks:
+        least, most = gates.reachable()
+        for first, last in parts[:-1]:
+            lower[last], upper[last] = float(least[last]), float(most[last])
+            ends = [each.at(gates.places[last]) for each in links_from(gates, last, start=first)[1]]
+            highest, lowest = (min(max(each, lower[last]), upper[last]) for each in ends)
+            lower[last], upper[last] = min(lowest, highest), highest
+    knots, values = list[float](), list[float]()
+    for first, last in reversed(parts):
+        links, lines = links_from(gates, last, start=first)
+        start, end = gates.places[first], gates.places[last]
+        if links:  # the last line: the one that crosses the line before it first
+            final = lines[links[-1].rising]
+        else:
+            top, bottom = lines
+            middle = 0.5 * (top.at(start) + bottom.at(start))
+            final = Line(start, middle, 0.5 * (top.slope + bottom.slope))
+        places, heights = joints(gates, links, final)
+        begin = min(max((links[0].line if links else final).at(start), lower[first]), upper[first])
+        if not knots:
+            knots, values = [end], [final.at(end)]
+        knots, values = [start, *places, *knots], [begin, *heights, *values]
+        lower[first], upper[first] = begin - REACHED, begin + REACHED
+    return np.array(knots), np.array(values)
 
 
 def fewest_links_around(gates: Gates) -> tuple[Array, Array]:
@@ -130,23 +155,25 @@ def joints(gates: Gates, links: Sequence[Link], final: Line) -> tuple[list[float
 
 
 def links_from(
-    gates: Gates, last: int, *, after: Link | None = None
+    gates: Gates, last: int, *, start: int = 0, after: Link | None = None
 ) -> tuple[list[Link], tuple[Line, Line]]:
     """The lines kept one after the other, and those that remain for the last segment."""
-    links, outcome = list[Link](), next_link(gates, last, after=after)
+    links, outcome = list[Link](), next_link(gates, last, start=start, after=after)
     while isinstance(outcome, Link):
         links.append(outcome)
         outcome = next_link(gates, last, after=outcome)
     return links, outcome
 
 
-def next_link(gates: Gates, last: int, *, after: Link | None = None) -> Link | tuple[Line, Line]:
+def next_link(
+    gates: Gates, last: int, *, start: int = 0, after: Link | None = None
+) -> Link | tuple[Line, Line]:
     """The line kept next, or the highest and the lowest one if some pass all gates to ``last``.
 
     After a link the first gate is the one that it touched last; up to the last gate that it passes,
     only the ends away from it count: on the near side the line is beyond it before they cross.
     """
-    start, half, rising = 0, -1, False
+    half, rising = -1, False
     if after is not None:
         start, half, rising = after.touched, after.end, after.rising
     places, lowers, uppers, slope = gates

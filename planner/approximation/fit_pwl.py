@@ -22,16 +22,21 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.exact_fit import MOST_SAMPLES, proved_best
 from planner.approximation.fit_problem import (
     BARELY,
+    SAME_PLACE,
     SMALLEST,
     Candidate,
     Problem,
+    Required,
+    check_feasible,
+    checked_knots,
     checked_segments,
     even_knots,
     positive,
+    with_pins,
 )
 from planner.approximation.knot_search import KnotSearch
 from planner.approximation.largest_error import within_largest_error
-from planner.approximation.values import slope_bounded, within_slopes
+from planner.approximation.values import best_values, slope_bounded, within_slopes
 from planner.arrays import Array, Summarised, Summary, as_flag, as_trajectory, read_only
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 
@@ -56,8 +61,9 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
         desired: The samples that it approximates [rad], shape (n,).
         v_max: The bound that its slopes keep [rad/s].
         fewest_segments: Where a largest error was given, the fewest segments of any curve that
-            keeps it, its own number. With ``exact`` and a largest rms error likewise, of all curves
-            with knots on samples; else None.
+            keeps it, its own number; of a cycle with required knots a lower bound, its own number
+            or one less. With ``exact`` and a largest rms error the number of segments itself, of
+            all curves with knots on samples; else None.
         proved: Whether it is proved, by ``exact``, that no other curve of as many segments and with
             knots on samples has a smaller rms error.
     """
@@ -93,12 +99,13 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
 
 
 class Question(NamedTuple):
-    """How many segments, and how close; each None if unspecified."""
+    """How many segments, how close, and which knots; each None if unspecified."""
 
     segments: int | None
     max_error: float | None  # [rad]
     max_rms: float | None  # [rad]
-    exact: bool  # whether to prove the answer best
+    knots: Array | None  # [samples]
+    exact: bool
 
 
 def fit_pwl(
@@ -110,6 +117,8 @@ def fit_pwl(
     segments: int | None = None,
     max_error: float | None = None,
     max_rms: float | None = None,
+    knots: npt.ArrayLike | None = None,
+    required: Required = (),
     exact: bool = False,
 ) -> PiecewiseLinearFit:
     """Approximate ``desired`` by few straight lines that a joint of speed ``v_max`` can follow.
@@ -125,16 +134,23 @@ def fit_pwl(
         segments: Number of segments; with ``max_error`` or ``max_rms``, the most.
         max_error: Largest error at any sample [rad], kept up to one part in 1e9: the fewest
             segments that keep it, the true minimum (docs/math.md, section 4), and of curves with so
-            many segments one of small squared error. O(n).
+            many segments one of small squared error. With required knots a cycle has one more at
+            most, and ``fewest_segments`` of the answer is a lower bound. Beside required knots
+            between samples segments may be shorter than a sample. O(n).
         max_rms: Largest rms error [rad], likewise. With none of the three, the fewest segments
             whose rms error is within 2 % of the slope-bounded ideal's, 1 % of the range of
             ``desired``, or 1.1 times its noise; an exact curve within the slopes is recovered.
+        knots: All knots [samples], in place of ``segments`` and errors; a path's ends and
+            ``required`` are added. Only the values are sought: one QP, O(n).
+        required: Indices, whole or not, where there must be a knot; as a mapping, with the angle
+            there [rad], or None where it is free. At the ends of a path, 0 and n - 1, there are
+            knots in any case.
         exact: Whether to prove the answer best of all with knots on samples; with ``segments`` or
             ``max_rms``, n <= 400.
 
     Raises:
         InvalidInput: An argument is out of its range, no trajectory, or excludes another.
-        Infeasible: An error cannot be kept within the slopes, or by so few segments.
+        Infeasible: Requirements contradict each other, the slopes or the error; names the pair.
         SolverFailed: A QP was not solved, or nothing proved in reasonable time.
 
     Example:
@@ -147,25 +163,21 @@ def fit_pwl(
     samples = as_trajectory(desired, name="desired", minimum=3)
     cyclic, n = as_flag("cyclic", cyclic), samples.size
     exact = as_flag("exact", exact)
+    places, pins = checked_knots(required, n, cyclic=cyclic)
     v_max, tick = positive("v_max", v_max, "rad/s"), positive("tick", tick, "s")
-    problem = Problem(desired=samples, step=v_max * tick, cyclic=cyclic)
-    if max_error is not None and max_rms is not None:
-        raise InvalidInput("max_error, max_rms: got both, expected one; leave one out")
-    if exact and max_error is not None:
-        raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
-    if exact and segments is None and max_rms is None:
-        raise InvalidInput("exact: expected segments or max_rms with it; give one of them")
-    if exact and n > MOST_SAMPLES:
-        raise InvalidInput(
-            f"exact: got {n} samples, expected at most {MOST_SAMPLES}; fit without it, or thin the "
-            "samples out"
-        )
+    problem = Problem(desired=samples, step=v_max * tick, cyclic=cyclic, required=places, pins=pins)
+    if knots is not None:
+        values = as_trajectory(knots, name="knots", minimum=1)
+        fixed = checked_knots(values.tolist(), n, cyclic=cyclic, name="knots")[0]
+        knots = np.unique([*fixed, *places, *([] if cyclic else [0.0, n - 1.0])])
     question = Question(
         segments=checked_segments(segments, samples, cyclic=cyclic),
         max_error=None if max_error is None else positive("max_error", max_error, "rad"),
         max_rms=None if max_rms is None else positive("max_rms", max_rms, "rad"),
+        knots=knots,
         exact=exact,
     )
+    _check(problem, question, tick)
     curve, fewest = _curve(problem, question)
     fit = PiecewiseLinearFit(
         knots=curve.knots,
@@ -176,37 +188,86 @@ def fit_pwl(
         desired=samples,
         v_max=v_max,
         fewest_segments=fewest,
-        proved=exact,
+        proved=exact and knots is None,
     )
     _certify(fit, question)
     return fit
 
 
+def _check(problem: Problem, question: Question, tick: float) -> None:
+    """Raise an error where arguments exclude each other, or no curve meets them all."""
+    segments, max_error, max_rms, knots, exact = question
+    named = {"segments": segments, "max_error": max_error, "max_rms": max_rms, "knots": knots}
+    for first, *others in (("max_error", "max_rms"), ("knots", "segments", "max_error", "max_rms")):
+        both = [name for name in others if named[first] is not None and named[name] is not None]
+        if both:
+            raise InvalidInput(f"{first}, {both[0]}: got both, expected one; leave one out")
+    if exact:
+        if max_error is not None:
+            raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
+        if knots is None and segments is None and max_rms is None:
+            raise InvalidInput("exact: expected segments or max_rms with it; give one of them")
+        for name, places in (("required", problem.required), ("knots", knots)):
+            between = np.empty(0) if places is None else places[places != np.floor(places)]
+            if between.size:
+                raise InvalidInput(
+                    f"{name}: got a knot at sample {between[0]:g} with exact, expected whole "
+                    "samples; an optimum is proved for knots on them"
+                )
+        if knots is None and problem.samples > MOST_SAMPLES:
+            raise InvalidInput(
+                f"exact: got {problem.samples} samples, expected at most {MOST_SAMPLES}; fit "
+                "without it, or thin the samples out"
+            )
+    check_feasible(
+        problem,
+        tick,
+        knots=knots,
+        segments=segments,
+        at_most=max_error is not None or max_rms is not None,
+        max_error=max_error,
+    )
+
+
 def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]:
     """The curve, its slopes within ±v_max but for rounding, and with a largest error the fewest."""
-    middle = 0.5 * (float(problem.desired.max()) + float(problem.desired.min()))
-    unit = float(np.max(np.abs(problem.desired - middle)))
+    angles = np.append(problem.desired, problem.pins[np.isfinite(problem.pins)])
+    middle = 0.5 * (float(angles.max()) + float(angles.min()))
+    unit = float(np.max(np.abs(angles - middle)))
     bounded = question.max_error is not None or question.max_rms is not None
     if unit <= SMALLEST:
-        knots = even_knots(problem, 1 if bounded else question.segments or 1)
-        return Candidate(knots, np.full(knots.size, middle), 0.0), 1 if bounded else None
-    # Where samples span 2 no line is as steep; beyond, rounding is all that is left of them.
-    step = min(problem.step / unit, 1e6)
-    search = KnotSearch(problem._replace(desired=(problem.desired - middle) / unit, step=step))
-    if question.max_error is None:
-        curve = _search_curve(search, question, unit)
+        segments = 1 if bounded else question.segments or 1
+        knots = even_knots(problem, segments) if question.knots is None else question.knots
+        fewest = problem.segments(knots) if bounded else None
+        return Candidate(knots, np.full(knots.size, middle), 0.0), fewest
+    scaled = problem._replace(
+        desired=(problem.desired - middle) / unit,
+        # Where samples span 2 no line is as steep; beyond, rounding is all that is left of them.
+        step=min(problem.step / unit, 1e6),
+        pins=(problem.pins - middle) / unit,
+    )
+    fewest = None
+    if question.knots is not None:
+        curve = best_values(scaled, question.knots)
     else:
-        bound = question.max_error / unit
-        curve = within_largest_error(search.unrounded, bound, question.segments, unit)
-    proved = question.max_error is not None or (question.exact and bounded)
-    curve = search.restored(curve)
-    fewest = problem.segments(curve.knots) if proved else None
-    return curve._replace(values=middle + unit * curve.values), fewest
+        search = KnotSearch(scaled)
+        if question.max_error is None:
+            curve = _search_curve(search, question, unit)
+            fewest = problem.segments(curve.knots) if question.exact and bounded else None
+        else:
+            bound = question.max_error / unit
+            curve, fewest = within_largest_error(search.unrounded, bound, question.segments, unit)
+        curve = search.restored(curve)
+    knots = np.array(curve.knots)
+    for place in problem.required:
+        knots[np.abs(knots - place) < SAME_PLACE] = place
+    values = with_pins(problem, knots, middle + unit * curve.values)
+    return Candidate(knots, values, curve.error), fewest
 
 
 def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candidate:
     """The curve for the question, by the search, in its unit [rad]."""
-    segments, _, max_rms, exact = question
+    segments, _, max_rms, _, exact = question
     n = search.problem.samples
 
     def curve_of(count: int) -> Candidate:
@@ -215,7 +276,7 @@ def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candid
 
     if max_rms is None and segments is not None:
         return curve_of(segments)
-    last = search.problem.most if segments is None else segments
+    last = search.most if segments is None else min(segments, search.most)
     if max_rms is None:
         bend = np.abs(np.diff(search.problem.desired, n=2))
         # of white noise on smooth samples; of a normal variable: median, Δ²
@@ -295,8 +356,8 @@ class Choices(NamedTuple):
 def choices(fit: PiecewiseLinearFit, *, most: int = 12) -> Choices:
     """The errors of curves through the samples of ``fit``, for up to ``most`` segments or more.
 
-    Numbers begin at 1 for a path and at 2 for a cycle, and include those of ``fit`` and of the
-    automatic choice up to twice ``most``. Time: that of as many fits.
+    Required knots are not used. Numbers begin at 1 for a path and at 2 for a cycle, and include
+    those of ``fit`` and of the automatic choice up to twice ``most``. Time: that of as many fits.
     """
     room = fit.desired.size if fit.cyclic else fit.desired.size - 1
     plain = partial(fit_pwl, fit.desired, v_max=fit.v_max, tick=fit.tick, cyclic=fit.cyclic)

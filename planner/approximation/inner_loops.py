@@ -15,8 +15,8 @@ from planner.compilation import compiled, inner
 
 
 @compiled
-def open_ended(desired: Array, step: float) -> Array:
-    """The x nearest to ``desired`` in squares with |x[k+1] - x[k]| <= step, (n,).
+def open_ended(desired: Array, weights: Array, step: float) -> Array:
+    """The x nearest to ``desired``, in weighted squares, with |x[k+1] - x[k]| <= step, (n,).
 
     The cost of the best sequence that ends in x is convex and piecewise quadratic. Its derivative
     is kept as two stacks of corners left and right of its root, which one more sample moves apart
@@ -27,7 +27,7 @@ def open_ended(desired: Array, step: float) -> Array:
     left, right = np.empty((2 * samples, 2)), np.empty((2 * samples, 2))
     on_left = on_right = 0
     best = np.empty(samples)  # for every k the x[k] that is best for the samples up to k alone
-    root, slope = desired[0], 1.0
+    root, slope = desired[0], weights[0]
     best[0] = root
     for k in range(1, samples):
         shift = k * step
@@ -35,7 +35,7 @@ def open_ended(desired: Array, step: float) -> Array:
         left[on_left, 0], left[on_left, 1] = root - step + shift, slope
         right[on_right, 0], right[on_right, 1] = root + step - shift, slope
         on_left, on_right = on_left + 1, on_right + 1
-        root, slope = desired[k], 1.0
+        root, slope = desired[k], weights[k]
         while on_left and left[on_left - 1, 0] - shift > root:
             on_left -= 1
             at, change = left[on_left, 0] - shift, left[on_left, 1]
@@ -60,13 +60,13 @@ def open_ended(desired: Array, step: float) -> Array:
 
 @compiled
 def cheapest_chain(
-    nodes: Indices, values: Array, sums: Array, step: float, segments: int
+    nodes: Indices, values: Array, sums: Array, fixed: Mask, step: float, segments: int
 ) -> Indices:
     """Nodes on the cheapest way of so many chords from the first to the last; empty if none.
 
     The nodes are increasing samples, (m,), with ``values`` and the ``sums`` of the samples d, k d
-    and d² up to them, (3, m). The cost of a chord is its squared error over the samples
-    after its start, infinite where it is too steep.
+    and d² up to them, (3, m); the ``fixed`` ones must be on the way. The cost of a chord is its
+    squared error over the samples after its start, infinite where it is too steep.
     """
     size = len(nodes)
     costs = np.full((size, size), np.inf)  # by end and start
@@ -81,6 +81,8 @@ def cheapest_chain(
                 cost = a * (length * a + 2.0 * (slope * w1 - d0))
                 cost += slope * (slope * w2 - 2.0 * d1) + d2
                 costs[j, i] = max(cost, 0.0)
+            if fixed[j]:
+                break
     total, after = np.full(size, np.inf), np.zeros(size)
     total[0] = 0.0
     came_from = np.zeros((segments, size), np.int64)

@@ -6,6 +6,7 @@ knots and values descend together, with a penalty on what exceeds the bound.
 
 from __future__ import annotations
 
+import math
 from functools import partial
 
 import numpy as np
@@ -17,6 +18,7 @@ from planner.approximation.fit_problem import (
     Candidate,
     Problem,
     candidate,
+    error_at_pins,
     residuals,
 )
 from planner.approximation.values import attainable_error, by_windows
@@ -34,12 +36,12 @@ no change for a quarter more time."""
 
 def within_largest_error(
     problem: Problem, bound: float, most: int | None, unit: float
-) -> Candidate:
+) -> tuple[Candidate, int]:
     """The fewest segments whose largest error is within ``bound``, as close as they come.
 
-    No error of the curve is above ``bound`` (1 + :data:`BARELY`), and below by as much if that
-    takes no more segments. ``most`` are the most segments; messages take the samples times ``unit``
-    [rad].
+    Returns the curve, no error above ``bound`` (1 + :data:`BARELY`), and below by as much if that
+    takes no more segments; and a lower bound on the segments of any, see :func:`minimum_link`.
+    ``most`` are the most segments; messages take the samples times ``unit`` [rad].
     """
     attainable = attainable_error(problem.desired, problem.step, cyclic=problem.cyclic)
     if bound < attainable * (1.0 - BARELY):
@@ -49,18 +51,20 @@ def within_largest_error(
             "v_max"
         )
     widest = max(bound, attainable) * (1.0 + TIE) + 1e-15
-    tight = minimum_link(problem, widest)
+    tight, fewest = minimum_link(problem, widest)
     count = problem.segments(tight.knots)
     if most is not None and count > most:
+        word = "needed" if fewest > most else "found"
         raise Infeasible(
             f"max_error and the number of segments: got {angle_text(bound * unit)} with at most "
-            f"{most} segments, but the fewest needed are {count}; allow more error or more "
+            f"{most} segments, but the fewest {word} are {count}; allow more error or more "
             "segments"
         )
-    low, high, spare = attainable * (1.0 + TIE) + 1e-15, widest, bound * (1.0 - BARELY)
+    least = float(np.max(error_at_pins(problem), initial=attainable))
+    low, high, spare = least * (1.0 + TIE) + 1e-15, widest, bound * (1.0 - BARELY)
     for turn in range(HALVINGS + 1):
         middle = spare if turn == 0 else 0.5 * (low + high)
-        trial = minimum_link(problem, middle) if middle > low else None
+        trial = minimum_link(problem, middle)[0] if middle > low else None
         if trial is not None and problem.segments(trial.knots) == count:
             tight, high = trial, middle
         elif turn > 0:
@@ -69,26 +73,73 @@ def within_largest_error(
         middle = 0.5 * (np.max(problem.desired) + np.min(problem.desired))
         room = max(spare - 0.5 * np.ptp(problem.desired), 0.0)
         value = middle + np.clip(np.mean(problem.desired) - middle, -room, room)
-        return candidate(problem, tight.knots, np.array([value]))
-    return least_squares_within(problem, tight, max(spare, high))
+        return candidate(problem, tight.knots, np.array([value])), fewest
+    return least_squares_within(problem, tight, max(spare, high)), fewest
 
 
-def minimum_link(problem: Problem, bound: float) -> Candidate:
-    """The curve of fewest segments with no error above ``bound``; O(n).
+def minimum_link(problem: Problem, bound: float) -> tuple[Candidate, int]:
+    """The curve of fewest segments with no error above ``bound``, and a lower bound on them; O(n).
 
-    All segments of a path are a sample long or longer, and those of a cycle nearly always.
+    The bound is their number itself; for a cycle with required knots it may be one less. All
+    segments of a path are a sample long or longer if required knots lie on samples, and those of a
+    cycle nearly always.
     """
-    places = [float(k) for k in range(problem.samples)]
-    ends = problem.desired - bound, problem.desired + bound
-    gates = Gates(places, ends[0].tolist(), ends[1].tolist(), problem.step)
+    if problem.cyclic and problem.required.size:
+        return _cut(problem, bound)
+    gates, breaks = gates_of(problem, bound)
     least, most = max(gates.lower), min(gates.upper)
     if not problem.cyclic:
-        curve = fewest_links(gates)
+        curve = fewest_links(gates, breaks)
     elif least <= most:
         curve = np.zeros(1), np.array([0.5 * (least + most)])
     else:
         curve = fewest_links_around(gates)
-    return candidate(problem, *curve)
+    return candidate(problem, *curve), problem.segments(curve[0])
+
+
+def gates_of(problem: Problem, bound: float, start: float | None = None) -> tuple[Gates, list[int]]:
+    """Gates at samples and required knots, and the numbers of the latter, ends left out.
+
+    A cycle with a ``start`` is cut there to be a path; the last gate is a turn later.
+    """
+    n, ends = problem.samples, list[float]()
+    places, required = np.arange(n), problem.required
+    if start is not None:
+        ends = [start, start + n]
+        places = np.arange(math.ceil(start), math.floor(start + n) + 1)
+        required = np.where(required > start, required, required + n)
+    every = np.unique(np.concatenate([places, required, ends]))
+    lower, upper = np.full(every.size, -np.inf), np.full(every.size, np.inf)
+    samples, knots = np.searchsorted(every, places), np.searchsorted(every, required)
+    desired = problem.desired[places % n]
+    lower[samples], upper[samples] = desired - bound, desired + bound
+    pinned = np.isfinite(problem.pins)
+    lower[knots[pinned]] = upper[knots[pinned]] = problem.pins[pinned]
+    gates = Gates(every.tolist(), lower.tolist(), upper.tolist(), problem.step)
+    return gates, sorted(k for k in knots.tolist() if 0 < k < every.size - 1)
+
+
+def _cut(problem: Problem, bound: float) -> tuple[Candidate, int]:
+    """A cycle as a path from its first required knot back to it.
+
+    A path whose ends are free needs no more segments, so that its number bounds that of a cycle;
+    one that comes back to where it began takes at most one more.
+    """
+    gates, breaks = gates_of(problem, bound, float(problem.required[0]))
+    low, high = gates.reachable()
+    least, most = max(low[0], low[-1]), min(high[0], high[-1])
+
+    def path(low: float, high: float) -> tuple[Array, Array]:
+        lower, upper = [low, *gates.lower[1:-1], low], [high, *gates.upper[1:-1], high]
+        return fewest_links(gates._replace(lower=lower, upper=upper), breaks)
+
+    knots, values = path(float(least), float(most))
+    fewest = knots.size - 1
+    first, last = np.clip(values[[0, -1]], least, most)
+    starts = [first, last, 0.5 * (first + last), *np.linspace(least, most, 5)[1:-1]]
+    cycles = [path(float(value), float(value)) for value in starts]
+    knots, values = min(cycles, key=lambda way: (way[0].size, -min(np.min(np.diff(way[0])), 1.0)))
+    return candidate(problem, knots[:-1], values[:-1]), fewest
 
 
 def least_squares_within(problem: Problem, curve: Candidate, bound: float) -> Candidate:

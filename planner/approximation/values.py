@@ -20,6 +20,8 @@ from planner.approximation.fit_problem import (
     Candidate,
     Problem,
     candidate,
+    feasible_values,
+    required_knots,
 )
 from planner.arrays import Array, Mask, steps
 from planner.exceptions import SolverFailed
@@ -32,8 +34,7 @@ a step costs its cube."""
 
 def best_values(problem: Problem, knots: Array) -> Candidate:
     """The curve of best values within the slopes at given knots. O(n)."""
-    mean = float(np.mean(problem.desired))
-    near = np.full(knots.size, mean)  # where values are not determined
+    near = feasible_values(problem, knots)  # where values are not determined
     if knots.size == 1:
         return candidate(problem, knots, near)
     if knots.size <= WINDOW:
@@ -43,7 +44,8 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
     from scipy import sparse
 
     # In a unit of its own, as all rises are tiny where v is.
-    unit = min(1.0, problem.step * problem.samples)
+    centre, unit = float(np.mean(near)), min(1.0, problem.step * problem.samples)
+    near = (near - centre) / unit
     size, n = knots.size, problem.samples
     start = np.arange(problem.segments(knots))  # numbers of the knots where segments start
     end = (start + 1) % size
@@ -60,14 +62,16 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
     squares, each = curve.T @ curve, sparse.eye(size, format="csr")
     scale = float(squares.diagonal().max())
     ridge = 1e-11 * scale  # for knots with no samples between them
-    steepest = problem.step / unit * np.diff(ends)
+    pins = (required_knots(problem, knots)[1] - centre) / unit
+    pinned = np.flatnonzero(np.isfinite(pins))
+    steepest, rises = problem.step / unit * np.diff(ends), each[end] - each[start]
     solver = osqp.OSQP(algebra="builtin")
     solver.setup(
         sparse.triu(squares + ridge * each, format="csc") / scale,
-        np.asarray(curve.T @ ((mean - problem.desired) / unit)) / scale,
-        sparse.csc_matrix(each[end] - each[start]),
-        -steepest,
-        steepest,
+        np.asarray(curve.T @ (curve @ near - (problem.desired - centre) / unit)) / scale,
+        sparse.vstack([rises, each[pinned]], format="csc"),
+        np.append(-steepest - rises @ near, (pins - near)[pinned]),
+        np.append(steepest - rises @ near, (pins - near)[pinned]),
         eps_abs=1e-11,  # OSQP's polishing prints where no bound is active
         eps_rel=1e-11,
         max_iter=50_000,
@@ -78,14 +82,14 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
     logging.getLogger(__name__).debug("OSQP: %s after %d iterations", status, result.info.iter)
     if not status.startswith("solved"):
         raise SolverFailed("values at the knots, OSQP", status)
-    values = within_slopes(problem, knots, mean + unit * np.asarray(result.x))
+    values = within_slopes(problem, knots, centre + unit * (near + np.asarray(result.x)))
     return candidate(problem, knots, values)
 
 
 def within_slopes(problem: Problem, knots: Array, values: Array) -> Array:
-    """Values at knots, (K,), shrunk towards the samples' mean until slopes keep the bound."""
-    limits, mean = problem.step * np.diff(problem.ends(knots)), float(np.mean(problem.desired))
-    offset = values - mean
+    """Values at knots, (K,), shrunk towards a feasible course until slopes keep the bound."""
+    limits, towards = problem.step * np.diff(problem.ends(knots)), feasible_values(problem, knots)
+    offset = values - towards
     shrink, shrunk = 1.0, values
     for attempt in range(64):
         rises = steps(shrunk, cyclic=problem.cyclic)
@@ -93,8 +97,8 @@ def within_slopes(problem: Problem, knots: Array, values: Array) -> Array:
         if excess <= 1.0 + 1e-13:
             return shrunk
         shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
-        shrunk = mean + shrink * offset
-    return np.full(knots.size, mean)
+        shrunk = towards + shrink * offset
+    return towards
 
 
 def descend(
@@ -130,10 +134,8 @@ def by_windows(
     of these are free, and returns the curve and its squared error.
     """
     size, n, cyclic = start.knots.size, problem.samples, problem.cyclic
-    free = np.ones((2, size), dtype=np.bool_)
-    free[0] = not values_only
-    if not cyclic:
-        free[0, [0, -1]] = False
+    required, pins = required_knots(problem, start.knots)
+    free = np.stack([~required & (not values_only), ~np.isfinite(pins)])
     if size <= WINDOW:
         curve, error = moved(problem, np.append(start.knots, start.values), free.ravel())
         return Candidate(curve[:size], curve[size:], error)
@@ -154,22 +156,42 @@ def by_windows(
     return candidate(problem, knots, values)
 
 
-def slope_bounded(desired: Array, step: float, *, cyclic: bool) -> Array:
+def ideal_of(problem: Problem) -> Array:
+    """The ideal, (n,), no further from the samples than any curve within the slopes and pins.
+
+    Pins on samples have a large weight, so that the others are at least as close, and the sequence
+    is the pin's value there. Beside a pin it may exceed ``step`` slightly.
+    """
+    desired, weights = problem.desired, np.ones(problem.samples)
+    pinned = np.isfinite(problem.pins) & (problem.required == np.floor(problem.required))
+    at = problem.required[pinned].astype(np.intp)
+    if at.size:
+        desired = desired.copy()
+        desired[at], weights[at] = problem.pins[pinned], 1e5
+    ideal = slope_bounded(desired, problem.step, cyclic=problem.cyclic, weights=weights)
+    ideal[at] = problem.pins[pinned]
+    return ideal
+
+
+def slope_bounded(
+    desired: Array, step: float, *, cyclic: bool, weights: Array | None = None
+) -> Array:
     """Least-squares sequence x with |x[k+1] - x[k]| <= step, by an exact dynamic programme: (n,).
 
     A cycle is cut out of three in a row, or of more where its ends do not meet, as happens when
     ``step`` is tiny; if not in 200,000 samples either, the change across the boundary may be larger
-    than ``step``. Cost O(n) in practice.
+    than ``step``. ``weights`` are those of the squared errors, (n,). Cost O(n) in practice.
     """
     if float(np.max(np.abs(steps(desired, cyclic=cyclic)), initial=0.0)) <= step:
         return desired.copy()
     from planner.approximation.inner_loops import open_ended
 
+    weights = np.ones(desired.size) if weights is None else weights
     if not cyclic:
-        return open_ended(desired, step)
+        return open_ended(desired, weights, step)
     n = desired.size
     for turns in (3, 9, 27, 81, 243, 729, 2187):
-        row = open_ended(np.tile(desired, turns), step)
+        row = open_ended(np.tile(desired, turns), np.tile(weights, turns), step)
         first = (turns // 2) * n
         closed = abs(row[first] - row[first + n]) <= 1e-9 * np.ptp(desired)
         if closed or 3 * turns * n > 200_000:  # samples

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
-from typing import Any, Literal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any, Literal
 
 import click
 
@@ -12,7 +15,7 @@ from planner.cli import options
 from planner.cli.console import Answer, Progress, summarise, terminal_width, warn
 from planner.cli.declared import Positive, Source, argument, option
 from planner.cli.settings import SMOOTHING, Run
-from planner.exceptions import InvalidFile, about
+from planner.exceptions import InvalidFile, PlannerError, about
 from planner.files.text import write_text
 from planner.report.wording import fitted_to
 
@@ -158,6 +161,15 @@ def compare(
     )
 
 
+def _knot(text: str) -> tuple[float, float | None]:
+    """Time [s] and angle [rad] of a required knot, from '0.4' or '0.4=12.5'."""
+    time, equals, angle = text.partition("=")
+    return float(time), math.radians(float(angle)) if equals else None
+
+
+KNOT = options.Parsed(_knot, "S[=DEG]", "seconds (0.4) or seconds=degrees (0.4=12.5)")
+
+
 @options.command("Write a page (HTML) about the lines, and the error for other numbers of them.")
 def fit(
     *,
@@ -172,6 +184,12 @@ def fit(
     ),
     max_rms: Positive | None = option(
         "Use as few lines as stay this close to the path in root mean square.", form="DEG"
+    ),
+    knot_s: tuple[float, ...] = option(
+        "Time of a knot. Repeat the option for each knot. Only their angles are then sought."
+    ),
+    required_s: Annotated[tuple[tuple[float, float | None], ...], KNOT] = option(
+        "Time at which there must be a knot, and perhaps its angle. Repeat it for more."
     ),
     exact: bool = option("Prove that no other knots on samples are better."),
     knots: options.Output | None = option(
@@ -208,13 +226,18 @@ def fit(
         "segments": run.plan.segments,
         "max_error": None if max_error is None else math.radians(max_error),
         "max_rms": None if max_rms is None else math.radians(max_rms),
+        "knots": [_samples(time, path.period) for time in knot_s] or None,
+        "required": {
+            _samples(time, path.period): angle
+            for time, angle in options.by_name("--required-s", required_s).items()
+        },
         "exact": exact,
     }
     fits = {}
     with Progress(len(path.names)) as progress:
         for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
             progress(name)
-            with units_in_messages(path.shown_units), about(name):
+            with units_in_messages(path.shown_units), about(name), _in_seconds(path.period):
                 fits[name] = fit_pwl(
                     path.angles[:, j], v_max=joint.v_max, tick=joint.period, **arguments
                 )
@@ -239,6 +262,25 @@ def fit(
         origins_of(run),
         [*inputs_of(path), ("lines", output), ("knots", knots)],
     )
+
+
+@contextmanager
+def _in_seconds(period: float) -> Iterator[None]:
+    """Let errors inside the block name the times [s] of samples, as their user has."""
+    try:
+        yield
+    except PlannerError as error:
+        message, number = str(error), r"\bsample (\d+(?:\.\d+)?(?:e[+-]?\d+)?)"
+        error.args = (re.sub(number, lambda each: f"{period * float(each[1]):.6g} s", message),)
+        raise
+
+
+def _samples(time: float, period: float) -> float:
+    """Time in samples; whole where the seconds were a multiple of the period but for rounding."""
+    count = time / period
+    if not math.isfinite(count):
+        return count  # which the fit refuses
+    return float(round(count)) if abs(count - round(count)) < 1e-6 else count
 
 
 @options.command()

@@ -51,6 +51,22 @@ def test_the_search_comes_within_one_percent_of_the_oracle_in_95_of_100_instance
     assert np.max(ratios) <= 1.05
 
 
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_proof_respects_what_is_required(cyclic):
+    desired = samples_of("walk", 24, np.random.default_rng(8))
+    pin = float(desired[9])
+    asked = {"cyclic": cyclic, "required": {9: pin}, "segments": 4}
+    fit = fit_pwl(desired, v_max=0.3, tick=1.0, exact=True, **asked)
+    assert fit(9.0) == pytest.approx(pin, abs=1e-12)
+    rng = np.random.default_rng(0)
+    others = [k for k in range(24) if k != 9] if cyclic else [k for k in range(1, 23) if k != 9]
+    for _ in range(30):
+        knots = np.sort(np.append(rng.choice(others, 3 if cyclic else 2, replace=False), 9))
+        settings = {"cyclic": cyclic, "required": {9: pin}, "knots": knots}
+        other = fit_pwl(desired, v_max=0.3, tick=1.0, **settings)
+        assert fit.rms <= other.rms * (1.0 + PROVED)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_multipliers_lift_the_bound_above_the_optimum(kind):
     rng = np.random.default_rng(6)
@@ -61,7 +77,7 @@ def test_no_multipliers_lift_the_bound_above_the_optimum(kind):
     levels = [np.arange(t, 30 - 3 + t + 1) for t in range(3)]
     for size in (0.0, 0.1, 1.0):
         moved = size * rng.normal(size=(3, 30))
-        bound, *_ = relaxation.bound(levels, moved)
+        bound, *_ = relaxation.bound(levels, np.stack([moved, moved]))
         assert bound <= best.error * (1.0 + 1e-9) + 1e-12
 
 

@@ -81,7 +81,7 @@ def has_lines(problem, bound, ends, convex):
 @pytest.mark.parametrize("seed", range(12))
 def test_no_deal_of_the_samples_to_fewer_lines_has_a_solution(seed, cyclic):
     problem, bound = instance(seed, 4, 7, cyclic=cyclic)
-    course = minimum_link(problem, bound)
+    course, _ = minimum_link(problem, bound)
     assert count(course, cyclic=cyclic) == fewest_by_enumeration(problem, bound)
 
 
@@ -89,7 +89,7 @@ def test_no_deal_of_the_samples_to_fewer_lines_has_a_solution(seed, cyclic):
 @pytest.mark.parametrize("seed", range(20))
 def test_the_curve_keeps_the_error_and_the_slopes_and_has_no_short_segment(seed, cyclic):
     problem, bound = instance(seed, 10, 400, cyclic=cyclic)
-    course = minimum_link(problem, bound)
+    course, _ = minimum_link(problem, bound)
     n = problem.samples
     angles = np.interp(np.arange(n), course.knots, course.values, period=n if cyclic else None)
     assert np.max(np.abs(angles - problem.desired)) <= bound + ROUNDING
@@ -110,7 +110,7 @@ def test_the_fewest_segments_are_the_same_shifted_mirrored_and_reversed(given, s
     bound = attainable_error(desired, step, cyclic=cyclic) * (1.0 + 1e-9) + share
 
     def fewest(samples, error):
-        course = minimum_link(Problem(desired=samples, step=step, cyclic=cyclic), error)
+        course, _ = minimum_link(Problem(desired=samples, step=step, cyclic=cyclic), error)
         return count(course, cyclic=cyclic)
 
     own = fewest(desired, bound)
@@ -124,12 +124,28 @@ def test_the_fewest_segments_are_the_same_shifted_mirrored_and_reversed(given, s
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
+def test_a_required_knot_costs_one_segment_at_most_and_a_required_angle_two(cyclic):
+    for seed in range(0, 10, 2):
+        problem, bound = instance(seed, 30, 90, cyclic=cyclic)
+        desired, settings = problem.desired, {"v_max": problem.step, "tick": 1.0, "cyclic": cyclic}
+        bound = 1.2 * bound
+        free = fit_pwl(desired, **settings, max_error=bound)
+        place = desired.size // 3
+        knot = fit_pwl(desired, **settings, max_error=bound, required=[place])
+        pin = fit_pwl(desired, **settings, max_error=bound, required={place: float(free(place))})
+        assert free.segments <= knot.segments <= free.segments + 1 + cyclic
+        assert knot.segments <= pin.segments <= free.segments + 2
+        assert place in knot.knots
+        assert pin(place) == pytest.approx(float(free(place)), abs=1e-12)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("kind", KINDS)
 def test_least_squares_keep_the_number_of_segments_and_lower_the_error(kind, cyclic):
     desired = samples_of(kind, 150, np.random.default_rng(3))
     step = 4.0 * float(np.ptp(desired)) / 150
     bound = 1.05 * attainable_error(desired, step, cyclic=cyclic) + 0.05 * float(np.ptp(desired))
-    course = minimum_link(Problem(desired=desired, step=step, cyclic=cyclic), bound)
+    course, _ = minimum_link(Problem(desired=desired, step=step, cyclic=cyclic), bound)
     fit = fit_pwl(desired, v_max=step, tick=1.0, cyclic=cyclic, max_error=bound)
     assert fit.segments == fit.fewest_segments == count(course, cyclic=cyclic)
     assert fit.max_error <= bound

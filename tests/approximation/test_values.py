@@ -83,6 +83,17 @@ def test_the_ideal_is_the_least_squares_sequence_within_the_slopes(kind, step, c
     assert np.sum((ideal - desired) ** 2) == pytest.approx(expected, rel=SOLVED, abs=SOLVED)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_every_sample_counts_by_its_own_weight(seed):
+    rng = np.random.default_rng(seed)
+    desired, weights = rng.normal(size=30), rng.choice([1.0, 5.0, 50.0], size=30)
+    ideal = slope_bounded(desired, 0.2, cyclic=False, weights=weights)
+    expected = programme(
+        desired, 0.2, False, lambda error: cp.sum_squares(cp.multiply(np.sqrt(weights), error))
+    )
+    assert weights @ (ideal - desired) ** 2 == pytest.approx(expected, rel=SOLVED)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_the_attainable_error_is_that_of_a_linear_programme(kind, cyclic):

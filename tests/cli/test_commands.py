@@ -42,7 +42,7 @@ ENDS = {
     "an error of ours": PlannerError("no fit"),
     "a solver": SolverFailed("the requests", "no progress", violation=0.25),
     "a cycle": NoSteadyCycle(math.radians(1.0), 3),
-    "arguments": InvalidInput("segments and max error, max_rms, cyclic and limits: 3, 2"),
+    "arguments": InvalidInput("segments and max error, knots, required and limits: 3, 2"),
     "advice": InvalidInput("give max_error or unreachable='nearest'; x-max_error, max_errors"),
     "a leg": UnsupportedLeg("locked: no joint"),
     "memory": MemoryError(),

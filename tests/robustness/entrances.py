@@ -178,7 +178,7 @@ ENTRANCES: Mapping[str, tuple[Callable[[], dict[str, Any]], str]] = {
     ),
     "fit_pwl": (
         lambda: {"desired": ANGLES, "v_max": 4.0, "tick": 0.01, "segments": 3},
-        "cyclic max_error max_rms exact",
+        "cyclic max_error max_rms knots required exact",
     ),
     "half_ellipse": (
         dict,

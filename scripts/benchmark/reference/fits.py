@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -78,7 +79,7 @@ def asked_of(desired: Array, **settings: Any) -> dict[str, dict[str, Any]]:
     Errors are allowed above those of the curve with a knot at every sample, so that some fit.
     """
     n, extent = len(desired), float(np.ptp(desired))
-    ideal = planner.fit_pwl(desired, **settings, segments=n if settings["cyclic"] else n - 1)
+    ideal = planner.fit_pwl(desired, **settings, knots=np.arange(n))
     largest, rms = (round(error / extent, 4) for error in (ideal.max_error, ideal.rms))
     return {
         "automatic": {},
@@ -86,6 +87,9 @@ def asked_of(desired: Array, **settings: Any) -> dict[str, dict[str, Any]]:
         "within 1 %": {"max_error": (largest + 0.01) * extent},
         "within 5 %": {"max_error": (largest + 0.05) * extent},
         "rms 2 %": {"max_rms": (rms + 0.02) * extent},
+        "required": {"segments": 6, "required": (0, n // 3, n / 2 + 0.5)},
+        "required angles": {"segments": 6, "required": {n // 4: float(desired[n // 4])}},
+        "given knots": {"knots": np.linspace(0.0, n - 1.0, 9)[1:-1] + 0.25},
         "exact": {"segments": 4, "exact": True},
     }
 
@@ -106,5 +110,5 @@ def fit(desired: Array, *, optimum: float | None = None, **arguments: Any) -> Nu
     if optimum is not None:
         numbers["over optimum"] = max(result.rms, floor) / max(optimum, floor) - 1.0
     if arguments.get("segments") is None:
-        numbers["counted"] = result.segments
+        numbers["counted"] = math.inf if "knots" in arguments else result.segments
     return numbers
