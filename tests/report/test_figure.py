@@ -81,7 +81,7 @@ def test_the_curves_and_shades_of_a_file_are_those_of_the_figure():
 
 
 def page_of(*figures):
-    return Page("fit", joints={"": figures}, errors="", worst="", rms=0, most=0, proof="").html()
+    return Page("fit", joints={"": figures}, errors="", worst="", rms={}, most={}, proof="").html()
 
 
 def test_names_are_text_and_nothing_else():
