@@ -25,7 +25,7 @@ from planner.files.exports import Schedule, check_installed, lerobot_dataset
 from planner.files.joint_model import read_model_file
 from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, find_dataset
-from planner.files.results import Results, Task, digest_of
+from planner.files.results import Results, Task, digest_of, made_from
 from planner.files.staging import check_writable, claimed
 from planner.files.text import to_json
 from planner.model.evidence import refusal
@@ -314,6 +314,9 @@ def replay_many(
             "left_out": failed,
             "remarks": [*first.models.remarks, *resent_words(figures)],
         }
+        if not failed:
+            origin = origin_of(run, [each.recording for each in recordings])
+            document |= made_from(origin, document)
         about[ABOUT] = to_json(document)
     if not failed:
         results.remove()
@@ -325,6 +328,15 @@ def replayed(task: ReplayTask) -> bytes:
     replay, _ = task.run()
     content = episode.lerobot_episode(task.recording, replay)
     return episode.encoded(content, episode_results(replay))
+
+
+def origin_of(run: settings.ReplayRun, recordings: Sequence[Recording]) -> dict[str, Any]:
+    """The inputs of a dataset, before any recording is read or identified."""
+    return {
+        "model": digest_of(run.model.file),
+        **_chosen(run),
+        "recordings": [[each.name, _inputs(each)] for each in recordings],
+    }
 
 
 def _chosen(run: settings.ReplayRun) -> dict[str, Any]:

@@ -73,8 +73,9 @@ def replay(
         request-planner replay my_dataset --episodes 0-9 --unit deg --model arm.toml --speed 1.5 \\
             --as lerobot -o planned_dataset
     """  # noqa: D301
-    from planner.cli.recordings import check_writing, replay_many, tasks_of
+    from planner.cli.recordings import ABOUT, check_writing, origin_of, replay_many, tasks_of
     from planner.files.logs import recordings_in
+    from planner.files.results import finished
     from planner.parallel import executor_of
     from planner.recording.episode import left_out
 
@@ -82,6 +83,10 @@ def replay(
     check_writing(run.replay.write_as, recordings, output)
     if work["resume"] and len(recordings) == 1:
         warn("--resume has no effect on one recording, which is planned anew")
+    elif work["resume"] and (before := finished(output, ABOUT, origin_of(run, recordings))):
+        count = len(before["recordings"])
+        remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
+        return _answer(before, logs)
     with Progress() as progress:
         tasks = tasks_of(run, recordings, progress)
     for each in tasks[0].models.remarks:

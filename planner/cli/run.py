@@ -204,7 +204,7 @@ def sweep(
     if file == "-":
         raise click.UsageError("a sweep is read from a file: the commands that it shows name it.")
     from planner.cli.points import planned_points, read_sweep
-    from planner.files.results import Results
+    from planner.files.results import Results, finished
     from planner.parallel import executor_of
     from planner.report.sweep_page import sweep_text
 
@@ -220,7 +220,13 @@ def sweep(
         return carried_out(space.desired(space.point(chosen[name] for name in names)), out)
     click.get_current_context().with_resource(claimed(place))
     options.warn_of(space.remarks())
-    results = Results(place, space.inputs(), resume=work["resume"])
+    inputs = space.inputs()
+    origin = {**inputs, "sweep": space.settings.sweep.values()}
+    if work["resume"] and (before := finished(place, MANIFEST, origin)):
+        count = len(before["points"])
+        remark(f"nothing is missing: {place} holds all {count} points, planned like this")
+        return _answer(before, before["verdict"])
+    results = Results(place, inputs, resume=work["resume"])
     if results.removed:
         remark(f"{results.removed} results of an earlier sweep removed; --resume keeps them")
     with (
@@ -229,18 +235,26 @@ def sweep(
     ):
         swept = planned_points(space, results, executor, progress=progress)
     with output_folder(place) as folder:
-        document = write_sweep(folder, space, swept)
+        document = write_sweep(folder, space, swept, origin)
     results.remove()
-    words, failure = f"{sweep_text(swept)}\n{len(document['files']) + 1} files in {place}", ""
+    return _answer(document, f"{sweep_text(swept)}\n{len(document['files']) + 1} files in {place}")
+
+
+def _answer(document: Mapping[str, Any], words: str) -> Answer:
+    """The answer, which fails if no point meets the requirement."""
+    failure = ""
     if document["missed"]:
         missed = document["missed"] if document["front"] else "no plan"
         failure = f"{missed}; the files are written all the same"
     return Answer(document, words, failure=failure)
 
 
-def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
+def write_sweep(
+    folder: Path, space: Space, swept: Swept, origin: Mapping[str, Any]
+) -> dict[str, Any]:
     """Write the table as CSV, and the page; returns ``results.json``."""
     from planner.cli.planning import origins_of
+    from planner.files.results import made_from
     from planner.files.table import csv_text
     from planner.report.page import versions
     from planner.report.sweep_page import command, missed, sweep_page, sweep_results, verdict
@@ -252,6 +266,7 @@ def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
     write_text(page, sweep_page(swept).html(page, origins_of(run), files))
     document = {
         "made_by": "request-planner sweep",
+        "made_from": "",
         "verdict": verdict(swept),
         "missed": missed(swept) or None,
         "settings": {name: value for name, (value, _) in flat(run).items()},
@@ -262,5 +277,6 @@ def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
         "versions": versions(),
         "files": list_files(folder),
     }
+    document |= made_from(origin, document)
     write_text(folder / MANIFEST, to_json(document))
     return document

@@ -1,4 +1,7 @@
-"""Results of single tasks, kept beside the output that is built from them, and resumed."""
+"""Results of single tasks, kept beside the output that is built from them, and resumed.
+
+The manifest of an output shows whether it is complete and was made from the same settings.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,8 @@ from typing import Any
 
 from planner._version import __version__
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.staging import cannot_write, read_manifest, staged, writing
+from planner.files.staging import all_there, cannot_write, read_manifest, staged, writing
+from planner.files.text import to_json
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,24 @@ class Results:
     def _file(self, task: Task) -> Path:
         name = _digest([self._settings, task.name, task.inputs])
         return self.folder / name[:2] / name[2:]
+
+
+def made_from(settings: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[str, str]:
+    """The key of a manifest by which :func:`finished` recognises an output that is whole."""
+    rest = {name: each for name, each in manifest.items() if name != "made_from"}
+    content = [__version__, settings, json.loads(to_json(rest))]
+    return {"made_from": _digest(content)}
+
+
+def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The manifest of a whole output from these settings, whose results go; None if it is not."""
+    manifest: dict[str, Any] | None = read_manifest(Path(output) / name)
+    same = isinstance(manifest, dict) and made_from(settings, manifest).items() <= manifest.items()
+    if not same or not all_there(output):
+        return None
+    target = Path(output).resolve()
+    shutil.rmtree(target.with_name(f".{target.name}.results"), ignore_errors=True)
+    return manifest
 
 
 def digest_of(file: Path | str) -> str:

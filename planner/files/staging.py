@@ -179,6 +179,12 @@ def list_files(folder: Path, but: Collection[str] = (), most: int | None = None)
     return sorted(islice((name for name in names if name not in but), most))
 
 
+def all_there(folder: Path | str) -> bool:
+    """Whether every file that the manifest of a folder lists is there."""
+    files = _files_of_run(Path(folder))
+    return bool(files) and all(Path(folder, name).is_file() for name in files)
+
+
 @contextmanager
 def writing(path: Path | str) -> Iterator[None]:
     """Turn an error of the system in the block into one about this output."""

@@ -1,11 +1,15 @@
 """``request-planner replay``: recordings in, recordings out."""
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from kinematics import urdf_path
 from planner import LogOptions, read_logs, simulate
+from planner.cli.recordings import tasks_of
 from planner.files.staging import list_files
 from planner.identification.grid import sound_rows
 from tests.instances import SERVO
@@ -105,6 +109,53 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
 def _held(folder):
     """Every file of a folder with its bytes."""
     return {name: (folder / name).read_bytes() for name in list_files(folder)}
+
+
+@pytest.fixture
+def never_replayed(monkeypatch):
+    """Fail where something is planned, or a model read."""
+
+    def planned(*_):
+        raise AssertionError("planned again")
+
+    monkeypatch.setattr("planner.cli.recordings.tasks_of", planned)
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, never_replayed):  # noqa: ARG001
+    urdf = Path(shutil.copy(urdf_path("ers210a.urdf"), dataset.parent))
+    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
+    words += ("--leg", urdf, "--base", "body", "--foot", "front_left_paw")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planner.cli.recordings.tasks_of", tasks_of)
+        first = run(*words, "--workers", 1, "--json")
+    assert first.exit_code == 0, first.stderr
+    (dataset.parent / ".planned.results").mkdir()  # killed between writing and tidying up
+    before = _held(dataset.parent / "planned")
+    again = run(*words, "--resume", "--json")
+    said = "request-planner: nothing is missing: planned holds all 3 recordings, planned like this"
+    assert again.stderr.splitlines()[0] == said
+    assert again.stdout == first.stdout
+    assert _held(dataset.parent / "planned") == before
+    assert not (dataset.parent / ".planned.results").exists()
+    with pytest.raises(AssertionError, match="planned again"):
+        run(*words, catch_exceptions=False)
+    for changed in (
+        *(("--speed", 2), ("--limits-deg", "0:90"), ("--episodes", "0-1"), ("--norm", "max")),
+        *(("--unit", "range"), ("--tolerance-deg", 9), ("--foot", "front_right_paw")),
+    ):
+        with pytest.raises(AssertionError, match="planned again"):
+            run(*words, "--resume", *changed, catch_exceptions=False)
+    for file, comment in ((model, "# identified again"), (urdf, "<!-- weighed again -->")):
+        content = file.read_text()
+        file.write_text(f"{content}{comment}\n")
+        with pytest.raises(AssertionError, match="planned again"):
+            run(*words, "--resume", catch_exceptions=False)
+        file.write_text(content)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planner.files.results.__version__", "0.0.1")
+        with pytest.raises(AssertionError, match="planned again"):
+            run(*words, "--resume", catch_exceptions=False)
 
 
 @pytest.mark.usefixtures("in_this_process")

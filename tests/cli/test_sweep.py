@@ -171,6 +171,28 @@ def test_the_command_of_a_point_gives_its_error(tmp_path, run):
     assert not (tmp_path / ".gaits.results").exists()
 
 
+@pytest.mark.usefixtures("in_this_process")
+def test_a_sweep_that_is_complete_is_resumed_without_a_plan_unless_it_has_changed(
+    tmp_path, monkeypatch, run
+):
+    file = tmp_path / "gaits.toml"
+    file.write_text(GAIT + "length = [0.02, 0.2]\n[sweep]\nat_error_cm = 1e-9\n")
+    words = ("sweep", "gaits.toml", "--json", "--workers", "1")
+    first = run(*words)
+    missed = json.loads(first.stdout)["missed"]
+    assert first.stderr == f"request-planner: {missed}; the files are written all the same\n"
+    again = run(*words)
+    assert (again.exit_code, again.stdout, again.stderr) == (1, first.stdout, first.stderr)
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.cli.points.planned_points", None)
+        again = run(*words, "--resume")
+    said = "request-planner: nothing is missing: gaits holds all 2 points, planned like this\n"
+    assert (again.exit_code, again.stdout, again.stderr) == (1, first.stdout, said + first.stderr)
+    file.write_text(GAIT + "length = [0.02, 0.03, 0.2]\n")
+    other = run(*words, "--resume")
+    assert (len(json.loads(other.stdout)["points"]), other.stderr) == (3, "")
+
+
 def test_outcomes_depend_on_the_content_of_all_files(tmp_path):
     walk = "[path.half_ellipse]\n[sweep.parameters]\nlength = [0.03]\n"
     text = '[leg]\nname = "r.urdf"\nbase = "hip"\nfoot = "foot"\n[model]\nfile = "all.toml"\n'
