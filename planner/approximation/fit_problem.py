@@ -51,6 +51,16 @@ class Problem(NamedTuple):
         return knots.size if self.cyclic else knots.size - 1
 
 
+class Question(NamedTuple):
+    """How many segments, how close, and which knots; each None if unspecified."""
+
+    segments: int | None
+    max_error: float | None  # [rad]
+    max_rms: float | None  # [rad]
+    knots: Array | None  # [samples]
+    exact: bool
+
+
 class Candidate(NamedTuple):
     """A candidate curve and its squared error."""
 
@@ -201,16 +211,9 @@ def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> i
     return as_count("segments", segments, expected, least=fewest, most=most)
 
 
-def check_feasible(
-    problem: Problem,
-    tick: float,  # time between samples [s]
-    *,
-    knots: Array | None,
-    segments: int | None,
-    at_most: bool,  # whether fewer segments will do
-    max_error: float | None,  # [rad]
-) -> None:
+def check_feasible(problem: Problem, question: Question, tick: float) -> None:
     """Raise Infeasible where no curve meets all requirements, and name the two that exclude it."""
+    segments, max_error, max_rms, knots, _ = question
     n, (fixed, most) = problem.samples, segment_capacity(problem)
     ends = [("required knots", fixed)]
     ends += [] if knots is None else [("knots", problem.ends(knots))]
@@ -236,7 +239,7 @@ def check_feasible(
                 f"{angle_text(rises[k] / tick)}/s between them, expected at most v_max = "
                 f"{angle_text(problem.step / tick)}/s; move one of them or allow a larger v_max"
             )
-    if segments is not None and segments > np.sum(most) and not at_most:
+    if segments is not None and segments > np.sum(most) and max_error is max_rms is None:
         raise Infeasible(
             f"segments = {segments} and required knots: there is room for {np.sum(most)} of a "
             "sample or more between them; ask for fewer"

@@ -26,6 +26,7 @@ from planner.approximation.fit_problem import (
     SMALLEST,
     Candidate,
     Problem,
+    Question,
     Required,
     check_feasible,
     checked_knots,
@@ -96,16 +97,6 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
     def max_error(self) -> float:
         """Largest error at a sample [rad]."""
         return float(np.max(np.abs(self.residuals)))
-
-
-class Question(NamedTuple):
-    """How many segments, how close, and which knots; each None if unspecified."""
-
-    segments: int | None
-    max_error: float | None  # [rad]
-    max_rms: float | None  # [rad]
-    knots: Array | None  # [samples]
-    exact: bool
 
 
 def fit_pwl(
@@ -219,14 +210,7 @@ def _check(problem: Problem, question: Question, tick: float) -> None:
                 f"exact: got {problem.samples} samples, expected at most {MOST_SAMPLES}; fit "
                 "without it, or thin the samples out"
             )
-    check_feasible(
-        problem,
-        tick,
-        knots=knots,
-        segments=segments,
-        at_most=max_error is not None or max_rms is not None,
-        max_error=max_error,
-    )
+    check_feasible(problem, question, tick)
 
 
 def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]:
