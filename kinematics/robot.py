@@ -58,10 +58,9 @@ def read_robot(
         raise InvalidInput(f"locked: got {type(locked).__name__}, expected joints and positions")
     try:
         text = path.read_bytes()
-    except OSError as error:
-        raise InvalidInput(
-            f"{path}: cannot be read ({error.strerror}); expected a URDF file"
-        ) from error
+    except (OSError, ValueError) as error:  # a null byte in the name
+        reason = getattr(error, "strerror", error)
+        raise InvalidInput(f"{path}: cannot be read ({reason}); expected a URDF file") from error
     try:
         root = ElementTree.parse(BytesIO(text)).getroot()
     except (ElementTree.ParseError, LookupError, ValueError) as error:

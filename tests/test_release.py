@@ -1,6 +1,8 @@
 """What is released: the files of wheel and sdist, and one version and date wherever they stand."""
 
 import re
+import subprocess
+import sys
 import tarfile
 import tomllib
 import zipfile
@@ -79,11 +81,53 @@ def test_changelog_and_citation_tell_the_version_and_its_date():
     assert CITATION["version"] == __version__
 
 
+def test_the_scripts_look_for_the_pythons_that_the_metadata_names():
+    named = [
+        found[1]
+        for line in PROJECT["classifiers"]
+        if (found := re.fullmatch(r"Programming Language :: Python :: (3\.\d+)", line))
+    ]
+    assert PROJECT["requires-python"] == f">={named[0]}"
+    scripts = (ROOT / "scripts" / "_venv").read_text(encoding="utf-8")
+    listed = re.search(r"^supported=\((.*)\)$", scripts, re.MULTILINE)
+    assert listed is not None
+    assert listed[1].split() == [f"python{version}" for version in reversed(named)]
+
+
 def test_the_extra_for_developers_has_what_the_others_need_in_the_same_versions():
     extras = PROJECT["optional-dependencies"]
     inside = {*extras["dev"]}
     for extra in ("parquet", "bags", "mujoco", "meshcat", "yaml", "cluster", "sweep"):
         assert set(extras[extra]) <= inside, extra
+
+
+USED_BY_THE_PLUGIN = """
+import sys
+sys.modules |= dict.fromkeys(sys.argv[1:])
+import numpy as np
+import planner
+from planner.robot import arm, bus
+from planner.virtual.servo_bus import VirtualServos
+VirtualServos(1).run(0.01)
+joint = planner.JointModel(v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.04, tick=0.02)
+random = np.random.default_rng(0)
+steps = np.repeat(random.uniform(-0.5, 0.5, 12), 25)
+angles = planner.simulate(joint, steps, cyclic=False) + random.normal(scale=0.01, size=300)
+model = planner.identify((0.02 * np.arange(300), steps, angles)).model
+model.to_toml("arm.toml")
+planner.Stream([*planner.read_models("arm.toml").values()], preview=25).step(angles[:, np.newaxis])
+"""
+
+
+def test_scripts_lerobot_installs_what_the_tests_of_the_plugin_use(tmp_path):
+    """What it does not install of our dependencies is missing here, too."""
+    installed = (ROOT / "scripts" / "lerobot").read_text(encoding="utf-8")
+    names = (re.match(r"[\w-]+", each)[0] for each in PROJECT["dependencies"])
+    missing = [name for name in names if not re.search(rf"\b{name}\b", installed)]
+    modules = ["pinocchio" if name == "pin" else name for name in missing]
+    code = [sys.executable, "-P", "-c", USED_BY_THE_PLUGIN, *modules]
+    done = subprocess.run(code, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_model_file_of_the_readme_is_one_and_the_files_that_it_names_are_there(tmp_path):
