@@ -273,7 +273,7 @@ def in_this_process(monkeypatch):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave pictures in files empty: the commands' own tests draw them."""
-    monkeypatch.setattr("planner.report.paper_figures.picture_of", lambda _: NO_PICTURE)
+    monkeypatch.setattr("planner.report.paper_figures.pictures_of", lambda _: (NO_PICTURE, b""))
 
 
 @pytest.fixture(scope="session")
