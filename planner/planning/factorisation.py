@@ -111,12 +111,6 @@ class Space(NamedTuple):
     lower: Array  # entries of L
 
 
-def space_of(pattern: Factor) -> Space:
-    """Work space for matrices with a pattern."""
-    size = len(pattern.position)
-    return Space(np.empty((3, size)), np.empty(size, np.int64), np.empty(len(pattern.lower)))
-
-
 @inner
 def solved(pattern: Factor, space: Space, values: Array, right: Array, answer: Array) -> bool:
     """Fill the solution, in the unknowns' own order; False where a pivot vanishes.

@@ -22,7 +22,7 @@ from planner.arrays import Array, Indices
 from planner.compilation import compiled, inner
 from planner.model.kernel import at_rest, law_of, moving_states, periods
 from planner.model.steady_cycle import motion_of
-from planner.planning.factorisation import Factor, Places, Space, factor_of, solved, space_of
+from planner.planning.factorisation import Factor, Places, Space, factor_of, solved
 
 
 class Rows(NamedTuple):
@@ -487,6 +487,7 @@ def work_of(spec: Spec, *, smoothing: bool) -> Work:
     point, trial = allocated(spec, smoothing), allocated(spec, smoothing)
     pattern = pattern_of(spec, point, smoothing=smoothing)
     samples, (blocks, count) = len(point.requests), point.quadratic.shape[1:3]
+    unknowns = len(pattern.position)
     return Work(
         pattern,
         point,
@@ -495,9 +496,9 @@ def work_of(spec: Spec, *, smoothing: bool) -> Work:
         np.empty((samples, blocks * count)),
         np.empty(len(pattern.place)),
         np.empty((2, len(pattern.row))),
-        np.empty((2, len(pattern.position))),
+        np.empty((2, unknowns)),
         np.empty(point.away.shape),
-        space_of(pattern),
+        Space(np.empty((3, unknowns)), np.empty(unknowns, np.int64), np.empty(len(pattern.lower))),
     )
 
 
