@@ -4,20 +4,22 @@ Content goes to the disk before a rename makes it the output, so that after a po
 killed process, the output is the last good one or the new one. A hidden file beside a folder,
 ``.NAME.lock``, is locked while a command works on it. The system releases the lock however the
 process ends; under it the next run replaces the remnants of a killed one, ``.NAME.new-run`` and
-``.NAME.old-run``. Where the file system has no locks, no command is refused, and each has hidden
-names of its own.
+``.NAME.old-run``. Those of a file are locked themselves, and swept when it is written again. Where
+the file system has no locks, no command is refused, and each has hidden names of its own.
 """
 
 from __future__ import annotations
 
 import errno
 import fcntl
+import glob
 import json
 import os
 import shutil
 import stat
+import time
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -52,20 +54,33 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
         yield
         return
     new = target.with_name(f".{target.name}.new-{os.urandom(8).hex()}")
+    _sweep(target)
     try:
-        with writing(path):
-            with new.open("xb") as stream:
-                stream.write(content)
-            _to_disk(new)
-        yield
-        with writing(path):
-            if target.exists():
-                new.chmod(target.stat().st_mode & 0o777)
-            new.replace(target)
-        _to_disk(target.parent)
+        with ExitStack() as opened:
+            with writing(path):
+                with new.open("xb") as stream:
+                    stream.write(content)
+                with suppress(OSError):  # a file system without locks
+                    fcntl.flock(opened.enter_context(new.open("rb")), fcntl.LOCK_EX)
+                _to_disk(new)
+            yield
+            with writing(path):
+                if target.exists():
+                    new.chmod(target.stat().st_mode & 0o777)
+                new.replace(target)
+            _to_disk(target.parent)
     finally:
         with suppress(OSError):
             new.unlink()
+
+
+def _sweep(target: Path) -> None:
+    """Remove what killed processes have left beside a file: no longer locked, and a minute old."""
+    for left in target.parent.glob(f".{glob.escape(target.name)}.new-{16 * '?'}"):
+        with suppress(OSError), left.open("rb") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if time.time() - left.stat().st_mtime > 60.0:
+                left.unlink()
 
 
 @contextmanager

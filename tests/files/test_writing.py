@@ -145,6 +145,22 @@ def test_a_killed_run_leaves_the_last_good_one_and_the_next_good_one_nothing_of_
     assert {file.name for file in tmp_path.iterdir()} == {"out", *others}
 
 
+def test_what_killed_commands_left_beside_a_file_is_removed_when_it_is_written_again(tmp_path):
+    file, old = tmp_path / "a[1].csv", f".a[1].csv.new-{16 * '0'}"
+    for name in (old, f".a[1].csv.new-{16 * '1'}", f".a1.csv.new-{16 * '2'}"):
+        (tmp_path / name).write_text("half")
+    for name in (old, f".a1.csv.new-{16 * '2'}"):
+        os.utime(tmp_path / name, (0.0, 0.0))
+    with staged(file, b"whole"):
+        (own,) = set(tmp_path.glob(".a[[]1].csv.new-*")) - {tmp_path / f"{old[:-16]}{16 * '1'}"}
+        os.utime(own, (0.0, 0.0))  # another command leaves what one still writes
+        with staged(file, b"other"):
+            pass
+    assert file.read_bytes() == b"whole"
+    left = {f".a[1].csv.new-{16 * '1'}", f".a1.csv.new-{16 * '2'}"}  # young, and of another file
+    assert {each.name for each in tmp_path.iterdir()} == {"a[1].csv", *left}
+
+
 def test_what_a_failed_run_finds_moved_away_stays(tmp_path):
     """A process that is killed between two renames leaves the last good run beside."""
     moved = tmp_path / ".out.old-run"

@@ -99,8 +99,11 @@ def watch():
 
 
 @pytest.fixture
-def watched(folder, watch, command_line):  # noqa: ARG001
+def watched(folder, watch, command_line, monkeypatch):  # noqa: ARG001
     """Run a command: its result, and what it changed."""
+    monkeypatch.setattr(
+        sys, "dont_write_bytecode", True
+    )  # of modules that it is the first to import
 
     def watched(name):
         watch.changes = []
