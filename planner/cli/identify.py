@@ -272,6 +272,10 @@ def excite(
             f"--limits-deg: got {low:g}:{high:g}, expected at most {turns:g} degrees from one to "
             "the other, two turns; are they counts of a sensor?"
         )
+    for height in amplitude_deg:
+        if not 0.0 < height <= high - low:
+            words = f"expected more than 0 and at most {high - low:g}, from one limit to the other."
+            raise click.UsageError(f"--amplitude-deg: got {height:g}, {words}")
     for name, value in (("--amplitude-deg", amplitude_deg), ("--cycles", cycles)):
         if value not in (None, ()) and kind not in ("combined", "steps"):
             raise click.UsageError(f"{name} has no effect with --kind {kind}.")

@@ -28,7 +28,11 @@ GAP = 10.0
 """Pause between rows, in median periods, after which nothing is assumed of what was requested."""
 
 SUDDEN = 0.75 * TURN
-"""A step between two rows beyond this [rad] is an encoder's that starts its next turn."""
+"""A step between two rows beyond this [rad] is an encoder's that starts its next turn, where it is
+too fast for a joint and about a whole turn."""
+
+IMPOSSIBLE = 25.0
+"""No joint is as fast as this [rad/s]: servos reach 20."""
 
 UNITS = ("rad", "1")
 """What angles are in: radians, or shares of the joint's range where it is no angle."""
@@ -246,10 +250,11 @@ def unwrapped(log: Log) -> tuple[Log, int]:
     """
     if log.unit != "rad":
         return log, 0
-    rows, angles = log.measured, log.angles.copy()
-    angles[rows] = np.unwrap(log.angles[rows], discont=SUDDEN)
-    turns = np.round((angles - log.angles)[rows] / TURN)
+    rows = log.measured
+    turns = _turns(log.times[rows], log.angles[rows])
     jumps = int(np.count_nonzero(np.diff(turns)))
+    angles = log.angles.copy()
+    angles[rows] += TURN * turns
     requests = min(
         (log.requests, *(np.unwrap(log.requests, discont=step) for step in (SUDDEN, 0.0))),
         key=lambda each: float(np.std((each - angles)[rows])),
@@ -262,3 +267,21 @@ def unwrapped(log: Log) -> tuple[Log, int]:
         jumps = int(np.count_nonzero(np.round(np.diff(requests - log.requests) / TURN)))
     angles = angles + TURN * np.round(np.median((requests - angles)[rows]) / TURN)
     return replace(log, requests=requests, angles=angles), jumps
+
+
+def _turns(times: Array, angles: Array) -> Array:
+    """Turns to add to measured angles; none for glitches, which jump away and back in two rows.
+
+    What is left of a step without its turns is motion of the joint, or noise.
+    """
+    from scipy.ndimage import median_filter
+
+    steps, most = np.diff(angles), IMPOSSIBLE * np.diff(times)
+    whole = np.round(steps / TURN)
+    turned = np.abs(steps) > np.maximum(SUDDEN, most)
+    turned &= np.abs(steps - TURN * whole) <= np.maximum(0.1 * TURN, most)
+    turns: Array = np.concatenate([[0.0], -np.cumsum(np.where(turned, whole, 0.0))])
+    if not turned.any():
+        return turns
+    lasting = median_filter(turns, 5, mode="nearest")
+    return turns if np.ptp(lasting) > 0.0 else np.zeros_like(turns)

@@ -125,14 +125,12 @@ def check_angles(
         raise InvalidTrajectory(f"measured: {fault}")
 
 
-def largest_shifts(joints: Plan) -> Array:
+def largest_shifts(models: Sequence[JointModel]) -> Array:
     """Mean distances from the modelled angles that a load explains [rad], (k,).
 
-    Of a joint in shares of its range, which has no other zero and may hold something, half of it.
+    Of a joint in shares of its range, which has no other zero and may hold something, any.
     """
-    halves = 0.5 * (joints.task.upper - joints.task.lower)
-    shares = [model.unit == "1" for model in joints.models]
-    return np.where(shares, halves, math.radians(30.0))  # more than any sag
+    return np.array([math.inf if each.unit == "1" else math.radians(30.0) for each in models])
 
 
 def check_trial(

@@ -50,11 +50,17 @@ def test_angles_that_go_on_take_the_turn_of_their_requests_and_those_not_measure
     assert np.max(np.abs((read.angles - high.angles)[known])) <= SAME
 
 
-def test_shares_of_a_range_are_left_alone():
+def test_glitches_shares_and_slow_logs_are_left_alone():
     log = rich_log(noise=NOISE)
+    angles = log.angles.copy()
+    angles[[50, 120, 121]] += 6.0
+    glitched = changed(log, angles=angles)
+    assert unwrapped(glitched) == (glitched, 0)
     high = changed(log, requests=log.requests + 3.1, angles=wrapped(log.angles + 3.1))
     share = replace(high, unit="1")
     assert unwrapped(share) == (share, 0)
+    slow = replace(high, times=0.3 * np.arange(len(high.times)))
+    assert unwrapped(slow) == (slow, 0)
 
 
 @pytest.mark.parametrize("period", [0.008, 1.0 / 30.0, 0.1, 0.2])
