@@ -219,10 +219,11 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     middle = 0.5 * (float(angles.max()) + float(angles.min()))
     unit = float(np.max(np.abs(angles - middle)))
     bounded = question.max_error is not None or question.max_rms is not None
+    counted = bounded and (question.max_error is not None or question.exact)
     if unit <= SMALLEST:
         segments = 1 if bounded else question.segments or 1
         knots = even_knots(problem, segments) if question.knots is None else question.knots
-        fewest = problem.segments(knots) if bounded else None
+        fewest = problem.segments(knots) if counted else None
         return Candidate(knots, np.full(knots.size, middle), 0.0), fewest
     scaled = problem._replace(
         desired=(problem.desired - middle) / unit,
@@ -237,7 +238,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
         search = KnotSearch(scaled)
         if question.max_error is None:
             curve = _search_curve(search, question, unit)
-            fewest = problem.segments(curve.knots) if question.exact and bounded else None
+            fewest = problem.segments(curve.knots) if counted else None
         else:
             bound = question.max_error / unit
             curve, fewest = within_largest_error(search.unrounded, bound, question.segments, unit)

@@ -82,9 +82,11 @@ def fits_table(fits: Mapping[str, PiecewiseLinearFit], units: Mapping[str, Unit]
     """The number of lines of every joint, and its errors."""
     unit, labels = labelled({name: units[name] for name in fits})
     bounded = any(fit.fewest_segments is not None for fit in fits.values())
+    proved = any(fit.proved for fit in fits.values())
+    fewest = "fewest with knots on samples" if proved else "fewest possible"
     columns = {
         "lines": "segments",
-        **({"fewest possible": "fewest_segments"} if bounded else {}),
+        **({fewest: "fewest_segments"} if bounded else {}),
         f"rms [{unit}]": "rms_deg .3f",
         f"max [{unit}]": "max_deg .3f",
     }

@@ -91,10 +91,15 @@ def test_a_constant_is_one_segment(cyclic):
     for segments in (None, 1):
         fit = fit_pwl(np.full(9, 0.1), v_max=1.0, tick=0.1, cyclic=cyclic, segments=segments)
         assert (fit.segments, fit.max_error, fit.fewest_segments) == (1, 0.0, None)
-    for bound in ("max_error", "max_rms"):
-        most = {"segments": 3, bound: 0.01}
+    bounds = [
+        ({"max_error": 0.01}, 1),
+        ({"max_rms": 0.01}, None),
+        ({"max_rms": 0.01, "exact": True}, 1),
+    ]
+    for bound, fewest in bounds:
+        most = {"segments": 3, **bound}
         bounded = fit_pwl(np.full(9, 0.1), v_max=1.0, tick=0.1, cyclic=cyclic, **most)
-        assert (bounded.segments, bounded.fewest_segments) == (1, 1)
+        assert (bounded.segments, bounded.fewest_segments) == (1, fewest)
 
 
 @settings(max_examples=40, deadline=None)
