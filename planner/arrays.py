@@ -285,11 +285,11 @@ def error_norm(errors: Array, norm: Literal["rms", "max"]) -> float:
 
 
 NO_BOUND = 0.01
-"""Share of an error up to which a lower bound is as good as zero: many times it says nothing."""
+"""Share of an error up to which a lower bound counts as zero: a gap above it says nothing."""
 
 
 def relative_gap(error: float, bound: float) -> float:
-    """``error / bound - 1`` [-]; inf of a bound up to :data:`NO_BOUND` of the error; 0 of zeros."""
+    """``error / bound - 1`` [-]; inf if bound <= :data:`NO_BOUND` * error; 0 if both are 0."""
     if bound > NO_BOUND * error:
         return error / bound - 1.0
     return math.inf if error > 0.0 else 0.0

@@ -303,7 +303,7 @@ class JointComparison:
         return optimal.plan.task.limits[optimal.column]
 
     def gap(self, method: str) -> float:
-        """Relative distance of a plan from the sharpest bound; inf where only that is zero."""
+        """Relative distance of a plan from the bound; inf if that is <= 1 % of the plan's error."""
         return relative_gap(self.plans[method].error, self.bound)
 
     def difference(self, method: str) -> Array:

@@ -69,9 +69,9 @@ def verdict_on(
 ) -> tuple[Verdict, Finding, list[Finding]]:
     """Judge a fit by its error, without gross outliers, on all rows and on those held out.
 
-    The rules are those of ``docs/math.md``. ``simple`` is the error of the simpler descriptions on
-    the same rows [rad], ``signal`` the standard deviation of the motion [rad], and ``friction`` by
-    how much the dead band may be larger than that of the model [rad].
+    The rules are in ``docs/math.md``, section 8, "The verdict". ``simple`` is the error of the
+    simpler descriptions on the same rows [rad], ``signal`` the standard deviation of the motion
+    [rad], and ``friction`` by how much the dead band may be larger than that of the model [rad].
 
     Returns the verdict, its reason and what else to know; the topic of the reason is "fit", or what
     makes a fit to the log meaningless.

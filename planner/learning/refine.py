@@ -403,8 +403,8 @@ def better_model(
 ) -> JointModel | None:
     """A model of joint j identified from the trials, if it predicts the last one better; else None.
 
-    That is predicted with the disturbance of the one before. ``noise`` is the deviation of one
-    cycle's [rad].
+    The last trial is predicted with the disturbance of the trial before it. ``noise`` is the
+    deviation of one cycle's [rad].
     """
     if len(trials) < 2:
         return None

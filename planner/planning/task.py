@@ -604,9 +604,9 @@ def of_each(
 def limits_in_shares(
     model: JointModel | None, values: Array, whole: float = 1.0
 ) -> tuple[float, float]:
-    """Limits of a joint in shares of its range: the ``whole``, and what the ``values`` are beyond.
+    """Limits of a joint in shares: 0 to ``whole``, extended to the ``values`` and by the sag.
 
-    They are as much wider as the joint sags by its model, so that it reaches its ends.
+    The sag is the largest by its model: with it the joint reaches both ends of its range.
     """
     sag = 0.0 if model is None else abs(float(model.sag())) + model.most_pose_sag
     return min(0.0, float(np.min(values))) - sag, max(whole, float(np.max(values))) + sag
