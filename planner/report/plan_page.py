@@ -91,7 +91,10 @@ def limits_of(answer: PlanAnswer) -> dict[str, Any]:
     task, known = answer.plan.task, (each["lower_bound"] for each in answer.joints.values())
     ends = np.degrees([task.lower, task.upper]).T.tolist()
     words = [
-        [signed(f"{end:.1f}").removesuffix(".0") if math.isfinite(end) else "" for end in pair]
+        [
+            signed(f"{round(end, 1) + 0.0:.1f}").removesuffix(".0") if math.isfinite(end) else ""
+            for end in pair
+        ]
         for pair in ends
     ]
     return {"limits": words, "bounded": any(bound is not None for bound in known)}
