@@ -212,7 +212,7 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
         for joint in replay.planned:
             unit = UNITS[joint.path.unit]
             error = unit.factor * error_norm(joint.errors["planned"], norm)
-            errors.append((joint.name, error, unit.name, tolerance.deg))
+            errors.append((joint.name, error, unit.words, tolerance.deg))
     if tolerance.cm is not None:
         ratio = error_norm(task.search(replay.path).errors(replay, "planned"), norm)
         errors.append(("the foot", ratio * tolerance.cm, "cm", tolerance.cm))

@@ -427,12 +427,12 @@ def simulation_answer(
             goal, known, period = desired[:, j], model.evidence, model.period
             each = expectation(known, goal, angles, period=period, cyclic=cyclic, load=load)
             expected.append(each)
-            numbers = sizes_of(angles - goal)
-            text += f"\n{name}: {numbers['rms']:.3f} {unit} rms from the desired angles"
-            text += f", {numbers['max']:.3f} {unit} at most"
+            numbers, shown = sizes_of(angles - goal), CARRIED[unit].words
+            text += f"\n{name}: {numbers['rms']:.3f} {shown} rms from the desired angles"
+            text += f", {numbers['max']:.3f} {shown} at most"
             if math.isfinite(each.error):
                 robot = math.degrees(each.error)
-                text += f"; on the robot expect about {robot:.3f} {unit} rms"
+                text += f"; on the robot expect about {robot:.3f} {shown} rms"
             numbers |= {"expected_rms": math.degrees(each.error), "untested": list(each.untested)}
         numbers |= {**verdict_results(model), "angles": np.degrees(angles).tolist()}
         joints[name] = in_unit(numbers, unit)
@@ -451,7 +451,8 @@ def against_tolerances(
             error, least, robot = np.degrees([each.error, each.lower_bound, each.expected.error])
             bound = f"; the lower bound for any requests is {least:.4g}"
             known = least > 0.0 and not plan.task.load_of_pose
-            judged.append((name, unit, error, robot, degrees, bound if known else ""))
+            words = CARRIED[unit].words
+            judged.append((name, words, error, robot, degrees, bound if known else ""))
     if centimetres is not None:
         error, robot = error_norm(100.0 * plan.distances, norm), plan.expected_foot
         robot = math.nan if robot is None else 100.0 * robot

@@ -44,7 +44,7 @@ class Unit(NamedTuple):
 
 UNITS = {
     "rad": Unit("deg", "deg", "deg", "degrees", math.degrees(1.0)),
-    "1": Unit("percent", "%", "% of range", "% of the range", 100.0),
+    "1": Unit("percent", "%", "% of range", "% of range", 100.0),
 }
 """Units by those of logs: radians, or shares of the joint's range."""
 
@@ -53,7 +53,10 @@ CARRIED = {
     "percent": UNITS["1"]._replace(factor=math.degrees(1.0)),
     "cm": Unit("cm", "cm", "cm", "cm", 100.0),
     "deg_or_percent": UNITS["rad"]._replace(
-        name="deg_or_percent", sign="deg or %", long="degrees or % of the range"
+        name="deg_or_percent",
+        sign="deg or %",
+        words="deg or % of range",
+        long="degrees or % of range",
     ),
 }
 """Units of plans by their name: paths carry a percent of a range as a degree."""
@@ -63,8 +66,10 @@ def labelled(units: Mapping[str, Unit]) -> tuple[str, dict[str, str]]:
     """The unit of a table about joints, and their labels, with the unit of those in another."""
     signs = {unit.sign for unit in units.values()}
     common = signs.pop() if len(signs) == 1 else "deg"
-    own = ((name, unit.sign != common) for name, unit in units.items())
-    return common, {name: name + " [% of its range]" * other for name, other in own}
+    return common, {
+        name: name if unit.sign == common else f"{name} [{unit.words}]"
+        for name, unit in units.items()
+    }
 
 
 def common(units: Iterable[str]) -> Unit:

@@ -65,9 +65,9 @@ def test_a_joint_in_shares_is_compared_in_percent_beside_others_in_degrees(run, 
     # 0.2 of the range are 20 %, and 0.2 rad 11.5 degrees
     assert jaw["methods"]["optimal"]["rms_percent"] < hip["methods"]["optimal"]["rms_deg"]
     page = text_of((tmp_path / "page.html").read_text())
-    assert "jaw [% of its range]" in page
-    assert "Checks of jaw count a percent of the range as a degree" in page
-    assert re.search(r"differ by up to [\d.]+ degrees and [\d.]+ % of the range", page)
+    assert "jaw [% of range]" in page
+    assert "In the checks of jaw 1 % of range counts as 1 deg = 0.01745 rad" in page
+    assert re.search(r"differ by up to [\d.]+ degrees and [\d.]+ % of range", page)
 
 
 @pytest.mark.parametrize("robot", ["model", "virtual"])

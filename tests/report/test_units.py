@@ -19,7 +19,7 @@ def test_joints_of_one_unit_have_it_in_common_and_others_count_each_in_its_own()
     assert common(["deg", "percent", "deg"]) == CARRIED["deg_or_percent"]
     in_each = environment(plain=True).filters["in_each"]
     words = in_each({"deg": 24.2, "percent": 9.51}, "two_digits")
-    assert words == "24 degrees and 9.5 % of the range"
+    assert words == "24 degrees and 9.5 % of range"
 
 
 def test_numbers_that_carry_percent_are_named_so():
@@ -55,12 +55,24 @@ def test_lines_through_shares_have_percent_beside_angles_in_degrees():
     desired = np.radians(20.0 * np.sin(2.0 * np.pi * np.arange(40) / 40))
     fits = {name: fit_pwl(desired, v_max=9.0, tick=0.02, segments=3) for name in units}
     table = fits_table(fits, units)
-    assert [each.about for each in table.rows] == ["hip", "jaw [% of its range]"]
+    assert [each.about for each in table.rows] == ["hip", "jaw [% of range]"]
     both = [fit_results(fits[name], unit) for name, unit in units.items()]
     assert both[1]["rms_percent"] == both[0]["rms_deg"]
     page = fit_page(fits, {name: choices(fit) for name, fit in fits.items()}, units).html()
-    assert re.search(r"within ([\d.]+) degrees and \1 % of the range of the path", page)
+    assert re.search(r"within ([\d.]+) degrees and \1 % of range of the path", page)
     assert '"%"' in page
+
+
+def test_the_fewest_lines_are_named_with_the_knots_that_they_are_proved_for():
+    desired = np.radians(20.0 * np.sin(2.0 * np.pi * np.arange(24) / 24))
+    bounds = {
+        "fewest possible": {"max_error": 0.05},
+        "fewest with knots on samples": {"max_rms": 0.03, "exact": True},
+    }
+    for title, bound in bounds.items():
+        fits = {"hip": fit_pwl(desired, v_max=9.0, tick=0.02, **bound)}
+        titles = [column.title for column in fits_table(fits, {"hip": CARRIED["deg"]}).columns]
+        assert titles == ["lines", title, "rms [deg]", "max [deg]"]
 
 
 def test_the_errors_of_a_sweep_of_shares_are_percent():
