@@ -58,7 +58,9 @@ def export(
         angles, servos = _by_servos(model, export, path)
         schedule = Schedule(path.names, angles, path.step)
     check_place("export.format", export.format, output)
-    return Answer(*exported(export, schedule, servos))
+    advice = "export with --model, whose limits of its servo are its range, or "
+    advice = advice if export.unit == "ticks" else ""
+    return Answer(*exported(export, schedule, servos, advice=advice))
 
 
 def _by_servos(model: str, export: Export, path: SampledPath) -> tuple[Array, dict[str, Servo]]:
@@ -91,14 +93,19 @@ def check_place(setting: str, form: str, output: str) -> None:
 
 
 def exported(
-    export: Export, schedule: Schedule, servos: Mapping[str, Servo] | None = None
+    export: Export,
+    schedule: Schedule,
+    servos: Mapping[str, Servo] | None = None,
+    *,
+    advice: str = "",
 ) -> tuple[dict[str, Any], str, Callable[[str], None]]:
     """The rows of requests for machines and for people, and the function that writes them.
 
     Refuses what has no effect, and what the format cannot hold. ``servos`` count the angles of an
-    export in their units, by default those of the settings.
+    export in their units, by default those of the settings. ``advice`` says how else to count
+    joints in shares of their range.
     """
-    from planner.files.exports import check_installed, repeated, resampled
+    from planner.files.exports import check_installed, frame_rate, repeated, resampled
 
     export.check_effect("export", "format")
     for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
@@ -115,11 +122,13 @@ def exported(
     if export.rate_hz is not None:
         rows = resampled(rows, export.rate_hz)
     check_installed(export.format)
+    if export.format == "lerobot":
+        frame_rate(rows.period)
     if export.unit in COUNTED and servos is None:
         if rows.in_shares:
             raise InvalidInput(
                 f"'{rows.in_shares[0]}' is in shares of its range, expected an angle to count; "
-                "export with --model, whose limits of its servo are its range, or leave it out"
+                f"{advice}leave it out"
             )
         from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
         from planner.robot.arm import Servo, servos_of

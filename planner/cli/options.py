@@ -277,7 +277,15 @@ def command(
     return decorate
 
 
+def _checked_work(**work: Any) -> dict[str, Any]:
+    """Refuse two places for the tasks."""
+    if work["workers"] is not None and work["scheduler"] is not None:
+        raise click.UsageError("--workers are of this machine: leave out --workers or --scheduler.")
+    return work
+
+
 parallel = group(
+    _checked_work,
     workers=(
         Count | None,
         option("Processes on this machine.", otherwise="one for each usable processor"),

@@ -24,13 +24,13 @@ from planner.cli.console import BadSetting, speaking_of
 from planner.cli.declared import understand
 from planner.cli.desired import Desired, leg_of, models_of, own_robot, refused_models
 from planner.cli.planning import plan_of, prepare
-from planner.cli.settings import SWEPT, Run, Sweep
+from planner.cli.settings import SWEPT, Run, Samples, Sweep
 from planner.evaluation.pareto_front import Outcome, Point, Requirement, Swept, search
 from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.columns import shown_units
 from planner.files.paths import is_foot_path, joint_path, path_table
 from planner.files.results import Results, Task, digest_of
-from planner.files.text import read_toml
+from planner.files.text import Kind, read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
 from planner.report.wording import common
@@ -136,7 +136,16 @@ def read_sweep(path: str) -> Space:
         if gait and leg is None:
             raise BadSetting("‹sweep.parameters›: a gait needs a leg; set ‹leg.name›")
         if leg is not None and "period_s" in values:
-            period = models_of(run, leg.joint_names, leg)[0].period
+            period, samples = models_of(run, leg.joint_names, leg)[0].period, Kind(Samples)
+            for value in values["period_s"]:
+                try:
+                    samples.fitted(round(value / period))
+                except (ValueError, OverflowError) as error:
+                    count = samples.expected.removeprefix("a whole number from ")
+                    raise BadSetting(
+                        f"‹sweep.parameters.period_s›: got {value:g}, expected {count} requests, "
+                        f"which are {period:g} s apart"
+                    ) from error
     swept = Swept(
         file=run.source.path,
         names=tuple(values),

@@ -51,6 +51,14 @@ def _is_leg(name: str) -> str:
 LegName = Annotated[
     Text, Expected(f"one of {', '.join(LEG_NAMES)}, or a .urdf file", _is_leg, LEG_NAMES)
 ]
+
+
+def _is_topic(name: str) -> str:
+    if not name.strip("/") or any(map(str.isspace, name)):
+        raise ValueError(", such as /joint_trajectory")
+    return name
+
+
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
 ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
@@ -311,7 +319,7 @@ class Export(Settings):
     )
     reverse: JointNames | None = option(only=("csv",), otherwise="none", example=["knee"])
     lead_s: NotNegative = option(only=ROS, default=0.0, example=2.0)
-    topic: Annotated[Text, Expected("the name of a topic")] = option(
+    topic: Annotated[Text, Expected("the name of a topic", _is_topic)] = option(
         only=("bag", "mcap"), default="/joint_trajectory_controller/joint_trajectory"
     )
     task: Text = option(only=("lerobot",), default="follow the planned requests")

@@ -132,6 +132,8 @@ WRONG = {
     "the second of two exports": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a.csv"\n'
     + '[[export]]\nformat = "csv"\nfile = "b.csv"\nlead_s = 1\n',
+    "a LeRobot dataset of rare rows": JOINTS
+    + 'rate_hz = 0.5\n[[export]]\nformat = "lerobot"\nfile = "a"\n',
     "ticks of no ticks": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a.csv"\nzero_ticks = {knee = 1}\n',
     "a file outside the folder": JOINTS + '[output]\nrequests = "../requests.csv"\n',
@@ -162,6 +164,7 @@ WRONG_SWEEPS = {
     "an unknown parameter": SWEPT + "lenght = [0.1]\n",
     "values that fall": SWEPT + "length = [0.2, 0.1]\n",
     "a value out of range": SWEPT + "length = [0.0, 0.1]\n",
+    "a period of a request": SWEPT + "period_s = [0.01]\n",
     "a period without end": SWEPT + "period_s = [0.5, 1e308]\n",
     "the speed of a gait": SWEPT + "speed = [1.0, 2.0]\n",
     "no parameter": SWEPT,
