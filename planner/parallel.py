@@ -185,6 +185,9 @@ def _cluster(address: str) -> Iterator[Executor]:
         try:
             client.wait_for_workers(1, timeout=ARRIVAL)
             versions = client.run(_version, on_error="return")  # one may not import it
+            for lost in versions.values():
+                if isinstance(lost, OSError):
+                    raise lost
         except OSError as error:  # a timeout, too
             raise SchedulerLost(
                 f"{address}: the scheduler has no workers; start some with `dask worker {address} "
