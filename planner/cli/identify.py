@@ -239,8 +239,8 @@ def excite(
     """Write test requests within limits, and print which parameters they determine.
 
     Move the joint slowly to the centre, play the requests one by one at their times, and record
-    t_s, requested_deg and actual_deg right after each. The expected intervals come from simulating
-    the joint of --model, with noise, and identifying it again.
+    t_s, requested_deg and actual_deg (or _percent) right after each. The expected intervals come
+    from simulating the joint of --model, with noise, and identifying it again.
 
     \b
     Example, a minute within 45 degrees either way, and a joint that is like the Aibo's:

@@ -38,7 +38,7 @@ def plan(
 ) -> Answer:
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.
 
-    PATH holds desired angles (columns <joint>_deg or <joint>_rad), or positions of a foot (x_m,
+    PATH holds desired angles (columns <joint>_deg, _rad or _percent), or positions of a foot (x_m,
     y_m, z_m, or _cm, _mm) for a leg.
 
     \b
@@ -193,7 +193,7 @@ def fit(
     ),
     exact: bool = option("Prove that no other knots on samples are better."),
     knots: options.Output | None = option(
-        "Also write the knots of a single joint: knot_s and value_deg."
+        "Also write the knots of a single joint: knot_s and value_deg or value_percent."
     ),
     output: str = options.output,
 ) -> Answer:
@@ -300,7 +300,7 @@ def simulate(
     desired: Source | None = option("Joint path to compare the angles with."),
     output: str = options.output,  # noqa: ARG001
 ) -> Answer:
-    """Simulate the joints under REQUESTS, a CSV of <joint>_deg or <joint>_rad columns.
+    """Simulate the joints under REQUESTS, a CSV of <joint>_deg, _rad or _percent columns.
 
     \b
     Example, the angles under a plan and their distances from the desired ones:

@@ -193,8 +193,9 @@ def play(
     """Play REQUESTS, as `plan` or `refine` writes them, on servos, and log what the joints do.
 
     The joints are led slowly to the first request. Requests beyond the range of a joint are refused
-    before anything moves. Ctrl-C, a fault or a silent servo stops the motion: the joints stay where
-    they are, the torque is as it was before, and the log has every row until then.
+    before anything moves; those in shares of the range are clipped if they are at most 5 % beyond.
+    Ctrl-C, a fault or a silent servo stops the motion: the joints stay where they are, the torque
+    is as it was before, and the log has every row until then.
 
     \b
     Example, a plan, its motion, and the next requests after learning from it:
