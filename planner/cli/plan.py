@@ -233,6 +233,11 @@ def fit(
         },
         "exact": exact,
     }
+    required = [
+        f"{at:g}" if to is None else f"{at:g}={math.degrees(to):g}" for at, to in required_s
+    ]
+    asked = {"max error": max_error, "max rms": max_rms, "exact": exact and "true"}
+    asked |= {"knots [s]": ", ".join(map(str, knot_s)), "required [s]": ", ".join(required)}
     fits = {}
     with Progress(len(path.names)) as progress:
         for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
@@ -259,7 +264,7 @@ def fit(
         words,
         lambda file: path.write(file, angles),
         lambda: fit_page(fits, {name: choices(curve) for name, curve in fits.items()}, units),
-        origins_of(run),
+        [*origins_of(run), *((name, f"{value}") for name, value in asked.items() if value)],
         [*inputs_of(path), ("lines", output), ("knots", knots)],
     )
 

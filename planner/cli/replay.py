@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -86,13 +86,13 @@ def replay(
     elif work["resume"] and (before := finished(output, ABOUT, origin_of(run, recordings))):
         count = len(before["recordings"])
         remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
-        return _answer(before, logs)
+        return _answer(run, before, logs)
     with Progress() as progress:
         tasks = tasks_of(run, recordings, progress)
     for each in tasks[0].models.remarks:
         warn(each)
     if len(tasks) == 1:
-        return _replay_one(tasks[0], output)
+        return _replay_one(run, tasks[0], output)
     with (
         executor_of(work["workers"], work["scheduler"]) as executor,
         Progress(len(tasks), parallel=True) as progress,
@@ -102,10 +102,10 @@ def replay(
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)
-    return _answer(document, logs, kept)
+    return _answer(run, document, logs, kept)
 
 
-def _replay_one(task: ReplayTask, output: str) -> Answer:
+def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
     from planner.cli.recordings import missed, write
     from planner.report.replay_page import fastest_results, replay_page, replay_results, replay_text
 
@@ -142,13 +142,25 @@ def _replay_one(task: ReplayTask, output: str) -> Answer:
         words,
         lambda file: write(file, task, result),
         page,
-        [("recording", task.recording.name), ("track", result.path.track)],
+        [("recording", task.recording.name), *_chosen(run, result.path.track)],
         [("recording", task.recording.path), ("requests", output)],
         failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",
     )
 
 
-def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None = None) -> Answer:
+def _chosen(run: ReplayRun, track: str) -> Iterator[tuple[str, str]]:
+    """The settings that were set, and the track."""
+    from planner.cli.planning import origins_of
+
+    yield "track", track
+    for name, value in origins_of(run):
+        if name != "replay.track":
+            yield name.removeprefix("replay."), value
+
+
+def _answer(
+    run: ReplayRun, document: Mapping[str, Any], logs: Sequence[str], kept: Path | None = None
+) -> Answer:
     """The errors of the plans of many recordings, and a warning for each that failed."""
     from planner.report.replay_page import episodes_page, episodes_text
 
@@ -163,7 +175,7 @@ def _answer(document: Mapping[str, Any], logs: Sequence[str], kept: Path | None 
         document,
         episodes_text(document),
         page=lambda: episodes_page(document, title=title),
-        origins=[*(("recordings", name) for name in logs), ("track", document["track"])],
+        origins=[*(("recordings", name) for name in logs), *_chosen(run, document["track"])],
         failure=failure,
         warnings=[f"{name} is left out: {reason}" for name, reason in failed.items()],
     )

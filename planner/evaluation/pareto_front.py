@@ -71,7 +71,7 @@ class Swept:
         """The Pareto-optimal points in speed and error, by speed."""
         points, least = list[Outcome](), math.inf
         planned = (each for each in self.outcomes if each.planned)
-        for each in sorted(planned, key=lambda each: (-each.speed, each.error)):
+        for each in sorted(planned, key=lambda each: (-round(each.speed, 9), each.error)):
             if each.error < least:
                 least = each.error
                 points.append(each)
