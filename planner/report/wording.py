@@ -63,13 +63,11 @@ CARRIED = {
 
 
 def labelled(units: Mapping[str, Unit]) -> tuple[str, dict[str, str]]:
-    """The unit of a table about joints, and their labels, with the unit of those in another."""
-    signs = {unit.sign for unit in units.values()}
-    common = signs.pop() if len(signs) == 1 else "deg"
-    return common, {
-        name: name if unit.sign == common else f"{name} [{unit.words}]"
-        for name, unit in units.items()
-    }
+    """The unit of a table about joints, and their labels, with units where these differ."""
+    if len({unit.sign for unit in units.values()}) == 1:
+        return next(iter(units.values())).sign, {name: name for name in units}
+    sign = CARRIED["deg_or_percent"].sign
+    return sign, {name: f"{name} [{unit.words}]" for name, unit in units.items()}
 
 
 def common(units: Iterable[str]) -> Unit:

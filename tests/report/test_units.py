@@ -55,7 +55,7 @@ def test_lines_through_shares_have_percent_beside_angles_in_degrees():
     desired = np.radians(20.0 * np.sin(2.0 * np.pi * np.arange(40) / 40))
     fits = {name: fit_pwl(desired, v_max=9.0, tick=0.02, segments=3) for name in units}
     table = fits_table(fits, units)
-    assert [each.about for each in table.rows] == ["hip", "jaw [% of range]"]
+    assert [each.about for each in table.rows] == ["hip [deg]", "jaw [% of range]"]
     both = [fit_results(fits[name], unit) for name, unit in units.items()]
     assert both[1]["rms_percent"] == both[0]["rms_deg"]
     page = fit_page(fits, {name: choices(fit) for name, fit in fits.items()}, units).html()
