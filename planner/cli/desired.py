@@ -125,6 +125,8 @@ def desired_of(run: settings.Run) -> Desired:
             f"joint '{foreign[0]}' of {path.path} is not on the leg; its joints: "
             f"{', '.join(leg.joint_names)}"
         )
+    if not of_foot and "unreachable" in run.leg.keys_set:
+        raise BadSetting("‹leg.unreachable› has no effect on a path of joints; leave it out")
     if path.loads is not None and run.plan.load is None:
         words = "the load in the path's columns is not used: ask for it with "
         remarks.append(f'{words}‹plan.load = "column"›')
