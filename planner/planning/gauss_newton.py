@@ -113,7 +113,7 @@ class Point(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Arrays of a search, allocated once: of long paths that takes a fourth of the time."""
+    """Arrays of a search, allocated once, which saves a quarter of the time on long paths."""
 
     pattern: Factor
     point: Point

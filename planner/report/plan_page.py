@@ -89,13 +89,10 @@ def jumps_of(plan: Plan) -> list[int]:
 def limits_of(answer: PlanAnswer) -> dict[str, Any]:
     """Limits of every joint in words, "" for none, and whether there are lower bounds."""
     task, known = answer.plan.task, (each["lower_bound"] for each in answer.joints.values())
-    ends = np.degrees([task.lower, task.upper]).T.tolist()
+    ends = np.round(np.degrees([task.lower, task.upper]).T, 1) + 0.0  # no negative zero
     words = [
-        [
-            signed(f"{round(end, 1) + 0.0:.1f}").removesuffix(".0") if math.isfinite(end) else ""
-            for end in pair
-        ]
-        for pair in ends
+        [signed(f"{end:.1f}").removesuffix(".0") if math.isfinite(end) else "" for end in pair]
+        for pair in ends.tolist()
     ]
     return {"limits": words, "bounded": any(bound is not None for bound in known)}
 

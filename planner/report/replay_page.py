@@ -270,7 +270,8 @@ def replay_results(replay: Replay, models: JointModels) -> dict[str, Any]:
 
 def fastest_results(fastest: Fastest) -> dict[str, Any]:
     """The fastest replay for machines; errors over speed are the largest, times the tolerance."""
-    allowed, unit = _allowed(fastest)[0], _allowed(fastest)[1].name
+    allowed, own = _allowed(fastest)
+    unit = own.name
     impossible = fastest.impossible and {
         "speed": fastest.impossible.speed,
         "joint": fastest.impossible.joint,
