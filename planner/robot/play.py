@@ -300,11 +300,13 @@ def follow(
     if not callable(getattr(stream, "step", None)):
         raise InvalidInput(f"stream: got {shown(stream)}, expected a planner.Stream")
     as_positive("period", stream.period, "a positive number of seconds")
+    end = math.inf
     if callable(desired):
         at = desired
     else:
         path = as_rows(desired, name="desired")
         at = lambda tick: path[tick:] if tick < len(path) else None  # noqa: E731
+        end = len(path)  # of ticks beyond it none is missed
     times: list[float] = []
 
     def answer(tick: int, missed: int) -> tuple[Array, bool] | None:
@@ -326,4 +328,4 @@ def follow(
                 )
         return requests, "held" in stream.status
 
-    return _play(answer, send, now, sleep, stream.period, on_stop, report)
+    return _play(answer, send, now, sleep, stream.period, on_stop, report, last=end)
