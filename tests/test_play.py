@@ -198,6 +198,12 @@ def test_missed_ticks_are_left_out_and_the_stream_is_told():
     assert robot.stream.angles[0] == pytest.approx(angles[-1], abs=1e-9)
 
 
+@pytest.mark.parametrize(("stall_at", "skipped"), [(57, 2), (58, 1), (59, 0)])
+def test_no_tick_beyond_the_end_of_a_path_is_skipped(stall_at, skipped):
+    report = Following(stall_at=stall_at, stall=20.5 * TICK).follow()
+    assert (report.sent, report.skipped) == (60 - skipped, skipped)
+
+
 def test_a_function_gives_stretches_until_it_ends_and_bad_ones_are_counted():
     robot = Following()
 
