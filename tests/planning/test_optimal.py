@@ -12,6 +12,7 @@ from planner import (
     invert_closed_form,
     invert_foot,
     invert_optimal,
+    invert_shift,
     reference_walk,
     simulate,
 )
@@ -48,6 +49,22 @@ def test_the_gap_on_the_reference_walk_is_at_most_a_fifth_of_a_percent(joint):
     assert math.degrees(plan.rms) >= joint.exact_bound_deg - 1e-3
     lower, upper = joint.limits
     assert np.all((plan.requests >= lower) & (plan.requests <= upper))
+
+
+def test_a_plan_is_no_worse_than_the_best_shift_where_a_path_needs_too_much_acceleration():
+    weak = JointModel(
+        v_max=7.2,
+        theta_0=0.38,
+        lag=2.0 * TICK,
+        acceleration_time=TICK,
+        tick=TICK,
+        time_constant=TICK,
+        max_acceleration=44.0,
+    )
+    turn = 2.0 * np.pi * np.arange(75) / 75
+    desired = 0.6 * np.sin(turn) + 0.15 * np.sin(2.0 * turn + 1.0)
+    plan = invert_optimal(weak, desired, smoothness=0.0)
+    assert plan.rms <= invert_shift(weak, desired).rms + NO_WORSE
 
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
