@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.arrays import Array, as_reals, rms, shown
+from planner.arrays import Array, Mask, as_reals, rms, shown
 from planner.exceptions import InvalidInput
 
 WINDOW = 2.0
@@ -29,6 +29,13 @@ GAIN = "gain"
 
 OPEN_TOP_SPEED = "the logs do not determine the top speed; v_max is a lower bound"
 """Of a joint with :attr:`Evidence.leaves_top_speed_open`."""
+
+WORSE = 2.0
+"""Factor over the expected error up to which a model holds whose test says nothing about the range
+of its errors, and over the error of another model, or of requests, up to which it is no worse."""
+
+SMALL = math.radians(0.3)
+"""Error that is never worth a new model [rad]: three counts of a sensor of 12 bits."""
 
 UNFORESEEN = 0.2
 """Expected error of a change of the angles by the model, as a share of the change [-]. (Of 33 first
@@ -146,6 +153,24 @@ class Evidence(NamedTuple):
             TRACKING: by_delay > max(tested, ENCODER_STEP),
         }
         return tuple(name for name, outside in checks.items() if outside)
+
+    def compared(self, angles: Array, *, period: float) -> tuple[Mask, float, float]:
+        """Which angles by the model, (n,), are inside the tested range, and their error to expect.
+
+        That is rms [rad], and of the whole motion where none is inside. The last is the error that
+        19 of 20 such motions stay below, or :data:`SMALL`.
+        """
+        length, largest = min(round(WINDOW / period), len(angles)), self.spread[1]
+        within = np.zeros(len(angles), dtype=bool)
+        expected: dict[bool, list[float]] = {False: [], True: []}
+        for begin in {*range(0, len(angles) - length, max(length // 2, 1)), len(angles) - length}:
+            part = slice(begin, begin + length)
+            outside = self.exceeded(angles[part], period=period, cyclic=False)
+            inside = not {*outside} - {TRACKING}
+            within[part] |= inside
+            expected[inside].append(self.error_of(angles[part], period=period, cyclic=False))
+        error = rms(np.array(expected[bool(within.any())]))
+        return within, error, max(SMALL, error * (largest if math.isfinite(largest) else WORSE))
 
     def scaled(self, factor: float, names: Sequence[str]) -> Evidence:
         """The same evidence in a unit of angles so many times as small, that of ``names``."""

@@ -20,7 +20,7 @@ from planner.identification.excitation import excite
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.identification.result import Identification
-from planner.model.evidence import TRACKING, WINDOW, Evidence
+from planner.model.evidence import WORSE, Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.closed_form import invert_closed_form
@@ -28,13 +28,6 @@ from planner.planning.inversion import invert_optimal
 from planner.planning.plan import Inversion
 from planner.planning.time_shift import invert_shift
 from planner.robot.arm import Arm
-
-WORSE = 2.0
-"""Factor over the expected error up to which a model holds whose test says nothing about the range
-of its errors, and over the error of a new model up to which this is no better."""
-
-SMALL = math.radians(0.3)
-"""Error that is never worth a new calibration [rad]: three counts of a sensor of 12 bits."""
 
 UNKNOWN = 0.1  # share by which a parameter without an interval may be off
 
@@ -193,11 +186,9 @@ class Recheck(NamedTuple):
 def recheck(model: JointModel, log: Log) -> Recheck:
     """Compare a model with a new log; where it misses the motion, with a new model of this log.
 
-    It holds up to the error that 19 of 20 such motions stay below by its test, or :data:`SMALL`.
+    It holds up to the error that 19 of 20 such motions stay below by its test, or a small one.
     """
-    error, expected, beyond = errors(model, log)
-    largest = (model.evidence or Evidence()).spread[1]
-    most = max(SMALL, expected * (largest if math.isfinite(largest) else WORSE))
+    error, expected, most, beyond = errors(model, log)
     if error <= most:
         return Recheck(True, error, expected, most, beyond)
     anew = identify(log)
@@ -206,8 +197,8 @@ def recheck(model: JointModel, log: Log) -> Recheck:
     return Recheck(False, error, expected, most, beyond, anew, changes(model, anew))
 
 
-def errors(model: JointModel, log: Log) -> tuple[float, float, float]:
-    """Error of the model in a log, error to expect of it, both rms [rad], and share left out [-].
+def errors(model: JointModel, log: Log) -> tuple[float, float, float, float]:
+    """Error of the model in a log, error to expect and at most, rms [rad], and share left out [-].
 
     Parts outside the tested range are left out, unless all are, share 1. A servo holds its last
     request over rows that were lost.
@@ -216,21 +207,10 @@ def errors(model: JointModel, log: Log) -> tuple[float, float, float]:
     due = np.rint((log.times - log.times[0]) / period).astype(int)
     requests = log.requests[np.searchsorted(due, np.arange(due[-1] + 1), side="right") - 1]
     predicted = simulate(model, requests, cyclic=False, start=float(log.angles[0]))
-    length = min(round(WINDOW / period), len(predicted))
-    within = np.zeros(len(predicted), dtype=bool)
-    expected: dict[bool, list[float]] = {False: [], True: []}
-    for begin in {*range(0, len(predicted) - length, length // 2), len(predicted) - length}:
-        part = slice(begin, begin + length)
-        outside = evidence.exceeded(predicted[part], period=period, cyclic=False)
-        inside = not {*outside} - {TRACKING}
-        within[part] |= inside
-        expected[inside].append(evidence.error_of(predicted[part], period=period, cyclic=False))
+    within, expected, most = evidence.compared(predicted, period=period)
     compared = log.measured & (within[due] if within.any() else True)
-    return (
-        rms((predicted[due] - log.angles)[compared]),
-        rms(np.array(expected[bool(within.any())])),
-        float(np.mean(~within)),
-    )
+    error = rms((predicted[due] - log.angles)[compared])
+    return error, expected, most, float(np.mean(~within))
 
 
 def changes(model: JointModel, anew: Identification) -> dict[str, float]:

@@ -185,7 +185,7 @@ def test_a_model_holds_up_to_the_largest_error_of_its_test_and_else_the_changes_
     requests = excite("combined", limits=(-1.0, 1.0), period=0.01, duration=20.0).requests
     angles = simulate(replace(was, v_max=2.0), requests, cyclic=False, start=requests[0])
     log = Log(times=0.01 * np.arange(len(requests)), requests=requests, angles=angles)
-    error, _, _ = calibration.errors(was, log)
+    error, *_ = calibration.errors(was, log)
     tested = was.with_evidence(Evidence(error=error / 1.8, spread=(0.5, most)))
     result = calibration.recheck(tested, log)
     assert result.holds is verdict
@@ -212,7 +212,8 @@ def test_a_model_holds_within_twice_its_error_or_a_small_one_unless_a_new_one_mi
     monkeypatch.setattr(calibration, "changes", lambda *_: {})
     monkeypatch.setattr("planner.report.calibration_text.parameters", lambda _: [])
     for before, now, other, beyond, holds in CHECKED:
-        errors = np.radians(now), np.radians(before), beyond
+        tested = Evidence(error=np.radians(before)).compared(np.zeros(9), period=0.01)
+        errors = np.radians(now), *tested[1:], beyond
         found = SimpleNamespace(model=None, rms=np.radians(other))
         monkeypatch.setattr(calibration, "errors", lambda *_, errors=errors: errors)
         monkeypatch.setattr(calibration, "identify", lambda _, found=found: found)
