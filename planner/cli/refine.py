@@ -79,6 +79,7 @@ def refine(
     from planner.cli.desired import model_words, repeats, units_in_messages
     from planner.cli.planning import inputs_of, origins_of, prepare
     from planner.files.executed import read_executed, read_history, read_measured, write_history
+    from planner.learning.measurements import settled
     from planner.learning.refine import in_a_cycle
     from planner.learning.refine import refine as learn
     from planner.model.response import load_columns
@@ -120,12 +121,14 @@ def refine(
             models, learning = states.pop(name)
             task = every[name].task.with_models(models)
             every[name] = replace(every[name], learning=(learning,), task=task)
-    delay = None if sensor_delay_ms is None else 1e-3 * sensor_delay_ms
+    delay, mean = None if sensor_delay_ms is None else 1e-3 * sensor_delay_ms, angles.mean(axis=0)
     with Progress(len(desired.names)) as progress, units_in_messages(desired.shown_units):
         for name in [each for each in every if each in (FOOT, *names)]:
             progress(name if name == FOOT else f"the {name}")
             own = slice(None) if name == FOOT else [names.index(name)]
             cycles_of_plan = angles[:, :, own]
+            if desired.cyclic:
+                mean[:, own] = settled(cycles_of_plan).mean(axis=0)
             with about(", ".join(desired.names) if name == FOOT else ""):
                 every[name] = learn(
                     every[name], cycles_of_plan, sensor_delay=delay, reidentify=reidentify
@@ -150,7 +153,7 @@ def refine(
         return learning_page(
             plans[0] if len(plans) == 1 else joined(plans),
             executed=sent,
-            measured=angles.mean(axis=0),
+            measured=mean,
             progress=trials,
             about_others=about_missing,
             title=desired.title,

@@ -184,8 +184,8 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         expected = task.response(new.requests) + disturbances[best]
         missed = unforeseen * _size(joints, _by_joint(expected - base.mean))
         next_error = math.hypot(float(task.errors_of(expected)[0]), missed)
-    averaged_out = math.sqrt(1.0 - 1.0 / base.cycles)  # noise that its error lacks [-]
-    next_error = math.hypot(next_error, averaged_out * _size(joints, spread))
+    more = max(1.0 / len(cycles) - 1.0 / base.cycles, 0.0)  # noise of the next mean, as a power [-]
+    next_error = math.hypot(next_error, math.sqrt(more) * _size(joints, spread))
     freeze(spread)
     learning = Learning(
         trials=trials,

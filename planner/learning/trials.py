@@ -74,10 +74,10 @@ class Learning(ReadOnly, Summarised):
         best: The trial from which the requests were computed.
         floor: Error of the best trial that cannot be learnt: ``speed``, from the lower bound of the
             model, and ``noise``, in the unit of the trials' errors; ``nan`` where unknown.
-        next_error: Error to expect of one measured cycle of the next requests, in the unit of the
-            trials' errors: from the models with the disturbance measured in the best trial, its
-            noise and unlearnt part included, and a share of the change by the new requests;
-            ``nan`` where unknown.
+        next_error: Error to expect of the next requests, of the mean of as many cycles as were
+            measured last, in the unit of the trials' errors: from the models with the disturbance
+            measured in the best trial, its noise and unlearnt part included, and a share of the
+            change by the new requests; ``nan`` where unknown.
         stopped: Why learning has ended; empty while it continues.
         remarks: Remarks on the processing of the measurements.
     """

@@ -51,6 +51,28 @@ def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, ex
     assert "12 more than 1 cycles of 88" in run(*line, 1, "--no-cyclic").stderr
 
 
+def test_a_first_cycle_that_is_a_transient_of_one_joint_is_ignored_of_it_alone(
+    run, desired, execute, monkeypatch
+):
+    """In what is learnt, and in the mean cycle of the page."""
+    run("plan", desired, "-o", "requests.csv")
+    angles, given = execute(), []
+    cycles = np.array([angles + np.array([0.2, 0.0]), angles, angles])
+    write_joint_path("three.csv", ("hip", "knee"), np.vstack(cycles), period=0.008)
+
+    def page(*_, measured, **__):
+        given.append(measured)
+
+    monkeypatch.setattr("planner.report.learning_page.learning_page", page)
+    words = ("refine", "requests.csv", "three.csv", "--desired", desired, "-o", "next.csv")
+    with pytest.raises(AttributeError):
+        run(*words, "--report", "page.html", catch_exceptions=False)
+    np.testing.assert_allclose(given[0], angles, atol=1e-9)
+    said = run(*words).stderr
+    assert said.count("the first cycle differs from the others") == 1
+    assert "hip: the first cycle differs from the others" in said
+
+
 @pytest.fixture
 def late(run, desired, execute):
     """A line that refines from three cycles whose rows come early or late and are lost."""

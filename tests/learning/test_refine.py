@@ -176,9 +176,11 @@ def test_an_error_within_the_noise_and_an_encoders_step_ends_learning(
     noise *= 2.0 * off / deviations / math.sqrt(np.mean(noise**2) * 4.0 / 3.0)
     after = planner.refine(attained, attained.predicted + off + noise, reidentify=False)
     assert ("noise hides what is left" in after.stopped) == ends
-    if ends:  # of one more cycle: of the noise all but what is in the mean of four already
-        expected = math.hypot(after.learning.errors[0], math.sqrt(0.75) * after.learning.noise[0])
-        assert after.learning.next_error == pytest.approx(expected)
+    if ends:  # of the mean of as many cycles as were measured last
+        assert after.learning.next_error == pytest.approx(after.learning.errors[0])
+        once = planner.refine(after, attained.predicted + off + noise[0], reidentify=False).learning
+        expected = math.hypot(once.errors[0], math.sqrt(0.8) * once.noise[0])
+        assert once.next_error == pytest.approx(expected)
 
 
 @pytest.fixture(scope="module")
