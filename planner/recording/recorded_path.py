@@ -279,8 +279,10 @@ def _requested_every(model: JointModel, period: float, joint: str) -> JointModel
 
 
 def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> list[str]:
-    """Gaps in the part that is replayed, and rows without torque."""
-    remarks = []
+    """Doubts about the unit, gaps in the part that is replayed, and rows without torque."""
+    notes = [(log.joint or "joint", log.notes) for log in logs if log.unit == "rad"]
+    doubts = [[f"{name}: {each}" for each in every if each.endswith("?")] for name, every in notes]
+    remarks = doubts[0] if doubts and all(doubts) else []  # one that moves far has the right unit
     for log in logs:
         for before, after in pairwise(pieces_of(log)):
             start, stop = log.times[before.stop - 1] - origin, log.times[after.start] - origin
