@@ -41,6 +41,7 @@ from planner.report.wording import UNITS
 
 if TYPE_CHECKING:
     from kinematics import Leg
+    from planner.identification.log import Log
     from planner.planning.task import LoadOfPose
 
 
@@ -59,6 +60,7 @@ class ReplayTask:
         """Read the recording and plan its replay, if asked for the fastest within the tolerance."""
         run, replay, speed = self.settings, self.settings.replay, self.settings.path.speed or 1.0
         logs, limits = self.recording.read(), {}
+        self.check_arm(logs)
         factors = {log.joint or "joint": UNITS[log.unit].factor for log in logs}
         spans = loading.values_by_joint("limits", run.limits, [*factors])
         for name, (low, high) in spans.items():
@@ -98,6 +100,26 @@ class ReplayTask:
         names = tuple(recorded_names.get(name, name) for name in leg.joint_names)
         return replace(leg, joint_names=names)
 
+    def check_arm(self, logs: Sequence[Log]) -> None:
+        """Refuse a leg with joints that the logs have no angles of, and names of other joints."""
+        names, arm = self.settings.replay.urdf_joints, self.arm
+        units = {log.joint or "joint": log.unit for log in logs}
+        if names and arm is None:
+            raise BadSetting("‹replay.urdf_joints› is of a leg: name it with ‹leg.name›")
+        joints = arm.joint_names if arm else ()
+        for name, of_leg in names.items():
+            where, joint, known = "leg", of_leg, joints
+            if name not in units:
+                where, joint, known = "recording", name, tuple(units)
+            if name not in known:
+                words = f"the {where} has no joint '{joint}'; joints: {', '.join(known)}"
+                raise BadSetting(f"‹replay.urdf_joints›: {words}")
+        angles = [name for name, unit in units.items() if unit == "rad"]
+        if missing := [name for name in joints if name not in angles]:
+            words = f"the recording has no angles of '{missing[0]}', which the leg has"
+            advice = "name it with ‹replay.urdf_joints›, or choose its unit with --unit"
+            raise BadSetting(f"‹leg.name›: {words}; angles: {', '.join(angles)}; {advice}")
+
 
 def tasks_of(
     run: settings.ReplayRun,
@@ -117,22 +139,27 @@ def tasks_of(
         raise BadSetting(f"{key} has no effect without {fastest}")
     if replay.fastest and run.path.speed is not None:
         raise BadSetting(f"‹path.speed› is what {fastest} finds")
-    rate, folder = None, ""
+    rate, folder, logs = None, "", recorded_path.first_logs(recordings)
     if recordings[0].is_episode:
         rate = find_dataset(recordings[0].file).rate
-    elif len(recordings) > 1 and (logs := recorded_path.first_logs(recordings)):
+    elif len(recordings) > 1 and logs:
         rate = 1.0 / float(np.median([log.period for log in logs]))
     if len(recordings) > 1:
         run.folder = folder = str(Path.cwd())  # workers have another one
-    models = _models_of(run, recordings, progress)
-    return tuple(
-        ReplayTask(recording=replace(each, folder=folder), models=models, settings=run, rate=rate)
-        for each in recordings
-    )
+    nothing = JointModels(by_joint={})
+    task = ReplayTask(recording=recordings[0], models=nothing, settings=run, rate=rate)
+    if logs:  # else the fault is reported where it is planned
+        task.check_arm(logs)
+    models = _models_of(run, recordings, logs, progress)
+    recordings = [replace(each, folder=folder) for each in recordings]
+    return tuple(replace(task, recording=each, models=models) for each in recordings)
 
 
 def _models_of(
-    run: settings.ReplayRun, recordings: Sequence[Recording], progress: Callable[[str], None]
+    run: settings.ReplayRun,
+    recordings: Sequence[Recording],
+    logs: Sequence[Log],
+    progress: Callable[[str], None],
 ) -> JointModels:
     """The models that the settings name, or models identified from the recordings."""
     model, joints = run.model, run.path.joints
@@ -148,8 +175,7 @@ def _models_of(
     if model.file == settings.FROM_LOG:
         return recorded_path.models_from(recordings, joints, progress)
     file = read_model_file(model.file)
-    recorded = [log.joint for log in recorded_path.first_logs(recordings)]
-    used = joints or recorded_path.without_grippers(recorded)
+    used = joints or recorded_path.without_grippers(log.joint for log in logs)
     models = {name: file.models.get(name, file.models.get("")) for name in used}
     words = refusal({name: each.evidence for name, each in models.items() if each})
     remarks = (words,) if words else ()
@@ -172,18 +198,6 @@ def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
     if leg is None:
         raise BadSetting(f"{key}: needs the leg or arm; name it with ‹leg.name›")
     by_name = {each.name: each for each in path.joints}
-    for name in leg.joint_names:
-        if name not in by_name:
-            joints = ", ".join(by_name)
-            raise BadSetting(
-                f"{key}: the recording has no joint '{name}', which the leg has; joints: {joints}; "
-                "name it with ‹replay.urdf_joints›"
-            )
-        if by_name[name].unit != "rad":
-            raise BadSetting(
-                f"{key}: {name} is in shares of its range, and a pose needs angles; choose its "
-                "unit with --unit"
-            )
     names = [each.name for each in planned]
 
     def load_at(moments: Array) -> LoadOfPose:

@@ -42,8 +42,8 @@ def replay(
         "shipped leg.",
         file="Joint models as TOML, by the names of the recording's joints; 'from-log' identifies "
         "them from the recording itself.  [required]",
-        load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics.  "
-        "[default: that of the logs]",
+        load="Torque on the joints: gravity by the masses of the URDF, all of its dynamics; "
+        "or column, that of the recording (<joint>_load_Nm in a CSV).  [default: column, if any]",
         limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.  "
         "[default: none; of percent 0 to 100, or as far as the recording goes]",
     ),
@@ -81,8 +81,9 @@ def replay(
 
     recordings = recordings_in(logs, log)
     check_writing(run.replay.write_as, recordings, output)
-    if work["resume"] and len(recordings) == 1:
-        warn("--resume has no effect on one recording, which is planned anew")
+    if len(recordings) == 1:
+        for name in filter(work.get, work):
+            warn(f"--{name} has no effect on one recording, which is planned here and anew")
     elif work["resume"] and (before := finished(output, ABOUT, origin_of(run, recordings))):
         count = len(before["recordings"])
         remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
@@ -117,19 +118,12 @@ def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
         misses = missed(task, result)
 
     def page() -> Page:
-        arm = task.arm
-        missing = [name for name in arm.joint_names if name not in result.names] if arm else []
-        if missing:
-            remark(
-                f"no arm is drawn on the page, as the recording has no joint {', '.join(missing)}; "
-                f"joints: {', '.join(result.names)}; name them with --urdf-joint"
-            )
         return replay_page(
             result,
             title=PurePath(task.recording.name).name,
             models=task.models,
             fastest=fastest,
-            arm=None if missing else arm,
+            arm=task.arm,
             missed=misses,
         )
 

@@ -124,8 +124,10 @@ def never_replayed(monkeypatch):
 @pytest.mark.usefixtures("in_this_process")
 def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, never_replayed):  # noqa: ARG001
     urdf = Path(shutil.copy(urdf_path("ers210a.urdf"), dataset.parent))
-    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
-    words += ("--leg", urdf, "--base", "body", "--foot", "front_left_paw")
+    words = ("replay", dataset, "--unit", "deg", "--model", model, "--as", "lerobot")
+    words += ("-o", "planned", "--leg", urdf, "--base", "body", "--foot", "front_left_paw")
+    for joint, name in zip(NAMES, ("rotator", "abductor", "knee"), strict=True):
+        words += ("--urdf-joint", f"{joint.removesuffix('.pos')}=front_left_{name}")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("planner.cli.recordings.tasks_of", tasks_of)
         first = run(*words, "--workers", 1, "--json")
