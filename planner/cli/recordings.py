@@ -36,7 +36,7 @@ from planner.recording.recorded_path import JointModels, RecordedPath
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Search
 from planner.report.plan_results import off_by
-from planner.report.replay_page import episode_results, resent_words
+from planner.report.replay_page import episode_results, findings_of_many
 from planner.report.wording import UNITS
 
 if TYPE_CHECKING:
@@ -326,7 +326,7 @@ def replay_many(
             "speed": None if run.replay.fastest else run.path.speed or 1.0,
             "recordings": figures,
             "left_out": failed,
-            "remarks": [*first.models.remarks, *resent_words(figures)],
+            "remarks": [*first.models.remarks, *findings_of_many(figures)],
         }
         if not failed:
             origin = origin_of(run, [each.recording for each in recordings])
@@ -341,7 +341,7 @@ def replayed(task: ReplayTask) -> bytes:
     """A replayed recording as the bytes of an NPZ file: a task of :mod:`planner.parallel`."""
     replay, _ = task.run()
     content = episode.lerobot_episode(task.recording, replay)
-    return episode.encoded(content, episode_results(replay))
+    return episode.encoded(content, episode_results(replay, task.models))
 
 
 def origin_of(run: settings.ReplayRun, recordings: Sequence[Recording]) -> dict[str, Any]:

@@ -108,17 +108,17 @@ def replay(
 
 def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
     from planner.cli.recordings import missed, write
-    from planner.report.replay_page import fastest_results, replay_page, replay_results, replay_text
+    from planner.report import replay_page as report
 
     with Progress() as progress:
         result, fastest = task.run(progress)
         progress("the errors of other requests")
-        content = replay_results(result, task.models)
-        words = replay_text(result, task.models, fastest)
+        content = report.replay_results(result, task.models)
+        words = report.replay_text(result, task.models, fastest)
         misses = missed(task, result)
 
     def page() -> Page:
-        return replay_page(
+        return report.replay_page(
             result,
             title=PurePath(task.recording.name).name,
             models=task.models,
@@ -128,7 +128,7 @@ def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
         )
 
     if fastest is not None:
-        content |= {"fastest": fastest_results(fastest)}
+        content |= {"fastest": report.fastest_results(fastest)}
     for each in result.path.remarks:
         remark(f"{result.path.name}: {each}")
     return Answer(
@@ -139,6 +139,7 @@ def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
         [("recording", task.recording.name), *_chosen(run, result.path.track)],
         [("recording", task.recording.path), ("requests", output)],
         failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",
+        warnings=[*filter(None, [report.findings(result, task.models)["misfit"]])],
     )
 
 

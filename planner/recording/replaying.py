@@ -20,12 +20,16 @@ from planner.arrays import (
     freeze,
     most_lost,
     read_only,
+    reversals,
     rms,
     stretches,
 )
 from planner.identification.grid import measured_speed
+from planner.model.evidence import SMALL, WORSE
+from planner.model.response import simulate
 from planner.planning.inversion import plan
 from planner.planning.plan import Inversion, Plan
+from planner.planning.search import SHAKING
 from planner.planning.task import JointLimits, LoadOfPose
 from planner.planning.time_shift import shifted
 from planner.recording.recorded_path import Models, Path, RecordedPath, Track, recorded_path
@@ -191,6 +195,11 @@ class JointReplay:
         lines = np.interp(self.path.times[self._rows], self.moments, self.desired)
         return float(np.max(np.abs(lines - self.path.followed[self._rows])))
 
+    @property
+    def driven(self) -> bool:
+        """Whether the torque was on, so that the requests alone moved the joint."""
+        return bool(np.all(self.path.log.torque_on[self._rows]))
+
     @cached_property
     def _rows(self) -> Mask:
         """Which rows lie between the first and the last sample."""
@@ -269,8 +278,37 @@ class JointReplay:
         They moved the joint so once: their error is mostly the model's, which does not show that
         the plan is better unless the error to expect of it is less than half of that.
         """
-        driven = bool(np.all(self.path.log.torque_on[self._rows]))  # else something else moved it
-        return driven and self.plan.expected[0].error > 0.5 * rms(self.error_of("resent"))
+        return self.driven and self.plan.expected[0].error > 0.5 * rms(self.error_of("resent"))
+
+    @cached_property
+    def misfit(self) -> tuple[float, float] | None:
+        """The model's error under the recorded requests, if over twice the largest expected; both.
+
+        They are rms, at the recorded speed. Without a test as much is expected as the requests with
+        the best delay are off. None where something else, or the pose, loads the joint.
+        """
+        model, path, period = self.plan.models[0], self.path, self.plan.period
+        at = np.arange(self.moments[0], self.moments[-1], period)
+        of_pose = self.plan.task.load_of_pose and model.feels_load
+        if not self.driven or of_pose or len(at) < 8:
+            return None
+        requests, angles = path.at(at, path.requests), path.at(at, path.angles)
+        load = None if path.load is None else path.at(at, path.load)
+        error = simulate(model, requests, cyclic=False, start=float(angles[0]), load=load) - angles
+        if (evidence := model.evidence) is None or math.isnan(evidence.error):
+            delays = range(min(len(at) // 2, round(0.5 / period)) + 1)
+            most = max(SMALL, min(rms(angles[k:] - requests[: len(at) - k]) for k in delays))
+        else:
+            within, _, most = evidence.compared(error + angles, period=period)
+            error = error[within | ~within.any()]
+        return (rms(error), most) if rms(error) > WORSE * most else None
+
+    @property
+    def rough(self) -> tuple[float, float] | None:
+        """Reversals of the requests, if far more than of the recorded ones, and of these [1/s]."""
+        turns = (reversals(each, cyclic=False) for each in (self.requests, self.recorded_requests))
+        planned, recorded = (each / (len(self.moments) * self.plan.period) for each in turns)
+        return (planned, recorded) if planned > recorded + SHAKING else None
 
     @cached_property
     def too_fast(self) -> tuple[tuple[float, float], ...]:

@@ -133,7 +133,14 @@ def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dic
         "unknown": sorted(replay.path.open_top_speeds & fast),
         "open": OPEN_TOP_SPEED,
         "resent": {joint.name: numbers[joint.name] for joint in replay.resent_may_serve},
+        **findings(replay, models),
     }
+
+
+def findings(replay: Replay, models: JointModels) -> dict[str, str]:
+    """Models that do not fit the recording, and rough requests, in a line each, or ""."""
+    said = {"joints": [(each, UNITS[each.path.unit]) for each in replay.planned], "models": models}
+    return {kind: phrase("replay_findings.txt", kind, **said) for kind in ("misfit", "rough")}
 
 
 def _allowed(fastest: Fastest) -> tuple[float, Unit]:
@@ -252,6 +259,7 @@ def replay_results(replay: Replay, models: JointModels) -> dict[str, Any]:
         numbers = joint_numbers(joint)
         if joint.inversion is not None:
             numbers["recorded_requests_may_serve"] = joint in replay.resent_may_serve
+            numbers["model_fits_recording"] = joint.misfit is None
             numbers["top_speed_known"] = joint.name not in replay.path.open_top_speeds
         joints[joint.name] = in_unit(numbers, numbers["unit"])
     return {
@@ -265,6 +273,7 @@ def replay_results(replay: Replay, models: JointModels) -> dict[str, Any]:
         "recorded_s": replay.path.duration,
         "joints": joints,
         "remarks": [*replay.path.remarks, *models.remarks],
+        **findings(replay, models),
     }
 
 
@@ -304,10 +313,11 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
     """The page about the document of ``replay --json`` for many recordings."""
     rows, failures = document["recordings"], document["left_out"]
     total = len(rows) + len(failures)
-    off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
+    sizes = np.array([_off(row["expected_on_robot_rms"], row["planned_rms"]) for row in rows])
+    off = np.argsort(-sizes, kind="stable")[:MOST_ROWS]
     shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
     units = sorted({row["unit"] for row in rows})
-    worst = max(rows, key=lambda row: float(row["planned_rms"]))
+    worst = rows[off[0]]
     return Page(
         "episodes",
         **document,
@@ -372,16 +382,17 @@ def episodes_text(document: Mapping[str, Any]) -> str:
     return rendered_text("episodes.txt", **document, shown=document["recordings"], better=better)
 
 
-def resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The number of recordings whose own requests may be better, with the errors of one example."""
+def findings_of_many(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Findings on some of many recordings, with their number and an example, a line each."""
     better = phrase("replay.txt", "better")
-    return list(filter(None, [phrase("episodes.txt", "resent", recordings=rows, better=better)]))
+    return phrase("episodes.txt", "found", recordings=rows, better=better).splitlines()
 
 
-def episode_results(replay: Replay) -> dict[str, Any]:
-    """The row of a recording in a table of many: the joint with the largest error of its plan."""
+def episode_results(replay: Replay, models: JointModels) -> dict[str, Any]:
+    """The row of a recording in a table of many: the joint that will be farthest off."""
     every = [(joint_numbers(joint), joint) for joint in replay.planned]
-    numbers, worst = max(every, key=lambda pair: float(pair[0]["planned"]["rms"]))
+    sizes = [_off(each["expected_on_robot_rms"], each["planned"]["rms"]) for each, _ in every]
+    numbers, worst = every[int(np.argmax(sizes))]
     return {
         "recording": replay.path.name,
         "requests": len(replay.moments),
@@ -393,5 +404,11 @@ def episode_results(replay: Replay) -> dict[str, Any]:
         "expected_on_robot_rms": numbers["expected_on_robot_rms"],
         "lower_bound": numbers["lower_bound"],
         "recorded_requests_may_serve": worst in replay.resent_may_serve,
+        **findings(replay, models),
         "remarks": list(replay.path.remarks),
     }
+
+
+def _off(expected: float | None, planned: float) -> float:
+    """How far a joint will be off: the error to expect on the robot or, if unknown, the plan's."""
+    return planned if expected is None or math.isnan(expected) else expected

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from planner import LogOptions, read_logs, simulate
 from planner.cli.recordings import tasks_of
 from planner.files.staging import list_files
 from planner.identification.grid import sound_rows
+from planner.report.replay_page import _off
 from tests.instances import SERVO
 
 RATE = 30
@@ -144,7 +146,7 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
         run(*words, catch_exceptions=False)
     for changed in (
         *(("--speed", 2), ("--limits-deg", "0:90"), ("--episodes", "0-1"), ("--norm", "max")),
-        *(("--unit", "range"), ("--tolerance-deg", 9), ("--foot", "front_right_paw")),
+        *(("--unit", "range"), ("--tolerance-deg", 9), ("--base", "head")),
     ):
         with pytest.raises(AssertionError, match="planned again"):
             run(*words, "--resume", *changed, catch_exceptions=False)
@@ -222,3 +224,24 @@ def test_a_joint_that_cannot_be_identified_gets_its_recorded_requests_and_is_nam
     assert result.exit_code == 0, result.stderr
     assert "warning: wrist: no model: " in result.stderr
     assert "no model: recorded requests, re-timed" in result.stderr
+
+
+def test_radians_taken_for_degrees_and_a_model_of_another_joint_are_named(run, demo, model):
+    table = np.loadtxt(demo, delimiter=",", skiprows=1)
+    table[:, 1:3] = np.radians(table[:, 1:3])
+    header = demo.read_text().partition("\n")[0]
+    np.savetxt("radians.csv", table, delimiter=",", header=header, comments="")
+    result = run("replay", "radians.csv", "--model", model, "-o", "out.csv")
+    assert "elbow: actual angles span only 0.7 degrees: are they radians?" in result.stderr
+    slow = replace(SERVO, lag=SERVO.lag + 0.2)
+    slow.to_toml("slow.toml")
+    words = ("replay", demo, "--model", "slow.toml", "-o", "out.csv", "--report", "page.html")
+    result, warning = run(*words, "-q"), "the model does not fit the recording: under its requests"
+    assert result.stderr.startswith(f"request-planner: warning: {warning} it misses the measured")
+    assert "request-planner identify RECORDING --joint elbow" in result.stderr
+    assert warning in Path("page.html").read_text().replace("The model", "the model")
+    assert warning not in run("replay", demo, "--model", model, "-o", "out.csv").stderr
+
+
+def test_the_worst_joint_of_many_recordings_is_that_with_the_largest_error_to_expect_if_known():
+    assert [_off(None, 2.0), _off(np.nan, 2.0), _off(1.0, 0.1)] == [2.0, 2.0, 1.0]

@@ -192,6 +192,36 @@ def test_recorded_requests_may_serve_only_along_the_recorded_angles_at_their_spe
     assert made.resent_may_serve == (made.joints if serve else ())
 
 
+@pytest.mark.parametrize("speed", [1.0, 1.5])
+@pytest.mark.parametrize(
+    ("error", "off", "fits"),
+    [(None, -1, False), (1.05, -1, True), (0.95, -1, False), (0.1, 75, True)],
+)
+def test_a_model_fits_a_recording_up_to_twice_the_largest_error_to_expect(error, off, fits, speed):
+    """Of a joint that trails the model by 0.1 s; by no test that of the requests, best delayed."""
+    late = replace(SERVO, lag=SERVO.lag + 0.1)
+    angles = simulate(late, asked(), cyclic=False)
+    log = replace(recorded(), angles=angles, torque_on=np.arange(COUNT) != off)
+    size = rms(angles[:-1] - simulate(SERVO, asked(), cyclic=False)[:-1])
+    tested = None if error is None else Evidence(error * size / 2.0 / 1.5, spread=(0.5, 1.5))
+    (joint,) = replay(log, SERVO.with_evidence(tested), speed=speed).joints
+    assert (joint.misfit is None) == fits
+    if joint.misfit:
+        assert joint.misfit[0] == pytest.approx(size, rel=1e-2)
+    assert replay(recorded(), SERVO).joints[0].misfit is None
+
+
+@pytest.mark.parametrize(
+    ("noise", "track", "rough"),
+    [(0.0, "state", False), (0.006, "state", True), (0.006, "action", False)],
+)
+def test_requests_that_follow_noise_turn_more_often_than_the_recorded_ones(noise, track, rough):
+    log = recorded()
+    angles = log.angles + noise * np.random.default_rng(0).standard_normal(COUNT)
+    (joint,) = replay(replace(log, angles=angles), SERVO, track=track).joints
+    assert bool(joint.rough) == rough
+
+
 def test_a_recording_faster_than_the_top_speed_contradicts_the_model_where_it_is_replayed():
     log = recorded()
     fastest = np.max(np.abs(np.diff(log.angles))) / OWN
