@@ -102,20 +102,12 @@ class ReplayTask:
 
     def check_arm(self, logs: Sequence[Log]) -> None:
         """Refuse a leg with joints that the logs have no angles of, and names of other joints."""
-        names, arm = self.settings.replay.urdf_joints, self.arm
-        units = {log.joint or "joint": log.unit for log in logs}
-        if names and arm is None:
-            raise BadSetting("‹replay.urdf_joints› is of a leg: name it with ‹leg.name›")
-        joints = arm.joint_names if arm else ()
-        for name, of_leg in names.items():
-            where, joint, known = "leg", of_leg, joints
-            if name not in units:
-                where, joint, known = "recording", name, tuple(units)
-            if name not in known:
-                words = f"the {where} has no joint '{joint}'; joints: {', '.join(known)}"
-                raise BadSetting(f"‹replay.urdf_joints›: {words}")
-        angles = [name for name, unit in units.items() if unit == "rad"]
-        if missing := [name for name in joints if name not in angles]:
+        renamed, known = self.settings.replay.urdf_joints, self.arm.joint_names if self.arm else ()
+        if unknown := [of_leg for name, of_leg in renamed.items() if name not in known]:
+            joints = f"; joints: {', '.join(known)}" if known else ": name it with ‹leg.name›"
+            raise BadSetting(f"‹replay.urdf_joints›: no leg with a joint '{unknown[0]}'{joints}")
+        angles = [log.joint or "joint" for log in logs if log.unit == "rad"]
+        if missing := [name for name in known if name not in angles]:
             words = f"the recording has no angles of '{missing[0]}', which the leg has"
             advice = "name it with ‹replay.urdf_joints›, or choose its unit with --unit"
             raise BadSetting(f"‹leg.name›: {words}; angles: {', '.join(angles)}; {advice}")
@@ -146,8 +138,8 @@ def tasks_of(
         rate = 1.0 / float(np.median([log.period for log in logs]))
     if len(recordings) > 1:
         run.folder = folder = str(Path.cwd())  # workers have another one
-    nothing = JointModels(by_joint={})
-    task = ReplayTask(recording=recordings[0], models=nothing, settings=run, rate=rate)
+    none = JointModels(by_joint={})
+    task = ReplayTask(recording=recordings[0], models=none, settings=run, rate=rate)
     if logs:  # else the fault is reported where it is planned
         task.check_arm(logs)
     models = _models_of(run, recordings, logs, progress)

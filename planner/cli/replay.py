@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -143,14 +143,12 @@ def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
     )
 
 
-def _chosen(run: ReplayRun, track: str) -> Iterator[tuple[str, str]]:
-    """The settings that were set, and the track."""
+def _chosen(run: ReplayRun, track: str) -> list[tuple[str, str]]:
+    """The track, and the settings that were set."""
     from planner.cli.planning import origins_of
 
-    yield "track", track
-    for name, value in origins_of(run):
-        if name != "replay.track":
-            yield name.removeprefix("replay."), value
+    chosen = {"replay.track": track, **dict(origins_of(run))}
+    return [(name.removeprefix("replay."), value) for name, value in chosen.items()]
 
 
 def _answer(

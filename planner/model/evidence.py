@@ -160,17 +160,16 @@ class Evidence(NamedTuple):
         That is rms [rad], and of the whole motion where none is inside. The last is the error that
         19 of 20 such motions stay below, or :data:`SMALL`.
         """
-        length, largest = min(round(WINDOW / period), len(angles)), self.spread[1]
-        within = np.zeros(len(angles), dtype=bool)
-        expected: dict[bool, list[float]] = {False: [], True: []}
-        for begin in {*range(0, len(angles) - length, max(length // 2, 1)), len(angles) - length}:
-            part = slice(begin, begin + length)
-            outside = self.exceeded(angles[part], period=period, cyclic=False)
-            inside = not {*outside} - {TRACKING}
-            within[part] |= inside
-            expected[inside].append(self.error_of(angles[part], period=period, cyclic=False))
-        error = rms(np.array(expected[bool(within.any())]))
-        return within, error, max(SMALL, error * (largest if math.isfinite(largest) else WORSE))
+        length, within = min(round(WINDOW / period), len(angles)), np.zeros(len(angles), dtype=bool)
+        begins = {*range(0, len(angles) - length, max(length // 2, 1)), len(angles) - length}
+        parts, tested = [slice(k, k + length) for k in begins], list[slice]()
+        for part in parts:
+            if not {*self.exceeded(angles[part], period=period, cyclic=False)} - {TRACKING}:
+                within[part] = True
+                tested.append(part)
+        errors = (self.error_of(angles[k], period=period, cyclic=False) for k in tested or parts)
+        expected, largest = rms(np.array([*errors])), self.spread[1]
+        return within, expected, max(SMALL, expected * (largest if largest < math.inf else WORSE))
 
     def scaled(self, factor: float, names: Sequence[str]) -> Evidence:
         """The same evidence in a unit of angles so many times as small, that of ``names``."""
@@ -241,20 +240,15 @@ def unproven_gains(names: Sequence[str], evidence: Sequence[Evidence | None]) ->
 
     Example:
         >>> unproven_gains(["hip", "knee"], [Evidence(over_delay=0.93), Evidence(over_delay=0.2)])
-        'on rows held out the error of the model is 93 % of a pure delay's: hip'
+        'on rows held out the error of the model is near that of a pure delay: hip (93 %)'
     """
-    shares = {
-        name: f"{100.0 * each.over_delay:.0f} %"
+    shares = [
+        f"{name} ({100.0 * each.over_delay:.0f} %)"
         for name, each in zip(names, evidence, strict=True)
         if each is not None and each.over_delay > PROVEN
-    }
-    if not shares:
-        return ""
-    if len(shares) == 1:
-        ((name, share),) = shares.items()
-        return f"on rows held out the error of the model is {share} of a pure delay's: {name}"
-    listed = ", ".join(f"{name} ({share})" for name, share in shares.items())
-    return f"on rows held out the errors of models are near those of pure delays: {listed}"
+    ]
+    words = "on rows held out the error of the model is near that of a pure delay"
+    return f"{words}: {', '.join(shares)}" if shares else ""
 
 
 def with_reasons(reasons: Mapping[str, str]) -> str:

@@ -195,11 +195,6 @@ class JointReplay:
         lines = np.interp(self.path.times[self._rows], self.moments, self.desired)
         return float(np.max(np.abs(lines - self.path.followed[self._rows])))
 
-    @property
-    def driven(self) -> bool:
-        """Whether the torque was on, so that the requests alone moved the joint."""
-        return bool(np.all(self.path.log.torque_on[self._rows]))
-
     @cached_property
     def _rows(self) -> Mask:
         """Which rows lie between the first and the last sample."""
@@ -278,7 +273,8 @@ class JointReplay:
         They moved the joint so once: their error is mostly the model's, which does not show that
         the plan is better unless the error to expect of it is less than half of that.
         """
-        return self.driven and self.plan.expected[0].error > 0.5 * rms(self.error_of("resent"))
+        driven = bool(np.all(self.path.log.torque_on[self._rows]))  # else something else moved it
+        return driven and self.plan.expected[0].error > 0.5 * rms(self.error_of("resent"))
 
     @cached_property
     def misfit(self) -> tuple[float, float] | None:
@@ -289,8 +285,8 @@ class JointReplay:
         """
         model, path, period = self.plan.models[0], self.path, self.plan.period
         at = np.arange(self.moments[0], self.moments[-1], period)
-        of_pose = self.plan.task.load_of_pose and model.feels_load
-        if not self.driven or of_pose or len(at) < 8:
+        of_pose, driven = self.plan.task.load_of_pose and model.feels_load, path.log.torque_on
+        if not np.all(driven[self._rows]) or of_pose or len(at) < 8:
             return None
         requests, angles = path.at(at, path.requests), path.at(at, path.angles)
         load = None if path.load is None else path.at(at, path.load)

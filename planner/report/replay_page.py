@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, rms
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure
@@ -132,15 +132,17 @@ def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dic
         "allowed": _allowed(fastest) if fastest else (0.0, CARRIED["deg"]),
         "unknown": sorted(replay.path.open_top_speeds & fast),
         "open": OPEN_TOP_SPEED,
-        "resent": {joint.name: numbers[joint.name] for joint in replay.resent_may_serve},
         **findings(replay, models),
     }
 
 
 def findings(replay: Replay, models: JointModels) -> dict[str, str]:
-    """Models that do not fit the recording, and rough requests, in a line each, or ""."""
-    said = {"joints": [(each, UNITS[each.path.unit]) for each in replay.planned], "models": models}
-    return {kind: phrase("replay_findings.txt", kind, **said) for kind in ("misfit", "rough")}
+    """Models that do not fit the recording, better requests and rough ones, a line each, or ""."""
+    joints = [(each, UNITS[each.path.unit]) for each in replay.planned]
+    said = {"joints": joints, "replay": replay, "models": models, "rms": rms}
+    return {
+        kind: phrase("replay_findings.txt", kind, **said) for kind in ("misfit", "resent", "rough")
+    }
 
 
 def _allowed(fastest: Fastest) -> tuple[float, Unit]:
@@ -313,8 +315,8 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
     """The page about the document of ``replay --json`` for many recordings."""
     rows, failures = document["recordings"], document["left_out"]
     total = len(rows) + len(failures)
-    sizes = np.array([_off(row["expected_on_robot_rms"], row["planned_rms"]) for row in rows])
-    off = np.argsort(-sizes, kind="stable")[:MOST_ROWS]
+    sizes = [np.fmax(row["expected_on_robot_rms"] or 0.0, row["planned_rms"]) for row in rows]
+    off = np.argsort(np.negative(sizes), kind="stable")[:MOST_ROWS]
     shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
     units = sorted({row["unit"] for row in rows})
     worst = rows[off[0]]
@@ -378,20 +380,18 @@ def _short(recording: str) -> str:
 
 def episodes_text(document: Mapping[str, Any]) -> str:
     """Many recordings for people: a line each, about the joint with the largest planned error."""
-    better = phrase("replay.txt", "better")
-    return rendered_text("episodes.txt", **document, shown=document["recordings"], better=better)
+    return rendered_text("episodes.txt", **document, shown=document["recordings"])
 
 
 def findings_of_many(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Findings on some of many recordings, with their number and an example, a line each."""
-    better = phrase("replay.txt", "better")
-    return phrase("episodes.txt", "found", recordings=rows, better=better).splitlines()
+    return phrase("episodes.txt", "found", recordings=rows).splitlines()
 
 
 def episode_results(replay: Replay, models: JointModels) -> dict[str, Any]:
     """The row of a recording in a table of many: the joint that will be farthest off."""
     every = [(joint_numbers(joint), joint) for joint in replay.planned]
-    sizes = [_off(each["expected_on_robot_rms"], each["planned"]["rms"]) for each, _ in every]
+    sizes = [np.fmax(each["expected_on_robot_rms"], each["planned"]["rms"]) for each, _ in every]
     numbers, worst = every[int(np.argmax(sizes))]
     return {
         "recording": replay.path.name,
@@ -407,8 +407,3 @@ def episode_results(replay: Replay, models: JointModels) -> dict[str, Any]:
         **findings(replay, models),
         "remarks": list(replay.path.remarks),
     }
-
-
-def _off(expected: float | None, planned: float) -> float:
-    """How far a joint will be off: the error to expect on the robot or, if unknown, the plan's."""
-    return planned if expected is None or math.isnan(expected) else expected

@@ -13,7 +13,6 @@ from planner import LogOptions, read_logs, simulate
 from planner.cli.recordings import tasks_of
 from planner.files.staging import list_files
 from planner.identification.grid import sound_rows
-from planner.report.replay_page import _off
 from tests.instances import SERVO
 
 RATE = 30
@@ -241,7 +240,3 @@ def test_radians_taken_for_degrees_and_a_model_of_another_joint_are_named(run, d
     assert "request-planner identify RECORDING --joint elbow" in result.stderr
     assert warning in Path("page.html").read_text().replace("The model", "the model")
     assert warning not in run("replay", demo, "--model", model, "-o", "out.csv").stderr
-
-
-def test_the_worst_joint_of_many_recordings_is_that_with_the_largest_error_to_expect_if_known():
-    assert [_off(None, 2.0), _off(np.nan, 2.0), _off(1.0, 0.1)] == [2.0, 2.0, 1.0]
