@@ -176,8 +176,11 @@ def checked_knots(
         # Rounded, as places are often times over a period; the sum is 0.0 for -0.0.
         knot = round(_number(f"{name} knots", place), 9) + 0.0
         if not (0.0 <= knot < n if cyclic else 0.0 <= knot <= n - 1.0):
-            limit = f"up to, without, sample {n}" if cyclic else f"to sample {n - 1}"
+            limit = f"or later and before sample {n}" if cyclic else f"to sample {n - 1}"
             raise InvalidInput(f"{name}: got a knot at sample {knot:g}, expected sample 0 {limit}")
+        if knot in angles:
+            words = "expected each knot once; leave one out"
+            raise InvalidInput(f"{name}: got two knots at sample {knot:g}, {words}")
         angles[knot] = math.nan if angle is None else _number(f"{name} angles", angle)
     places = np.array(sorted(angles))
     return places, np.array([angles[place] for place in places.tolist()])
@@ -215,15 +218,14 @@ def check_feasible(problem: Problem, question: Question, tick: float) -> None:
     """Raise Infeasible where no curve meets all requirements, and name the two that exclude it."""
     segments, max_error, max_rms, knots, _ = question
     n, (fixed, most) = problem.samples, segment_capacity(problem)
-    ends = [("required knots", fixed)]
-    ends += [] if knots is None else [("knots", problem.ends(knots))]
-    for name, places in ends:
+    every = fixed if knots is None else problem.ends(knots)
+    for name, places in (("required knots", fixed), ("knots", every)):
         apart = np.diff(places)
         k = int(np.argmin(apart))
         if apart[k] < SHORTEST:
             raise Infeasible(
-                f"{name} at sample {places[k]:g} and sample {places[k + 1] % n:g}: they are "
-                f"{apart[k]:g} of a sample apart, expected at least 1; leave one out"
+                f"{name} at sample {places[k]:g} and sample {places[k + 1] % n:g}: they are closer "
+                "together than two samples; leave one out"
             )
     pinned = np.isfinite(problem.pins)
     places, angles = problem.required[pinned], problem.pins[pinned]
@@ -241,13 +243,13 @@ def check_feasible(problem: Problem, question: Question, tick: float) -> None:
             )
     if segments is not None and segments > np.sum(most) and max_error is max_rms is None:
         raise Infeasible(
-            f"segments = {segments} and required knots: there is room for {np.sum(most)} of a "
-            "sample or more between them; ask for fewer"
+            f"segments, required: got {segments} segments, but at most {np.sum(most)}, each of a "
+            "sample or more, fit between the required knots; ask for fewer"
         )
     if segments is not None and segments < most.size:
         raise Infeasible(
-            f"segments = {segments} and {problem.required.size} required knots: they make at "
-            f"least {most.size} segments; ask for more or leave some out"
+            f"segments, required: got {segments} segments, but {problem.required.size} required "
+            f"knots make at least {most.size}; ask for more or leave some out"
         )
     if max_error is None:
         return

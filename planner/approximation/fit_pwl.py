@@ -131,13 +131,13 @@ def fit_pwl(
         max_rms: Largest rms error [rad], likewise. With none of the three, the fewest segments
             whose rms error is within 2 % of the slope-bounded ideal's, 1 % of the range of
             ``desired``, or 1.1 times its noise; an exact curve within the slopes is recovered.
-        knots: All knots [samples], in place of ``segments`` and errors; a path's ends and
+        knots: All knots [samples], each once, instead of ``segments`` and errors; a path's ends and
             ``required`` are added. Only the values are sought: one QP, O(n).
         required: Indices, whole or not, where there must be a knot; as a mapping, with the angle
             there [rad], or None where it is free. At the ends of a path, 0 and n - 1, there are
             knots in any case.
         exact: Whether to prove the answer best of all with knots on samples; with ``segments`` or
-            ``max_rms``, n <= 400.
+            ``max_rms`` and without ``knots``, n <= 400.
 
     Raises:
         InvalidInput: An argument is out of its range, no trajectory, or excludes another.
@@ -179,7 +179,7 @@ def fit_pwl(
         desired=samples,
         v_max=v_max,
         fewest_segments=fewest,
-        proved=exact and knots is None,
+        proved=exact,
     )
     _certify(fit, question)
     return fit
@@ -187,25 +187,24 @@ def fit_pwl(
 
 def _check(problem: Problem, question: Question, tick: float) -> None:
     """Raise an error where arguments exclude each other, or no curve meets them all."""
-    segments, max_error, max_rms, knots, exact = question
-    named = {"segments": segments, "max_error": max_error, "max_rms": max_rms, "knots": knots}
-    for first, *others in (("max_error", "max_rms"), ("knots", "segments", "max_error", "max_rms")):
+    segments, _, max_rms, _, exact = question
+    named = question._asdict() | {"exact": exact or None}
+    excluding = "max_error max_rms exact", "knots segments max_error max_rms exact"
+    for first, *others in map(str.split, excluding):
         both = [name for name in others if named[first] is not None and named[name] is not None]
         if both:
             raise InvalidInput(f"{first}, {both[0]}: got both, expected one; leave one out")
     if exact:
-        if max_error is not None:
-            raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
-        if knots is None and segments is None and max_rms is None:
-            raise InvalidInput("exact: expected segments or max_rms with it; give one of them")
-        for name, places in (("required", problem.required), ("knots", knots)):
-            between = np.empty(0) if places is None else places[places != np.floor(places)]
-            if between.size:
-                raise InvalidInput(
-                    f"{name}: got a knot at sample {between[0]:g} with exact, expected whole "
-                    "samples; an optimum is proved for knots on them"
-                )
-        if knots is None and problem.samples > MOST_SAMPLES:
+        if segments is None and max_rms is None:
+            words = "got the first alone, expected one of the others too; add one"
+            raise InvalidInput(f"exact, segments, max_rms: {words}")
+        between = problem.required[problem.required != np.floor(problem.required)]
+        if between.size:
+            raise InvalidInput(
+                f"required, exact: got a knot at sample {between[0]:g}, between samples, but an "
+                "optimum is proved for knots on samples; move it to one, or leave out the proof"
+            )
+        if problem.samples > MOST_SAMPLES:
             raise InvalidInput(
                 f"exact: got {problem.samples} samples, expected at most {MOST_SAMPLES}; fit "
                 "without it, or thin the samples out"

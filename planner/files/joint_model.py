@@ -41,24 +41,18 @@ class Key(NamedTuple):
     comment: str = ""  # beside the key in a file
 
 
-def _named(name: str) -> str:
-    if not name:
+def _some(value: Any) -> Any:
+    if not value:
         raise ValueError
-    return name
+    return value
 
 
 # what the values of keys are: names, numbers, and angles by joint, in degrees in the file [rad]
-_text = Kind(Annotated[str, Expected("a text", _named)]).fitted
+_text = Kind(Annotated[str, Expected("a text", _some)]).fitted
 _value = Annotated[float, within(ge=-LARGEST, le=LARGEST)]
 _pair = tuple[_value, _value]
 _pose = Kind(dict[str, Annotated[float, Expected("an angle", math.radians)]]).fitted
 _size = Annotated[float, within(ge=0.0, le=LARGEST)]
-
-
-def _some(values: tuple[Any, ...]) -> tuple[Any, ...]:
-    if not values:
-        raise ValueError
-    return values
 
 
 def _tested(comment: str, kind: Any = _size, words: str = "a number from 0 to 1e9") -> Key:

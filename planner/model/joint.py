@@ -379,11 +379,6 @@ class JointModel:
         return self.lag + self.acceleration_time / 2.0 + self.theta_0 / self.v_max
 
     @cached_property
-    def settling_time(self) -> float:
-        """Time constants in which it comes to rest, one after the other [s]: theta_0/v_max + T."""
-        return self.theta_0 / self.v_max + self.time_constant
-
-    @cached_property
     def v_max_per_tick(self) -> float:
         """Top speed [rad/tick]."""
         return self.v_max * self.tick

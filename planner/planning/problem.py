@@ -88,8 +88,8 @@ class Problem(Task):
 
     @property
     def settling(self) -> float:
-        """Time in which the slowest of the joints settles [samples]."""
-        slowest: float = max(map(attrgetter("settling_time"), self.drives))
+        """Time in which the slowest of the joints comes to rest [samples]: theta_0/v_max + T."""
+        slowest = max(each.theta_0 / each.v_max + each.time_constant for each in self.drives)
         return slowest / self.period
 
     @cached_property

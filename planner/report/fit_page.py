@@ -70,7 +70,7 @@ def fit_results(curve: PiecewiseLinearFit, unit: Unit = UNITS["rad"]) -> dict[st
         "proved": curve.proved,
         "rms_deg": float(np.degrees(curve.rms)),
         "max_deg": float(np.degrees(curve.max_error)),
-        "knots": curve.knots.tolist(),
+        "knots_s": (curve.tick * curve.knots).tolist(),
         "values_deg": np.degrees(curve.values).tolist(),
         "slopes_deg_per_s": np.degrees(curve.slopes).tolist(),
         "angles_deg": np.degrees(curve.angles).tolist(),
