@@ -284,7 +284,7 @@ def error_norm(errors: Array, norm: Literal["rms", "max"]) -> float:
     return rms(errors) if norm == "rms" else float(np.max(np.abs(errors)))
 
 
-NO_BOUND = 0.01
+NO_BOUND = 0.1
 """Share of an error up to which a lower bound counts as zero: a gap above it says nothing."""
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.arrays import Array, error_norm, excess, rms, size
+from planner.arrays import Array, error_norm, excess, size
 from planner.model.evidence import (
     OPEN_TOP_SPEED,
     Expectation,
@@ -158,7 +158,7 @@ class PlanAnswer:
                 "without_plan": sizes_of(plan.direct.errors[:, j]),
                 "best_shift": {
                     "lead_s": shift.leads[j],
-                    "rms": math.degrees(rms(shift.errors[:, j])),
+                    **sizes_of(shift.errors[:, j]),
                     "expected_rms": math.degrees(shift.expected[j].error),
                 },
                 **verdict_results(model),
@@ -210,6 +210,9 @@ class PlanAnswer:
             self.recommended and f"recommended: --method shift, as {self.recommended}",
             self.refining and f"recommended: {refine}: {self.refining}",
         ]
+        if np.any(self.shift.largest_steps > self.plan.task.max_step + 1e-9):
+            allowed = "--max-step-deg or --max-request-speed-deg-s allows"
+            lines.append(f"the best time shift takes larger steps than {allowed}")
         untested = untested_words(self.plan.names, self.plan.expected)
         return list(filter(None, [untested, *lines]))
 
@@ -338,9 +341,15 @@ class PlanAnswer:
             )
             lines.append(f"early by: {', '.join(leads)}")
         else:
-            lines.append(
-                f"desired angles sent early instead, rms [{self.unit}]: {self._shift_words()}"
+            lines.append(f"desired angles sent early instead, {task.norm} [{self.unit}]: ")
+            lines[-1] += ", ".join(
+                f"{label} {each[task.norm]:.3f}"
+                + f", on the robot {each['expected_rms']:.3f}" * math.isfinite(each["expected_rms"])
+                + f" ({1e3 * each['lead_s']:.0f} ms early)"
+                for label, each in ((label, row["best_shift"]) for label, row in self.rows)
             )
+            if self.of_foot and self.foot:
+                lines[-1] += f"; foot {self.foot['best_shift'][task.norm]:.3f} cm"
         if fast := self.fast:
             worst = ", ".join(
                 f"{name} ({percent(each['share_too_fast'], 0)} of the path, up to "
@@ -365,18 +374,6 @@ class PlanAnswer:
         if self.unreachable:
             lines.append(f"{self.unreachable} samples were out of the leg's reach")
         return "\n".join(lines)
-
-    def _shift_words(self) -> str:
-        """The errors of the best time shift."""
-        words = ", ".join(
-            f"{label} {early['rms']:.3f}"
-            + f", on the robot {early['expected_rms']:.3f}" * math.isfinite(early["expected_rms"])
-            + f" ({1e3 * early['lead_s']:.0f} ms early)"
-            for label, early in ((label, each["best_shift"]) for label, each in self.rows)
-        )
-        if self.of_foot and self.foot is not None:
-            words += f"; foot {self.foot['best_shift']['rms']:.3f} cm"
-        return words
 
 
 def no_bound(plan: Plan) -> str:

@@ -31,7 +31,7 @@ class Certificate(NamedTuple):
             holds for the joint.
         solver_gap: Relative distance between the bound and the best known value of the same level,
             for "exact" the error of a plan; 0 where one set of multipliers proves the bound, inf
-            where there is none, or where it is at most 1 % of that value.
+            where there is none, or where it is at most 10 % of that value.
     """
 
     bound: float
