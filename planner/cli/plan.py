@@ -111,7 +111,7 @@ def compare(
     from planner.cli.planning import inputs_of, notes_of, origins_of
     from planner.evaluation.cross_check import cross_check
     from planner.files.columns import SHARES
-    from planner.report.comparison_page import comparison_page, comparison_text, verdict_line
+    from planner.report import comparison_page as report
     from planner.report.wording import CARRIED, renamed
 
     desired = desired_of(run)
@@ -134,10 +134,11 @@ def compare(
             load=desired.torques,
             progress=progress,
         )
+    check = report.in_units(check, units)
     title, unreachable, notes = desired.title, desired.unreachable, notes_of(desired)
     with fitted_to(terminal_width(sys.stdout)):
-        table = f"{model_words(run.model)}\n{comparison_text(check, units)}"
-    verdict, words = verdict_line(check), []
+        table = f"{model_words(run.model)}\n{report.comparison_text(check, units)}"
+    verdict, words = report.verdict_line(check), []
     if unreachable:
         words.append(f"{unreachable} samples were out of the leg's reach")
     if check.passed:
@@ -152,7 +153,7 @@ def compare(
         document,
         "\n".join(words),
         lambda _: click.echo(table),
-        lambda: comparison_page(
+        lambda: report.comparison_page(
             check, units, title=title, leg=whole, unreachable=unreachable, notes=notes
         ),
         [*origins_of(run), ("bounds up to", level)],
@@ -175,9 +176,10 @@ def fit(
     *,
     run: Run = options.settings(
         "model: file",
-        "path: joints",
+        "path: joints rate_hz",
         "plan: cyclic segments",
         path=argument(form="DESIRED"),
+        rate_hz="Samples of DESIRED per second: the models take it.",
     ),
     max_error: Positive | None = option(
         "Use as few lines as stay this close to the path everywhere.", form="DEG"
@@ -275,7 +277,7 @@ def _in_seconds(period: float) -> Iterator[None]:
     try:
         yield
     except PlannerError as error:
-        message, number = str(error), r"\bsample (\d+(?:\.\d+)?(?:e[+-]?\d+)?)"
+        message, number = str(error), r"\bsample (-?\d+(?:\.\d+)?(?:e[+-]?\d+)?)"
         error.args = (re.sub(number, lambda each: f"{period * float(each[1]):.6g} s", message),)
         raise
 
@@ -313,13 +315,15 @@ def simulate(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import load_joints, model_words, refused_models, repeats, starts_of
+    from planner.cli import desired as of
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate as simulate_joint
     from planner.report.plan_results import simulation_answer
 
-    inputs = load_joints(run)
+    inputs = of.load_joints(run)
     path = None if desired is None else read_joint_path(desired, joints=inputs.names)
+    if path is not None:
+        path.check_period(inputs.period)
     if path is not None and len(path.values) != len(inputs.angles):
         raise InvalidFile(
             path.path,
@@ -328,10 +332,10 @@ def simulate(
         )
     cyclic, remarks = inputs.cyclic, inputs.remarks
     if path is not None:  # its ends are better evidence than the ends of its requests
-        cyclic, closing = repeats(path.values, run.plan.cyclic)
-        remarks = closing, refused_models(inputs.names, inputs.models)
+        cyclic, closing = of.repeats(path.values, run.plan.cyclic)
+        remarks = closing, of.refused_models(inputs.names, inputs.models)
     options.warn_of(remarks)
-    rest = starts_of(run.start, inputs.names, cyclic=cyclic)
+    rest = of.starts_of(run.start, inputs.names, cyclic=cyclic)
     loads = None if load is None else inputs.loads
     if load is not None and loads is None:
         raise InvalidFile(
@@ -339,15 +343,13 @@ def simulate(
         )
     if load is None and inputs.loads is not None:
         warn("the load in the columns is not used: ask for it with --load column")
-    columns = []
+    predicted = np.empty_like(inputs.angles)
     for j, (name, model) in enumerate(zip(inputs.names, inputs.models, strict=True)):
-        column = None if loads is None else loads[:, j]
-        with about(name):
-            angles = simulate_joint(
-                model, inputs.angles[:, j], cyclic=cyclic, start=rest.get(name), load=column
+        start, load_of_joint = rest.get(name), None if loads is None else loads[:, j]
+        with of.units_in_messages(inputs.shown_units), about(name):
+            predicted[:, j] = simulate_joint(
+                model, inputs.angles[:, j], cyclic=cyclic, start=start, load=load_of_joint
             )
-        columns.append(angles)
-    predicted = np.column_stack(columns)
     joints, words = simulation_answer(
         inputs.names,
         inputs.models,
@@ -357,7 +359,7 @@ def simulate(
         cyclic=cyclic,
         loads=loads,
     )
-    summary = f"{len(predicted)} requests of {', '.join(inputs.names)}; {model_words(run.model)}"
+    summary = f"{len(predicted)} requests of {', '.join(inputs.names)}; {of.model_words(run.model)}"
     document = {"cyclic": cyclic, "period_s": inputs.period, "joints": joints}
     return Answer(document, summary + words, lambda file: inputs.write(file, predicted))
 
@@ -366,7 +368,11 @@ def simulate(
 def view(
     *,
     run: Run = options.settings(
-        f"leg: {options.LEG} unreachable", "model: file", "plan: cyclic", path=argument()
+        f"leg: {options.LEG} unreachable",
+        "model: file",
+        "path: rate_hz",
+        "plan: cyclic",
+        path=argument(),
     ),
     requests: Source | None = option(
         "Requests to show as planned, as `plan` writes them; planned here by default, all at once "

@@ -303,7 +303,7 @@ class JointComparison:
         return optimal.plan.task.limits[optimal.column]
 
     def gap(self, method: str) -> float:
-        """Relative distance of a plan from the bound; inf if that is <= 1 % of the plan's error."""
+        """Relative distance of a plan from the bound; inf if that is at most 10 % of its error."""
         return relative_gap(self.plans[method].error, self.bound)
 
     def difference(self, method: str) -> Array:
@@ -345,7 +345,7 @@ class JointComparison:
             "largest_request_difference_deg": math.degrees(float(np.max(np.abs(apart)))),
             "largest_step_deg": math.degrees(plan.largest_step),
             "beyond_desired_deg": math.degrees(plan.excess),
-            "agreement_rad": self.answers[method].agreement,
+            "agreement_deg": math.degrees(self.answers[method].agreement),
         }
 
 

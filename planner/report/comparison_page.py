@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,7 @@ def comparison_page(
         ends = [percent(end(joint.gap(method) for joint in joints)) for end in (min, max)]
         gap = ends[0] if ends[0] == ends[1] else f"{ends[0].removesuffix(' %')} – {ends[1]}"
         gaps[method] = {"errors": largest_of(errors), "gap": gap}
+    agree = [each for each in check.checks if each.name == CLAIMS["agrees"].name]
     feet = foot and [foot.plans[method].distances for method in ("optimal", "foot_optimal")]
     moving, pictures = figures_of(check, leg, said["shown"])
     apart = [math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in joints]
@@ -84,13 +86,29 @@ def comparison_page(
         beyond={name: excess for name, excess in excesses.items() if excess > 1e-7},
         more=notes,
         moving=moving,
-        agreement=max(each.value for each in check.checks if each.claim == CLAIMS["agrees"]),
+        agreement=largest_of((each.claim.unit, each.value) for each in agree),
         foot=feet and [100.0 * error_norm(each, check.norm) for each in feet],
         foot_gap=foot and foot.gap("foot_optimal"),
         worst=max(joints, key=lambda joint: joint.plans["optimal"].error),
         pictures=pictures,
         models=models_table({joint.name: joint.model for joint in joints}, said["shown"]),
     )
+
+
+def in_units(check: CrossCheck, units: Mapping[str, str]) -> CrossCheck:
+    """The comparison with the checks of joints in percent, which count as degrees, in percent."""
+
+    def own(each: Check) -> Check:
+        if each.claim.unit != "rad" or units.get(each.subject) != "percent":
+            return each
+        value, allowed = np.degrees([each.value, each.claim.tolerance]).tolist()
+        claim = each.claim._replace(tolerance=allowed, unit=CARRIED["percent"].words)
+        return replace(each, value=value, claim=claim)
+
+    def of(part: Any) -> Any:
+        return part and replace(part, checks=tuple(map(own, part.checks)))
+
+    return replace(check, joints=tuple(map(of, check.joints)), foot=of(check.foot))
 
 
 # The tables, and the text of a terminal.
@@ -135,7 +153,6 @@ def spoken_of(check: CrossCheck, units: Mapping[str, str] = {}) -> dict[str, Any
         "shown": shown,
         "unit": unit,
         "labels": labels,
-        "shares": [name for name, own in shown.items() if own is CARRIED["percent"]],
         "methods": METHODS,
         "has_expected": bool(np.isfinite(expected).any()),
         "farthest": lambda joint, method: index_of_largest(np.abs(joint.difference(method))),

@@ -10,6 +10,7 @@ import pytest
 from planner import JointModel
 from planner.cli.reproduce import STEPS
 from planner.evaluation import cross_check as cross_check_module
+from planner.evaluation.checks import CLAIMS
 from planner.files.joint_model import models_text, read_model_file
 from planner.files.paths import foot_path, path_table, read_joint_path
 from planner.files.table import read_table
@@ -59,14 +60,20 @@ def test_a_joint_in_shares_is_compared_in_percent_beside_others_in_degrees(run, 
     asked = ("--cyclic", "--level", "slope", "--model", "arm.toml")
     result = run("compare", "path.csv", *asked, "--report", "page.html", "--json")
     assert result.exit_code == 0, result.stderr
-    hip, jaw = json.loads(result.stdout)["joints"].values()
+    answer = json.loads(result.stdout)
+    hip, jaw = answer["joints"].values()
     assert hip["model"] == pytest.approx(jaw["model"]) == model.parameters()
     assert np.ptp(jaw["desired_percent"]) == pytest.approx(np.ptp(hip["desired_deg"]))
     # 0.2 of the range are 20 %, and 0.2 rad 11.5 degrees
     assert jaw["methods"]["optimal"]["rms_percent"] < hip["methods"]["optimal"]["rms_deg"]
     page = text_of((tmp_path / "page.html").read_text())
     assert "jaw [% of range]" in page
-    assert "In the checks of jaw 1 % of range counts as 1 deg = 0.01745 rad" in page
+    units = {(each["subject"], each["unit"]) for each in answer["checks"]}
+    assert {("hip", "rad"), ("jaw", "% of range")} < units
+    assert ("jaw", "rad") not in units
+    closes = {(each["subject"], each["name"]): each["tolerance"] for each in answer["checks"]}
+    assert closes["jaw", "the cycle closes"] == np.degrees(CLAIMS["closes"].tolerance)
+    assert re.search(r"at most \S+ rad and \S+ % of range from an independent", page)
     assert re.search(r"differ by up to [\d.]+ degrees and [\d.]+ % of range", page)
 
 
