@@ -225,7 +225,7 @@ def _in_options(error: PlannerError, command: click.Command) -> str:
     if colon and not isinstance(error, InvalidFile):
         options = {"locked": "--lock"}
         for option in (max(each.opts, key=len) for each in command.params):
-            argument = re.sub("-(deg|hz|s)$", "", option.removeprefix("--")).replace("-", " ")
+            argument = re.sub("-(deg|hz|m?s)$", "", option.removeprefix("--")).replace("-", " ")
             options = {argument: option, f"{argument}s": option, **options}
         parts = re.split(r"(, | and )", head)
         message = "".join(options.get(part, part) for part in parts) + colon + rest

@@ -71,7 +71,7 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
         # of less than 10 rows a second do not show what more would. 20.06 and 20.55 ms are 4 ticks.
         if tick is None and period > 1.05 * 0.008:
             whole = min(math.ceil(period / (1.05 * 0.005)), 20)
-        hold = count = min(whole, 2 * MOST_HOLD)
+        hold = count = min(max(whole, 1), MOST_HOLD)
     if not 1 <= count <= MOST_HOLD:
         raise InvalidInput(
             f"hold: got {shown(hold)}, expected a whole number of ticks, 1 or more, to {MOST_HOLD}"
@@ -79,8 +79,8 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
     made = period / count if tick is None else step
     if abs(made * count - period) > 1e-3 * period + unsure:
         raise InvalidInput(
-            f"tick, hold: got {count} ticks of {made:g} s, expected the log's period of "
-            f"{period:g} s; give one of the two, or neither"
+            f"tick, hold: got {count} times {1e3 * made:g} ms, expected the log's period of "
+            f"{1e3 * period:g} ms; give a tick that divides it, or neither of the two"
         )
     return Timing(made * count, made, count, reach)
 

@@ -15,14 +15,15 @@ import numpy.typing as npt
 
 from planner.arrays import Array
 from planner.exceptions import importing
-from planner.report.figure import DESIRED, DIRECT, FOOT_OPTIMAL, GRID
+from planner.report.figure import DESIRED, FOOT_OPTIMAL, GRID
+from planner.report.plan_page import DIRECT
 from planner.report.wording import environment
 
 if TYPE_CHECKING:
     from kinematics.scene import Scene
 
 LOOKS = ((DESIRED, 0.55), (DIRECT, 0.45), (FOOT_OPTIMAL._replace(label="planned"), 1.0))
-"""Looks and opacities of the desired motion, the direct one and the planned one.
+"""Looks and opacities of the desired motion, that without a plan and the planned one.
 
 An opacity of 1 hides what is behind the leg.
 """

@@ -19,6 +19,7 @@ HIP = (
 FILES = {
     "d.csv": GOOD.encode(),
     "e.csv": GOOD.encode(),
+    "slow.csv": b"t_s,hip_deg,knee_deg\n0,1,20\n0.02,2,30\n0.04,3,10\n0.06,1,10\n",
     "book.xlsx": b"PK\3\4\x14\0\x06\0",
     "spaced.csv": GOOD.replace(",", " ").encode(),
     "decimal.csv": GOOD.replace("0.0", "0,0").encode(),
