@@ -206,7 +206,7 @@ def about(joint: str) -> Iterator[None]:
     try:
         yield
     except PlannerError as error:
-        if joint:
+        if joint and joint not in getattr(error, "__notes__", ()):
             error.add_note(joint)
         raise
 

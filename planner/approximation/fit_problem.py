@@ -243,13 +243,13 @@ def check_feasible(problem: Problem, question: Question, tick: float) -> None:
             )
     if segments is not None and segments > np.sum(most) and max_error is max_rms is None:
         raise Infeasible(
-            f"segments, required: got {segments} segments, but at most {np.sum(most)}, each of a "
+            f"segments, required: got {segments}, but at most {np.sum(most)} segments, each of a "
             "sample or more, fit between the required knots; ask for fewer"
         )
     if segments is not None and segments < most.size:
         raise Infeasible(
-            f"segments, required: got {segments} segments, but {problem.required.size} required "
-            f"knots make at least {most.size}; ask for more or leave some out"
+            f"segments, required: got {segments}, but {problem.required.size} required knots make "
+            f"at least {most.size} segments; ask for more or leave some out"
         )
     if max_error is None:
         return

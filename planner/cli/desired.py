@@ -435,8 +435,8 @@ def models_of(
         try:
             models = tuple(each.requested_every(1.0 / rate) for each in models)
         except InvalidModel as error:
-            reason = str(error).removeprefix("period: ")
-            raise BadSetting(f"‹path.rate_hz›: {reason}") from error
+            reason = str(error).removeprefix("period: got ")
+            raise BadSetting(f"‹path.rate_hz›: got {rate:g}, {reason}") from error
     period = models[0].period
     for name, each in zip(joints, models, strict=True):
         if abs(each.period - period) > 1e-9 * period:

@@ -128,9 +128,11 @@ def read_sweep(path: str) -> Space:
         if len(required) > 1:
             first, second, *_ = required
             raise BadSetting(f"‹sweep.{second}›: got ‹sweep.{first}› too, expected one of them")
+        goals = [k for k, of in REQUIRED.items() if of in ("a foot" if of_foot else "joints", kind)]
         for name in required:
-            if REQUIRED[name] not in ("a foot" if of_foot else "joints", kind):
-                raise BadSetting(f"‹sweep.{name}›: is for the path of {REQUIRED[name]}")
+            if name not in goals:
+                use = " or ".join(f"‹sweep.{goal}›" for goal in goals)
+                raise BadSetting(f"‹sweep.{name}›: is for the path of {REQUIRED[name]}; use {use}")
             of: Literal["error", "speed"] = "error" if "error" in name else "speed"
             requirement = Requirement(of, getattr(search, name))
         if gait and leg is None:
@@ -169,7 +171,7 @@ def _values(run: Sweep, path: str) -> dict[str, tuple[float, ...]]:
         of = {"path": "a file" if name == "speed" else "a gait"}.get(table, path)
         if of != path:
             other = "period_s" if name == "speed" else "speed"
-            raise BadSetting(f"{key}: is of the path of {of}; use ‹sweep.parameters.{other}›")
+            raise BadSetting(f"{key}: is for the path of {of}; use ‹sweep.parameters.{other}›")
         if search.method == "cma" and len(values) < 2:
             raise BadSetting(f"{key}: got one value, expected two or more with method cma")
     if search.method == "cma":

@@ -134,7 +134,7 @@ WRONG = {
     + '[[export]]\nformat = "csv"\nfile = "a.csv"\n'
     + '[[export]]\nformat = "csv"\nfile = "b.csv"\nlead_s = 1\n',
     "a LeRobot dataset of rare rows": JOINTS
-    + 'rate_hz = 0.5\n[[export]]\nformat = "lerobot"\nfile = "a"\n',
+    + 'rate_hz = 0.5\nspeed = 0.05\n[[export]]\nformat = "lerobot"\nfile = "a"\n',
     "ticks of no ticks": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a.csv"\nzero_ticks = {knee = 1}\n',
     "a file outside the folder": JOINTS + '[output]\nrequests = "../requests.csv"\n',
