@@ -203,6 +203,13 @@ class PlanAnswer:
         return "" if self.plan.method == "shift" else refining_recommended(self.plan, self.shift)
 
     @property
+    def shift_steps(self) -> str:
+        """A remark where the best time shift takes larger steps than are allowed; else empty."""
+        larger = np.any(self.shift.largest_steps > self.plan.task.max_step + 1e-9)
+        words = "takes larger steps than --max-step-deg or --max-request-speed-deg-s allows"
+        return f"the best time shift {words}" if larger else ""
+
+    @property
     def advice(self) -> list[str]:
         """What to know and to do before the requests are sent to the robot."""
         refine = "play the requests and refine them (request-planner refine)"
@@ -210,9 +217,6 @@ class PlanAnswer:
             self.recommended and f"recommended: --method shift, as {self.recommended}",
             self.refining and f"recommended: {refine}: {self.refining}",
         ]
-        if np.any(self.shift.largest_steps > self.plan.task.max_step + 1e-9):
-            allowed = "--max-step-deg or --max-request-speed-deg-s allows"
-            lines.append(f"the best time shift takes larger steps than {allowed}")
         untested = untested_words(self.plan.names, self.plan.expected)
         return list(filter(None, [untested, *lines]))
 
@@ -350,6 +354,7 @@ class PlanAnswer:
             )
             if self.of_foot and self.foot:
                 lines[-1] += f"; foot {self.foot['best_shift'][task.norm]:.3f} cm"
+            lines += filter(None, [self.shift_steps])
         if fast := self.fast:
             worst = ", ".join(
                 f"{name} ({percent(each['share_too_fast'], 0)} of the path, up to "
