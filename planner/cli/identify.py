@@ -139,10 +139,9 @@ def _by_joint(paths: Sequence[str], choices: LogOptions) -> dict[str, list[Log]]
     for note, names in about_logs.items():
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
         remark(f"{names[0]}{more}: {note}")
-    by_joint: dict[str, list[Log]] = {"": []}
-    for log in logs:
+    by_joint: dict[str, list[Log]] = {}
+    for log in sorted(logs, key=lambda log: bool(log.joint)):  # those without a name first
         by_joint.setdefault(log.joint, []).append(log)
-    by_joint = {joint: own for joint, own in by_joint.items() if own}
     if choices.joint == "all":
         return by_joint
     if len(named := [joint for joint in by_joint if joint]) > 1:

@@ -112,7 +112,7 @@ def compare(
     from planner.evaluation.cross_check import cross_check
     from planner.files.columns import SHARES
     from planner.report import comparison_page as report
-    from planner.report.wording import CARRIED, renamed
+    from planner.report.wording import CARRIED, renamed, rendered_text
 
     desired = desired_of(run)
     options.warn_of(desired.remarks)
@@ -137,12 +137,10 @@ def compare(
     check = report.in_units(check, units)
     title, unreachable, notes = desired.title, desired.unreachable, notes_of(desired)
     with fitted_to(terminal_width(sys.stdout)):
-        table = f"{model_words(run.model)}\n{report.comparison_text(check, units)}"
-    verdict, words = report.verdict_line(check), []
-    if unreachable:
-        words.append(f"{unreachable} samples were out of the leg's reach")
-    if check.passed:
-        words.append(verdict)
+        text = rendered_text("comparison.txt", **report.spoken_of(check, units))
+    verdict = report.verdict_line(check)
+    words = [f"{unreachable} samples were out of the leg's reach"] if unreachable else []
+    words += [verdict] if check.passed else []
     document = {**check.to_dict(), "unreachable_samples": unreachable}
     for name, model in zip(desired.names, desired.models, strict=True):
         if units[name] == "percent":
@@ -152,7 +150,7 @@ def compare(
     return Answer(
         document,
         "\n".join(words),
-        lambda _: click.echo(table),
+        lambda _: click.echo(f"{model_words(run.model)}\n{text}"),
         lambda: report.comparison_page(
             check, units, title=title, leg=whole, unreachable=unreachable, notes=notes
         ),

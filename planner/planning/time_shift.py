@@ -20,12 +20,6 @@ USUAL = 2.0
 """All leads of up to this many delays of the joint are tried. (With the first rise as the end, 5 of
 80 random joints miss the best lead, and 17 % of the error at worst.)"""
 
-CLEARLY = 0.98
-"""Share of the error of a plan below which a shift is the better one."""
-
-WORSE_LEADS = 3
-"""Longer leads, one period apart, that may be worse than the best one before the search stops."""
-
 
 def invert_shift(
     model: JointModel,
@@ -136,10 +130,8 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
             return f"{joint} accelerates more than in its logs, which do not show its limit"
         if "speed" in expected.untested and model.evidence.leaves_top_speed_open:
             return f"{joint} moves faster than in its logs, which do not show its limit"
-    pairs = [
-        (early.error, own.error) for early, own in zip(shift.expected, plan.expected, strict=True)
-    ]
-    if plan.task.goal != "foot" and all(early < CLEARLY * own for early, own in pairs):
+    pairs = zip(shift.expected, plan.expected, strict=True)  # 2 % less is clearly smaller
+    if plan.task.goal != "foot" and all(early.error < 0.98 * own.error for early, own in pairs):
         return "its error to expect is smaller"
     return ""
 
@@ -199,7 +191,7 @@ def best_lead(joint: Task) -> float:
         trial_error = error(lead)
         if trial_error < least:
             best, least = lead, trial_error
-        elif lead > max(best, USUAL * delay) + WORSE_LEADS:
+        elif lead > max(best, USUAL * delay) + 3.0:  # three longer leads in a row are worse
             break
     for step in (0.25, 0.05):  # [periods]: the last one is the accuracy of the answer
         nearby = (min(max(best + step * k, 0.0), float(most)) for k in range(-4, 5))

@@ -17,15 +17,7 @@ from planner.model.evidence import untested_words
 from planner.report import figure
 from planner.report.figure import Axis, Figure, Panel, Timeline, line
 from planner.report.page import Page, models_table
-from planner.report.wording import (
-    CARRIED,
-    Unit,
-    labelled,
-    largest_of,
-    percent,
-    rendered_text,
-    words_of,
-)
+from planner.report.wording import CARRIED, Unit, labelled, largest_of, percent, words_of
 
 SHOWN = "closed_form_paper"
 """The closed form that is drawn."""
@@ -111,12 +103,7 @@ def in_units(check: CrossCheck, units: Mapping[str, str]) -> CrossCheck:
     return replace(check, joints=tuple(map(of, check.joints)), foot=of(check.foot))
 
 
-# The tables, and the text of a terminal.
-
-
-def comparison_text(check: CrossCheck, units: Mapping[str, str] = {}) -> str:
-    """The text for a terminal."""
-    return rendered_text("comparison.txt", **spoken_of(check, units))
+# Tables and sentences.
 
 
 def verdict_line(check: CrossCheck) -> str:

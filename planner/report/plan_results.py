@@ -33,20 +33,12 @@ if TYPE_CHECKING:
 Numbers = dict[str, Any]
 """Numbers of a joint or a foot in its unit, named as for machines: see :func:`in_unit`."""
 
-ERRORS = {
-    "rms",
-    "max",
-    "expected_rms",
-    "expected_on_robot_rms",
-    "expected_range",
-    "lower_bound",
-    "errors",
-    "noise",
-}
-OVER_MODELS = {"of_each", *ErrorsOfModels._fields}
-PATHS = {"requests", "desired", "predicted", "angles", "learnt"}
 MOTION = {"largest_step", "path_length", "desired_path_length", "beyond_desired", "beyond_limits"}
-SIZES = ERRORS | OVER_MODELS | PATHS | MOTION
+ERRORS = (
+    "rms max expected_rms expected_on_robot_rms expected_range lower_bound errors noise of_each"
+)
+PATHS = "requests desired predicted angles learnt"
+SIZES = {*ERRORS.split(), *PATHS.split(), *MOTION, *ErrorsOfModels._fields}
 """Numbers in the unit of their joint or foot."""
 
 SPEEDS = {"desired_speed", "top_speed"}

@@ -12,13 +12,7 @@ from planner.arrays import error_norm, rms
 from planner.model.evidence import Evidence
 from planner.planning.plan import joined
 from planner.planning.task import Task
-from planner.planning.time_shift import (
-    USUAL,
-    WORSE_LEADS,
-    refining_recommended,
-    shift_recommended,
-    shifted,
-)
+from planner.planning.time_shift import USUAL, refining_recommended, shift_recommended, shifted
 from tests.instances import ERS210A, random_model, saturating
 
 NEARBY = 1e-3  # share of the error that a lead within the tolerance of the best one may cost
@@ -42,7 +36,7 @@ def test_no_shift_by_whole_samples_or_a_twentieth_of_one_is_better(seed, norm):
     desired = (0.2, 1.0, 3.0)[seed % 3] * saturating(rng, model, samples=60)
     made = planner.invert_shift(model, desired, norm=norm)
     delay = model.lag + model.acceleration_time / 2.0 + model.theta_0 / model.v_max
-    leads = [*range(int(USUAL * delay / model.period) + WORSE_LEADS)]
+    leads = [*range(int(USUAL * delay / model.period) + 3)]
     leads += [max(made.lead / model.period + part, 0.0) for part in (-0.05, 0.05)]
     for lead in leads:
         sent = np.interp(np.arange(60) + lead, np.arange(60), desired, period=60)
