@@ -131,7 +131,7 @@ def tasks_of(
         raise BadSetting(f"{key} has no effect without {fastest}")
     if replay.fastest and run.path.speed is not None:
         raise BadSetting(f"‹path.speed› is what {fastest} finds")
-    rate, folder, logs = None, "", recorded_path.first_logs(recordings)
+    rate, folder, logs = None, "", next(recorded_path.readable_logs(recordings), ())
     if recordings[0].is_episode:
         rate = find_dataset(recordings[0].file).rate
     elif len(recordings) > 1 and logs:

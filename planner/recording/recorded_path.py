@@ -6,10 +6,10 @@ The models are given, or identified from the recordings themselves.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -323,12 +323,11 @@ class JointModels:
     of_recording: bool = False  # whether they were identified from what is replayed
 
 
-def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
-    """The logs of the first recording that can be read."""
+def readable_logs(recordings: Sequence[Recording]) -> Iterator[Sequence[Log]]:
+    """The logs of each recording that can be read."""
     for recording in recordings:
         with suppress(PlannerError):  # reported when it is planned
-            return recording.read()
-    return []
+            yield recording.read()
 
 
 def models_from(
@@ -339,18 +338,15 @@ def models_from(
 
     used = recordings[:10]  # more of the same robot add little, and time grows with each
     by_joint = dict[str, list[Log]]()
-    failure: PlannerError = InvalidInput("no recording could be read")
-    for recording in used:
-        try:
-            for log in recording.read():
-                by_joint.setdefault(log.joint or "joint", []).append(log)
-        except PlannerError as error:  # where others are read it is reported in its plan
-            failure = error
+    for log in chain.from_iterable(readable_logs(used)):
+        by_joint.setdefault(log.joint or "joint", []).append(log)
     if not by_joint:
-        raise failure
+        used[-1].read()  # raises what is wrong with it
     for name in joints:
         _check_named("joints", "joint", name, by_joint)
     models, remarks, refused = dict[str, JointModel](), list[str](), dict[str, str]()
+    words = "no model of any joint fits the recording; identify the joints from better logs"
+    failure: PlannerError = InvalidInput(words)
     for name in joints or without_grippers(by_joint):
         progress(f"identifying {name}")
         try:
@@ -363,18 +359,14 @@ def models_from(
             models[name] = identification.model
         else:
             refused[name] = identification.reason
-            words = "no model of any joint fits the recording; identify the joints from better logs"
-            failure = InvalidInput(words)
     if not models:
         raise failure
     if refused:
         of = "its model describes" if len(refused) == 1 else "their models describe"
         words = f"left at the recorded requests, {of} the recording too badly"
         remarks.append(f"{with_reasons(refused)}: {words}")
-    words = "the recording"
-    if len(recordings) > 1:
-        first = f"first {len(used)} of " if len(used) < len(recordings) else ""
-        words = f"the {first}{len(recordings)} recordings"
+    first = f"first {len(used)} of " if len(used) < len(recordings) else ""
+    words = f"the {first}{len(recordings)} recordings" if recordings[1:] else "the recording"
     return JointModels(
         by_joint=models,
         words=f"models: identified from {words}",
