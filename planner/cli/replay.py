@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,6 @@ from planner.cli.settings import SMOOTHING, ReplayRun
 
 if TYPE_CHECKING:
     from planner.cli.recordings import ReplayTask
-    from planner.report.page import Page
 
 
 @options.command("Write a page (HTML) about the replay.")
@@ -117,16 +117,15 @@ def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
         words = report.replay_text(result, task.models, fastest)
         misses = missed(task, result)
 
-    def page() -> Page:
-        return report.replay_page(
-            result,
-            title=PurePath(task.recording.name).name,
-            models=task.models,
-            fastest=fastest,
-            arm=task.arm,
-            missed=misses,
-        )
-
+    page = partial(
+        report.replay_page,
+        result,
+        title=PurePath(task.recording.name).name,
+        models=task.models,
+        fastest=fastest,
+        arm=task.arm,
+        missed=misses,
+    )
     if fastest is not None:
         content |= {"fastest": report.fastest_results(fastest)}
     for each in result.path.remarks:

@@ -376,8 +376,7 @@ class Replay(ReadOnly, Summarised):
         """The joints that moved faster in the replayed part than their models can."""
         names = []
         for each in self.planned:
-            inside = (each.path.times >= self.path.first) & (each.path.times <= self.path.last)
-            part = replace(each.path.log, torque_on=each.path.log.torque_on & inside)
+            part = replace(each.path.log, torque_on=each.path.log.torque_on & each._rows)
             limits = each.plan.models[0].speed_limits(0.0, part.angles)
             # by a load a joint may exceed the top speed of its model a little
             if measured_speed(part) > 1.05 * max(np.max(np.abs(limit)) for limit in limits):

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -223,20 +222,3 @@ def test_a_joint_that_cannot_be_identified_gets_its_recorded_requests_and_is_nam
     assert result.exit_code == 0, result.stderr
     assert "warning: wrist: no model: " in result.stderr
     assert "no model: recorded requests, re-timed" in result.stderr
-
-
-def test_radians_taken_for_degrees_and_a_model_of_another_joint_are_named(run, demo, model):
-    table = np.loadtxt(demo, delimiter=",", skiprows=1)
-    table[:, 1:3] = np.radians(table[:, 1:3])
-    header = demo.read_text().partition("\n")[0]
-    np.savetxt("radians.csv", table, delimiter=",", header=header, comments="")
-    result = run("replay", "radians.csv", "--model", model, "-o", "out.csv")
-    assert "elbow: actual angles span only 0.7 degrees: are they radians?" in result.stderr
-    slow = replace(SERVO, lag=SERVO.lag + 0.2)
-    slow.to_toml("slow.toml")
-    words = ("replay", demo, "--model", "slow.toml", "-o", "out.csv", "--report", "page.html")
-    result, warning = run(*words, "-q"), "the model does not fit the recording: under its requests"
-    assert result.stderr.startswith(f"request-planner: warning: {warning} it misses the measured")
-    assert "request-planner identify RECORDING --joint elbow" in result.stderr
-    assert warning in Path("page.html").read_text().replace("The model", "the model")
-    assert warning not in run("replay", demo, "--model", model, "-o", "out.csv").stderr
