@@ -323,6 +323,7 @@ class BadSetting(SettingsError, InvalidInput):
 
 ADVICE = {
     "; if this is in degrees, convert it with numpy.radians": "",
+    "; if these are degrees, convert them with numpy.radians": "; check the unit of its column",
     "unreachable='nearest'": '‹leg.unreachable = "nearest"›',
     "cyclic=False": "‹plan.cyclic = false›",
     "forward, sideways and hip_height": "‹path.half_ellipse.forward›, "

@@ -219,6 +219,9 @@ def _in_step(
     resample = run.path.rate_hz is not None
     resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
     new_rows = resampled.values
+    if (count := len(new_rows)) < 3:
+        advice = "give a longer path, a higher rate or a lower speed"
+        raise InvalidFile(path.path, f"got {count} samples, expected at least 3; {advice}")
     if path.times is None or len(new_rows) >= len(rows):
         return resampled, closed, remarks
     times, step = path.times - path.times[0], period * (speed or 1.0)

@@ -95,9 +95,6 @@ class SampledPath:
             for rows in (self.values, self.loads)
             if rows is not None
         )
-        if len(values) < 3:
-            words = f"got {len(values)} samples at this rate and speed, expected at least 3"
-            raise InvalidFile(self.path, f"{words}; choose a higher rate or a lower speed")
         even = period * np.arange(float(len(values)))
         return replace(self, times=even, values=values, loads=loads[0] if loads else None)
 

@@ -19,7 +19,7 @@ HIP = (
 FILES = {
     "d.csv": GOOD.encode(),
     "e.csv": GOOD.encode(),
-    "slow.csv": b"t_s,hip_deg,knee_deg\n0,1,20\n0.02,2,30\n0.04,3,10\n0.06,1,10\n",
+    "slow.csv": b"t_s,hip_deg,knee_deg\n0,1,20\n0.02,1002,30\n0.04,3,10\n0.06,1,10\n",
     "book.xlsx": b"PK\3\4\x14\0\x06\0",
     "spaced.csv": GOOD.replace(",", " ").encode(),
     "decimal.csv": GOOD.replace("0.0", "0,0").encode(),
@@ -45,7 +45,7 @@ FILES = {
     "slow.toml": MODEL.encode() + b"tick = 0.02\n",
     "mixed.toml": MODEL.encode() + b"[knee]\ntick = 0.02\n",
     "short.csv": b"hip_deg,knee_deg\n1,2\n3,4\n",
-    "some.csv": b"knee_deg\n1\n2\n",
+    "some.csv": b"knee_deg\n1\n2\n1\n",
     "leg_short.csv": f"{LEG}\n1,2,3\n1,2,3\n".encode(),
     "leg_slow.csv": f"t_s,{LEG}\n0,1,2,3\n0.02,1,2,3\n0.04,1,2,3\n".encode(),
     "hip_log.csv": b"t_s,hip_requested_deg,hip_actual_deg\n0,1,0\n1,2,1\n2,3,2\n",

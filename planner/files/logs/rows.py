@@ -127,9 +127,8 @@ def chosen_joints(path: Path | str, joints: Sequence[str], joint: str | None) ->
         words = f"{len(joints)} joints ({names}); choose one with --joint NAME, or --joint all"
         raise InvalidFile(path, words)
     if joint is not None and joint not in joints:
-        advice = "" if any(joints) else "; leave out --joint"
-        words = f"no joint '{joint}'{nearest(joint, joints)}; joints: {names}{advice}"
-        raise InvalidFile(path, words)
+        names += "" if any(joints) else "; leave out --joint"
+        raise InvalidFile(path, f"no joint '{joint}'{nearest(joint, joints)}; joints: {names}")
     return (joints[0] if joint is None else joint,)
 
 
