@@ -210,8 +210,7 @@ def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
     click.echo("Turn every joint to both ends of its range, then press Enter.", err=True)
 
     def ended() -> bool:
-        ready = bool(select.select([sys.stdin], [], [], 0.0)[0])
-        return ready and sys.stdin.readline() is not None
+        return bool(select.select([sys.stdin], [], [], 0.0)[0]) and sys.stdin.readline() is not None
 
     return ranges_by_hand(arm, ended, 0.02)
 

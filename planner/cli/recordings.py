@@ -62,9 +62,8 @@ class ReplayTask:
         logs, limits = self.recording.read(), {}
         self.check_arm(logs)
         factors = {log.joint or "joint": UNITS[log.unit].factor for log in logs}
-        spans = loading.values_by_joint("limits", run.limits, [*factors])
-        for name, (low, high) in spans.items():
-            limits[name] = low / factors[name], high / factors[name]
+        for name, span in loading.values_by_joint("limits", run.limits, [*factors]).items():
+            limits[name] = span[0] / factors[name], span[1] / factors[name]
         path = recorded_path.recorded_path(
             logs,
             self.models.by_joint,
@@ -283,8 +282,7 @@ def replay_many(
     first = recordings[0]
     run = first.settings
     models = {name: repr((each, each.evidence)) for name, each in first.models.by_joint.items()}
-    inputs = {"models": models, "rate": first.rate, **_chosen(run)}
-    results = Results(output, inputs, resume=resume)
+    results = Results(output, {"models": models, "rate": first.rate, **_chosen(run)}, resume=resume)
     tasks = [Task(each.recording.name, each, _inputs(each.recording)) for each in recordings]
     failed = carry_out(replayed, tasks, results, executor, progress=progress)
     if len(failed) == len(recordings):
@@ -321,8 +319,7 @@ def replay_many(
             "remarks": [*first.models.remarks, *findings_of_many(figures)],
         }
         if not failed:
-            origin = origin_of(run, [each.recording for each in recordings])
-            document |= made_from(origin, document)
+            document |= made_from(origin_of(run, [each.recording for each in recordings]), document)
         about[ABOUT] = to_json(document)
     if not failed:
         results.remove()

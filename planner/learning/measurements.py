@@ -125,27 +125,20 @@ def check_angles(
         raise InvalidTrajectory(f"measured: {fault}")
 
 
-def largest_shifts(models: Sequence[JointModel]) -> Array:
-    """Mean distances from the modelled angles that a load explains [rad], (k,).
-
-    Of a joint in shares of its range, which has no other zero and may hold something, any.
-    """
-    return np.array([math.inf if each.unit == "1" else math.radians(30.0) for each in models])
-
-
 def check_trial(
     cycles: Array,
     modelled: Array,
     trials: Sequence[Trial],
     before: Sequence[Array],
-    most: Array,
+    models: Sequence[JointModel],
 ) -> None:
     """Refuse another motion or zero, and a cycle already measured under other requests.
 
     ``modelled`` and ``before`` are the angles of the models in this and in earlier trials [rad],
     (n, k). From a motion farther from them than a joint at rest learning could not converge.
-    ``most`` is the largest mean distance [rad], (k,).
     """
+    # A load explains so much [rad]. A joint in shares of its range has no other zero, and may hold.
+    most = [math.inf if each.unit == "1" else math.radians(30.0) for each in models]
     missed = cycles.mean(axis=0) - modelled
     shift = np.mean(missed, axis=0)
     for j in np.flatnonzero(np.abs(shift) > most).tolist():
@@ -167,8 +160,7 @@ def check_trial(
         )
     for number, (trial, angles) in enumerate(zip(trials, before, strict=True), start=1):
         apart = np.abs(trial.measured[:, np.newaxis] - cycles).max(axis=(2, 3))
-        differ = np.max(np.abs(modelled - angles)) > LAGGING
-        if differ and np.any(apart <= REPEATED):
+        if np.max(np.abs(modelled - angles)) > LAGGING and np.any(apart <= REPEATED):
             raise InvalidTrajectory(
                 f"measured: the same angles as in trial {number}, whose requests were others; give "
                 "what was measured while the last requests were executed"
@@ -222,8 +214,7 @@ def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
 def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array) -> list[str]:
     """Remarks on delays that were taken off, and on those that might be a sensor's."""
     remarks = []
-    steps = np.diff(joints.requests, axis=0)
-    speeds = np.sqrt(np.mean(steps**2, axis=0)) / joints.period
+    speeds = np.sqrt(np.mean(np.diff(joints.requests, axis=0) ** 2, axis=0)) / joints.period
     for j, delay in enumerate(delays):
         of = "" if len(delays) == 1 else f" of joint {j + 1}"
         late = abs(delay.seconds)
@@ -299,8 +290,7 @@ def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
     floor = np.broadcast_to(np.median(upper, axis=0) / median, powers.shape)
     spread, freedom = np.zeros_like(powers), 0
     for measured in trials:
-        away = measured - measured.mean(axis=0)
-        spread += np.sum(np.abs(forward(away)) ** 2, axis=0)
+        spread += np.sum(np.abs(forward(measured - measured.mean(axis=0))) ** 2, axis=0)
         freedom += len(measured) - 1
     if not freedom:
         return np.array(floor)

@@ -222,8 +222,7 @@ def _measured(
     else:
         removed = measurements.delays_to_remove(joints, cycles, modelled)
     cycles = measurements.earlier(cycles, removed, joints)
-    most = measurements.largest_shifts(joints.models)
-    measurements.check_trial(cycles, modelled, trials, old, most)
+    measurements.check_trial(cycles, modelled, trials, old, joints.models)
     return cycles, removed, remarks
 
 

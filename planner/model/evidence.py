@@ -368,8 +368,7 @@ def errors_of_motion(
     square. The spread is that of these errors, further apart by what other motions scatter.
     """
     every = np.reshape([part for run in runs for part in _parts(run)], (-1, 3))
-    moving = every[:, 0] >= 0.01 * np.max(every[:, 0], initial=0.0)
-    sizes, errors = every[moving, 1:].T
+    sizes, errors = every[every[:, 0] >= 0.01 * np.max(every[:, 0], initial=0.0), 1:].T
     if len(sizes) < 2 or not np.any(sizes) or not np.any(errors):
         return (), (0.0, math.inf)
     from scipy.optimize import isotonic_regression

@@ -263,8 +263,7 @@ def _period(logs: Sequence[Log], rate: float | None) -> float:
     period = timing_of(logs, tick=None, hold=None).period
     whole = round(1.0 / period)
     # LeRobot writes times in 32 bits, from which 30 Hz is read as 29.99999.
-    near = whole >= 1 and abs(period * whole - 1.0) <= 1e-4
-    return 1.0 / whole if near else period
+    return 1.0 / whole if whole >= 1 and abs(period * whole - 1.0) <= 1e-4 else period
 
 
 def _requested_every(model: JointModel, period: float, joint: str) -> JointModel:

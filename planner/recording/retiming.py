@@ -188,8 +188,9 @@ class Search:
         value = tolerance if foot_tolerance is None else foot_tolerance
         self.tolerance = as_number(value)
         if not self.tolerance >= 1e-9:  # below, nothing but rounding is left
-            words = "expected more than 0: 1e-09 or more"
-            raise InvalidInput(f"tolerance: got {shown(value)}, {words}")
+            raise InvalidInput(
+                f"tolerance: got {shown(value)}, expected more than 0: 1e-09 or more"
+            )
         if foot_tolerance is not None and leg is None:
             raise InvalidInput("foot_tolerance: needs the leg whose foot is meant; give leg=")
         self.leg, names = None if foot_tolerance is None else leg, [p.name for p in path.planned]

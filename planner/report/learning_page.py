@@ -69,14 +69,12 @@ def errors_figure(joint: str, numbers: Numbers, suffix: str = "") -> Figure:
     if not math.isnan(bound):
         curves.insert(0, Curve(BOUND, np.array(ends), np.full(2, bound)))
     if goes_on:
-        at = np.array([count + 1.0])
-        curves.append(Curve(NEXT, at, np.array([predicted]), marks="rings"))
+        curves.append(Curve(NEXT, np.array([count + 1.0]), np.array([predicted]), marks="rings"))
     top = 1.1 * float(np.nanmax([*errors, numbers["noise"], predicted]))
     names = {float(number): str(number) for number in range(1, last + 1)}
     words = words_of("trials", name=joint, bounded=not math.isnan(bound), goes_on=goes_on)
     panel = Panel(Axis("rms error", CARRIED[numbers["unit"]].sign, (0.0, top), decimals=3), curves)
-    across = Axis("trial", names=names, range=ends)
-    return Figure(f"learning{suffix}", *words, across, [panel])
+    return Figure(f"learning{suffix}", *words, Axis("trial", names=names, range=ends), [panel])
 
 
 def joint_figure(

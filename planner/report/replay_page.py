@@ -176,8 +176,7 @@ def moment_figure(replay: Replay) -> Figure:
 
 def arm_figure(replay: Replay, arm: Leg) -> Figure:
     """The moving arm: its path, with the path as requests, and planned."""
-    by_name = {each.name: each for each in replay.joints}
-    joints = [by_name[name] for name in arm.joint_names]
+    joints = [replay.joints[replay.names.index(name)] for name in arm.joint_names]
     timeline = Timeline(replay.period, len(replay.moments), cyclic=False)
 
     def points(kind: Kind) -> Array:

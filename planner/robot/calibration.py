@@ -391,7 +391,6 @@ def test_motion(model: JointModel, limits: tuple[float, float]) -> Array:
     moves = [low + (high - low) * rise for low, high in pairwise(levels)]
     rest = np.full(samples - each * len(moves), levels[-1])
     angles = np.concatenate([sines, *moves, rest])
-    fastest = float(np.max(np.abs(np.diff(angles)))) / period
-    share = min(1.0, 0.6 * model.v_max / fastest)
+    share = min(1.0, 0.6 * model.v_max * period / float(np.max(np.abs(np.diff(angles)))))
     scaled: Array = middle + share * (angles - middle)
     return scaled
