@@ -93,8 +93,7 @@ def calibrate(
     results: dict[str, Compared] = {}
     with servos.open_bus(port, ids) as bus:
         zero, turn = zeros.pop("", bus.protocol.middle), bus.protocol.ticks_per_turn
-        like = Servo(zero_tick=zero, ticks_per_turn=turn)
-        arm = Arm(bus, servos_of(ids, like, zeros, reverse))
+        arm = Arm(bus, servos_of(ids, Servo(zero_tick=zero, ticks_per_turn=turn), zeros, reverse))
         with Progress() as progress:
             progress("asking the servos")
             checked = calibration.check(arm)

@@ -257,8 +257,7 @@ def write(file: str, task: ReplayTask, replay: Replay) -> None:
         return
     export = settings.Export(format=form, file=file)
     units = tuple(joint.path.unit for joint in replay.joints)
-    schedule = Schedule(replay.names, replay.requests, replay.period, units)
-    *_, write_rows = exported(export, schedule)
+    *_, write_rows = exported(export, Schedule(replay.names, replay.requests, replay.period, units))
     write_rows(file)
 
 

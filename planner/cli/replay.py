@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -117,15 +116,8 @@ def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
         words = report.replay_text(result, task.models, fastest)
         misses = missed(task, result)
 
-    page = partial(
-        report.replay_page,
-        result,
-        title=PurePath(task.recording.name).name,
-        models=task.models,
-        fastest=fastest,
-        arm=task.arm,
-        missed=misses,
-    )
+    shown: dict[str, Any] = {"models": task.models, "fastest": fastest, "arm": task.arm}
+    shown |= {"title": PurePath(task.recording.name).name, "missed": misses}
     if fastest is not None:
         content |= {"fastest": report.fastest_results(fastest)}
     for each in result.path.remarks:
@@ -134,7 +126,7 @@ def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
         content,
         words,
         lambda file: write(file, task, result),
-        page,
+        lambda: report.replay_page(result, **shown),
         [("recording", task.recording.name), *_chosen(run, result.path.track)],
         [("recording", task.recording.path), ("requests", output)],
         failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",

@@ -117,8 +117,7 @@ def _check_names(run: Run) -> None:
         path = PurePosixPath(name.casefold())
         for other, owner in owners.items():
             if path.is_relative_to(other) or other.is_relative_to(path):
-                words = f"got '{name}', which {owner} takes; choose another name"
-                raise BadSetting(f"‹{key}›: {words}")
+                raise BadSetting(f"‹{key}›: got '{name}', which {owner} takes; choose another name")
         owners[path] = key
 
 

@@ -504,8 +504,7 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
         answer = second_answer(best, column)
         checks += answer_checks(joint.name, label, answer, cyclic=best.cyclic)
     limits = best.task.lower, best.task.upper
-    excess = beyond_limits(best.requests, limits)
-    checks.append(Check(FOOT, label, CLAIMS["inside"], excess))
+    checks.append(Check(FOOT, label, CLAIMS["inside"], beyond_limits(best.requests, limits)))
     error = error_norm(best.distances, norm)
     if best.foot_bound is not None:
         checks.append(Check(FOOT, label, CLAIMS["foot_above"], best.foot_bound - error))

@@ -245,8 +245,7 @@ def read_clock(
                 times[k] = (date - first).total_seconds()
             elif not (missing and cell.lower() in absent):
                 expected = f"a date and time as in the rows before, such as {first.isoformat()}"
-                got = f"column '{column}': got '{cell[:40]}'"
-                raise table.fault(f"{got}, expected {expected}", k)
+                raise table.fault(f"column '{column}': got '{cell[:40]}', expected {expected}", k)
         return times, f"time from the dates in column '{column}', shifted to start at 0"
     if not unit:
         raise table.fault(f"column '{column}' has no unit; rename it {column}_s")

@@ -337,8 +337,7 @@ def _model(
     """The model of these keys, with the evidence in its own keys."""
     wrong = partial(file.fault, table=(table,) if table else ())
     if missing := [key for key in REQUIRED if key not in keys]:
-        expected = f"expected {', '.join(REQUIRED)} in rad/s, rad, s, s"
-        raise wrong(f"no {', '.join(missing)}; {expected}")
+        raise wrong(f"no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s")
     times = [keys[key] for key in ("lag", "acceleration_time")]
     slowest = 10.0  # no servo takes so long to answer a request [s]: the unit is another
     if all(isinstance(time, int | float) for time in times) and sum(times) > slowest:

@@ -98,8 +98,7 @@ class Results:
 def made_from(settings: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[str, str]:
     """The key of a manifest by which :func:`finished` recognises an output that is whole."""
     rest = {name: each for name, each in manifest.items() if name != "made_from"}
-    content = [__version__, settings, json.loads(to_json(rest))]
-    return {"made_from": _digest(content)}
+    return {"made_from": _digest([__version__, settings, json.loads(to_json(rest))])}
 
 
 def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict[str, Any] | None:

@@ -251,8 +251,7 @@ def glitches(angles: Array) -> Mask:
     middle = median_filter(angles, 5, mode="mirror")
     off = np.abs(angles - middle)
     noise = float(np.quantile(off, 0.9)) / 1.645
-    allowed = 2.0 * float(np.max(np.abs(np.diff(middle)))) + 6.0 * noise
-    return np.asarray(off > allowed)
+    return np.asarray(off > 2.0 * float(np.max(np.abs(np.diff(middle)))) + 6.0 * noise)
 
 
 def excursions(times: Array, angles: Array) -> Mask:

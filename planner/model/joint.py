@@ -401,8 +401,7 @@ class JointModel:
     @property
     def keeps_equation_13(self) -> bool:
         """Whether theta_0 > v_max and 4 theta_0 > v_max a, which the paper's inversion assumes."""
-        reached = self.v_max_per_tick * max(1.0, self.acceleration_ticks / 4.0)
-        return self.theta_0 > reached
+        return self.theta_0 > self.v_max_per_tick * max(1.0, self.acceleration_ticks / 4.0)
 
     @cached_property
     def most_pose_sag(self) -> float:

@@ -256,5 +256,4 @@ def load_by_period(load: Array | None, *, cyclic: bool) -> Array | None:
     if load is None:
         return None
     first = load[..., -1:] if cyclic else load[..., :1]
-    before = np.concatenate([first, load[..., :-1]], axis=-1)
-    return np.asarray((before + load) / 2.0)
+    return np.asarray((np.concatenate([first, load[..., :-1]], axis=-1) + load) / 2.0)

@@ -240,8 +240,7 @@ class Timeline:
     def curve(self, values: Array, role: Role, label: str = "", **more: Any) -> Curve:
         """A value per sample, shape (n,); of a cycle up to where it begins again."""
         heights = np.append(values, values[0]) if self.cyclic else values
-        times = self.step * np.arange(float(len(heights)))
-        return Curve(role, times, heights, label, **more)
+        return Curve(role, self.step * np.arange(float(len(heights))), heights, label, **more)
 
     def leg(
         self,

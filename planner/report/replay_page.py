@@ -140,9 +140,8 @@ def findings(replay: Replay, models: JointModels) -> dict[str, str]:
     """Models that do not fit the recording, better requests and rough ones, a line each, or ""."""
     joints = [(each, UNITS[each.path.unit]) for each in replay.planned]
     said = {"joints": joints, "replay": replay, "models": models, "rms": rms}
-    return {
-        kind: phrase("replay_findings.txt", kind, **said) for kind in ("misfit", "resent", "rough")
-    }
+    kinds = ("misfit", "resent", "rough")
+    return {kind: phrase("findings.txt", kind, **said) for kind in kinds}
 
 
 def _allowed(fastest: Fastest) -> tuple[float, Unit]:

@@ -116,8 +116,7 @@ def command(swept: Swept, outcome: Outcome) -> str:
     """The command that plans a point again, with all files of a run."""
     values = zip(swept.names, outcome.point, strict=True)
     options = " ".join(f"--at {name}={value!r}" for name, value in values)
-    folder = f"point-{outcome.number}"
-    return f"request-planner sweep {shlex.quote(swept.file)} {options} --out {folder}"
+    return f"request-planner sweep {shlex.quote(swept.file)} {options} --out point-{outcome.number}"
 
 
 def front_figure(swept: Swept) -> Figure:

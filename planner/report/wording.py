@@ -175,8 +175,7 @@ def table_of(
     def cell(value: Any, spec: str) -> str:
         if value is None or value != value:
             return NOTHING
-        is_share = spec.endswith("%")
-        return percent(value, int(spec[1:-1])) if is_share else format(value, spec)
+        return percent(value, int(spec[1:-1])) if spec.endswith("%") else format(value, spec)
 
     cells = (Row(name, [cell(row.get(k), spec) for k, _, spec in parts]) for name, row in rows)
     return Table(about, columns, cells, label)
@@ -262,8 +261,7 @@ def table(name: str, /, **values: Any) -> Table:
         own = [each if len(each) > 1 else each[0] for each in parts]
         drawn.append(Row(words(about), own, words("".join(subject)), kind.strip()))
     *apart, about = first.split(">>")
-    columns = map(column, head[1:])
-    return Table(words(about), columns, drawn, words(label), apart=bool(apart))
+    return Table(words(about), map(column, head[1:]), drawn, words(label), apart=bool(apart))
 
 
 def _laid_out(rows: Sequence[Sequence[str]], about: int) -> str:

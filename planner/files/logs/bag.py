@@ -175,8 +175,7 @@ def _gather(
                 notes = (f"numbers of {topic} taken for {', '.join(joints)}",)
             if len(joints) != len(values) or len(set(joints)) != len(joints):
                 each = f"an angle for each of {len(joints)} joints ({', '.join(joints[:20])})"
-                got = f"got {len(values)} in '{field}'"
-                raise InvalidFile(path, f"{place}: {got}, expected {each}")
+                raise InvalidFile(path, f"{place}: got {len(values)} in '{field}', expected {each}")
             for name, value in zip(joints, values, strict=True):
                 series = track.setdefault(name, (array("q"), array("q"), array("d")))
                 series[0].append(received)
