@@ -66,6 +66,14 @@ class Snapshot:
         self.check(name, "".join(told))
 
 
+def held(folder: Path) -> dict[str, bytes | None]:
+    """Every file of a folder with its content, and every folder in it."""
+    return {
+        str(each.relative_to(folder)): each.read_bytes() if each.is_file() else None
+        for each in folder.rglob("*")
+    }
+
+
 def close(first: str, second: str) -> bool:
     """Whether two texts agree in their words, and in their numbers up to rounding."""
     if first == second:

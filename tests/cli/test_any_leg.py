@@ -28,9 +28,8 @@ def robot(tmp_path):
 
 
 def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
-    hold = ("--lock", "front_left_rotator=20", "--unreachable", "nearest")
+    hold = ("--lock", "front_left_rotator=20", "--unreachable", "nearest", "--report", "page.html")
     run("gait", "--leg", robot, *FRONT, "--half-stroke", 0.005, "--height", 0.005, "-o", "foot.csv")
-    hold = (*hold, "--report", "page.html")
     result = run("plan", "foot.csv", "--leg", robot, *FRONT, *hold, "--method", "foot-optimal")
     assert result.exit_code == 0, result.stderr
     header = result.stdout.splitlines()[0]
@@ -103,16 +102,6 @@ def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
         "samples": count,
         "cycle_s": pytest.approx(0.008 * count),
     }
-
-
-def test_a_leg_has_no_joints_in_shares_of_their_range(run, tmp_path):
-    JointModel.ers210a().with_evidence(Evidence(unit="range")).to_toml(tmp_path / "shares.toml")
-    search = ("--model", "shares.toml", "--fastest", "--tolerance-cm", 0.2)
-    for command in ((*walk(), *search), ("plan", "foot.csv", *walk()[1:3], *search[:2])):
-        run(*walk(), "-o", "foot.csv")
-        result = run(*command, "-o", "-")
-        assert result.exit_code == 2
-        assert "the model of front_left_rotator is in shares of its range" in result.stderr
 
 
 PAGE = ROOT / "docs" / "any_leg.md"

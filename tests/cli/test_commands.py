@@ -12,22 +12,13 @@ import pytest
 
 import planner
 from kinematics import UnsupportedLeg
-from planner import JointModel
 from planner.approximation.fit_pwl import fit_pwl
 from planner.cli.desired import repeats
-from planner.exceptions import (
-    InvalidInput,
-    NoSteadyCycle,
-    OutsideEquation13,
-    PlannerError,
-    SolverFailed,
-)
 from planner.files.paths import foot_path, read_joint_path, write_joint_path
 from planner.files.table import read_table
 from planner.report import meshcat_scene as report
 from tests.cli.test_servos import ARM
-
-SAME = 1e-9
+from tests.instances import joint_of
 
 
 def from_compiled_code(cause):
@@ -39,11 +30,13 @@ def from_compiled_code(cause):
 
 
 ENDS = {
-    "an error of ours": PlannerError("no fit"),
-    "a solver": SolverFailed("the requests", "no progress", violation=0.25),
-    "a cycle": NoSteadyCycle(math.radians(1.0), 3),
-    "arguments": InvalidInput("segments and max error, knots, required and limits: 3, 2"),
-    "advice": InvalidInput("give max_error or unreachable='nearest'; x-max_error, max_errors"),
+    "an error of ours": planner.PlannerError("no fit"),
+    "a solver": planner.SolverFailed("the requests", "no progress", violation=0.25),
+    "a cycle": planner.NoSteadyCycle(math.radians(1.0), 3),
+    "arguments": planner.InvalidInput("segments and max error, knots, required and limits: 3, 2"),
+    "advice": planner.InvalidInput(
+        "give max_error or unreachable='nearest'; x-max_error, max_errors"
+    ),
     "a leg": UnsupportedLeg("locked: no joint"),
     "memory": MemoryError(),
     "a place": OSError(13, "Permission denied", "out.csv"),
@@ -73,9 +66,9 @@ def test_each_warning_is_said_once(run, desired, monkeypatch):
     fit = fit_pwl
 
     def warns(*given, **more):
-        warnings.warn(OutsideEquation13("the rule"), stacklevel=1)
-        warnings.warn(OutsideEquation13("another"), stacklevel=1)
-        warnings.warn(OutsideEquation13("the rule"), stacklevel=1)  # from another line
+        warnings.warn(planner.OutsideEquation13("the rule"), stacklevel=1)
+        warnings.warn(planner.OutsideEquation13("another"), stacklevel=1)
+        warnings.warn(planner.OutsideEquation13("the rule"), stacklevel=1)  # from another line
         return fit(*given, **more)
 
     monkeypatch.setattr("planner.approximation.fit_pwl.fit_pwl", warns)
@@ -182,20 +175,15 @@ def test_a_motion_that_a_low_rate_loses_is_said(run, tmp_path, rate, lost):
     assert (said is not None and int(said[1]) >= 99) == lost
 
 
-def joint(result, name):
-    assert result.exit_code == 0, result.stderr
-    return json.loads(result.stdout)["joints"][name]
-
-
 def test_lines_are_no_faster_than_a_joint_whose_requests_are_held(run, desired):
     """Two ticks to a request: by the tick alone they would be twice as fast."""
-    model = JointModel(v_max=1.0, theta_0=0.1, lag=0.01, acceleration_time=0.02, tick=0.004, hold=2)
-    model.to_toml("held.toml")
+    joint_of(1.0, 0.1, 0.01, 0.02, tick=0.004, hold=2).to_toml("held.toml")
     with Path("held.toml").open("a") as file:
         file.write("[knee]\nv_max = 0.5\n")
     result = run("fit", desired, "--model", "held.toml", "--segments", "4", "--json")
+    assert result.exit_code == 0, result.stderr
     for name, fastest in (("hip", 1.0), ("knee", 0.5)):
-        answer = joint(result, name)
+        answer = json.loads(result.stdout)["joints"][name]
         times, values = np.array(answer["knots_s"]), np.radians(answer["values_deg"])
         speeds = np.diff(np.append(values, values[0])) / np.diff(np.append(times, times[0] + 0.704))
         assert np.max(np.abs(speeds)) == pytest.approx(fastest, rel=1e-6)

@@ -124,12 +124,6 @@ def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):
     assert run(*line, "--joint", "knee").stdout == alone.stdout, "requests two rows late"
 
 
-def keep_columns(file, *names):
-    """Leave only some joints in a file of angles."""
-    path = read_joint_path(file, joints=names)
-    write_joint_path(file, names, path.values, period=0.008)
-
-
 @pytest.mark.usefixtures("no_foot_bound")
 def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
     run, execute, tmp_path
@@ -141,12 +135,12 @@ def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
     first = read_joint_path("requests.csv")
     planned = np.column_stack([simulate(ERS210A, column) for column in first.values.T])
     line = ("refine", "requests.csv", "measured.csv", "--desired", file, *LEG, "--no-reidentify")
-    line = (*line, "--history", "all.json", "--json", "-o", "requests.csv")
-    line = (*line, "--report", "page.html")
+    line = (*line, "--history", "all.json", "--json", "-o", "requests.csv", "--report", "page.html")
     name, errors = first.names[1], []
     for _ in range(2):
         errors.append(np.sqrt(np.mean((execute()[:, 1] - planned[:, 1]) ** 2)))
-        keep_columns("measured.csv", name)
+        alone = read_joint_path("measured.csv", joints=(name,)).values
+        write_joint_path("measured.csv", (name,), alone, period=0.008)
         result = run(*line)
         assert result.exit_code == 0, result.output
         assert "no measured angles of rotator, knee: requests kept" in result.stderr

@@ -10,9 +10,10 @@ import pytest
 from kinematics import urdf_path
 from planner import LogOptions, read_logs, simulate
 from planner.cli.recordings import tasks_of
-from planner.files.staging import list_files
+from planner.files.table import read_table, write_table
 from planner.identification.grid import sound_rows
 from tests.instances import SERVO
+from tests.snapshots import held
 
 RATE = 30
 ELBOW = SERVO.requested_every(1.0 / RATE)
@@ -43,8 +44,8 @@ def demo(tmp_path):
     jaw = np.where(times > 1.0, 0.2, 0.8)
     file = tmp_path / "demo.csv"
     table = np.column_stack([times, requests, angles, jaw, np.maximum(jaw, 0.3)])
-    header = "t_s,req_elbow_deg,act_elbow_deg,req_jaw_range,act_jaw_range"
-    np.savetxt(file, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    names = ["t_s", "req_elbow_deg", "act_elbow_deg", "req_jaw_range", "act_jaw_range"]
+    write_table(file, names, table)
     return file
 
 
@@ -106,11 +107,6 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
     assert [each["remarks"] for each in told] == expected
 
 
-def _held(folder):
-    """Every file of a folder with its bytes."""
-    return {name: (folder / name).read_bytes() for name in list_files(folder)}
-
-
 @pytest.fixture
 def never_replayed(monkeypatch):
     """Fail where something is planned, or a model read."""
@@ -133,12 +129,12 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
         first = run(*words, "--workers", 1, "--json")
     assert first.exit_code == 0, first.stderr
     (dataset.parent / ".planned.results").mkdir()  # killed between writing and tidying up
-    before = _held(dataset.parent / "planned")
+    before = held(dataset.parent / "planned")
     again = run(*words, "--resume", "--json")
     said = "request-planner: nothing is missing: planned holds all 3 recordings, planned like this"
     assert again.stderr.splitlines()[0] == said
     assert again.stdout == first.stdout
-    assert _held(dataset.parent / "planned") == before
+    assert held(dataset.parent / "planned") == before
     assert not (dataset.parent / ".planned.results").exists()
     with pytest.raises(AssertionError, match="planned again"):
         run(*words, catch_exceptions=False)
@@ -191,14 +187,14 @@ def test_what_failed_alone_is_done_again_by_the_same_settings_once_it_is_mended(
     assert second.exit_code == 0, second.stderr
     assert not kept.exists()
     assert run(*words, "whole").exit_code == 0
-    assert _held(dataset.parent / "planned") == _held(dataset.parent / "whole") != {}
+    assert held(dataset.parent / "planned") == held(dataset.parent / "whole") != {}
 
 
 def test_a_recording_that_begins_in_motion_is_answered_with_where_to_begin_it(run, demo, model):
-    names, *rows = demo.read_text().splitlines()
-    table = np.loadtxt(rows, delimiter=",")
-    table[:5, 2] += 30.0 * np.array([1.0, 0.8, 0.6, 0.4, 0.2])  # the arm had been elsewhere
-    np.savetxt(demo, table, delimiter=",", header=names, comments="", fmt="%.9g")
+    table = read_table(demo)
+    rows = np.array(table.numbers(table.names))
+    rows[:5, 2] += 30.0 * np.array([1.0, 0.8, 0.6, 0.4, 0.2])  # the arm had been elsewhere
+    write_table(demo, table.names, rows)
     ask = ("replay", demo, "--model", model, "-o", "out.csv", "--fastest", "--tolerance-deg", 2)
     refused = run(*ask)
     assert refused.exit_code == 2
@@ -214,10 +210,9 @@ def test_a_recording_that_begins_in_motion_is_answered_with_where_to_begin_it(ru
 
 
 def test_a_joint_that_cannot_be_identified_gets_its_recorded_requests_and_is_named(run, demo):
-    names, *rows = demo.read_text().splitlines()
-    table = np.column_stack([np.loadtxt(rows, delimiter=","), np.zeros((120, 2))])
-    header = f"{names},req_wrist_deg,act_wrist_deg"
-    np.savetxt(demo, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    table = read_table(demo)
+    rows = np.column_stack([table.numbers(table.names), np.zeros((120, 2))])
+    write_table(demo, [*table.names, "req_wrist_deg", "act_wrist_deg"], rows)
     result = run("replay", demo, "--model", "from-log", "-o", "out.csv")
     assert result.exit_code == 0, result.stderr
     assert "warning: wrist: no model: " in result.stderr

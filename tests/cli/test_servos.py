@@ -13,6 +13,7 @@ import pytest
 from planner import BusError, JointModel, Log, Playback, read_logs, read_models, simulate
 from planner.cli import servos
 from planner.files.joint_model import read_servos
+from planner.files.table import write_table
 from planner.model.evidence import Evidence
 from planner.robot import calibration
 from planner.robot.arm import Arm
@@ -81,8 +82,7 @@ def requests(tmp_path):
     file = tmp_path / "requests.csv"
     time = 0.01 * np.arange(150)
     angles = 20.0 * np.sin(2.0 * np.pi * time / 1.5)
-    rows = [f"{t:.2f},{a:.6f}" for t, a in zip(time, angles, strict=True)]
-    file.write_text("\n".join(["t_s,joint_1_deg", *rows]) + "\n")
+    write_table(file, ["t_s", "joint_1_deg"], np.column_stack([time, angles]))
     return file
 
 
@@ -94,8 +94,8 @@ def test_requests_in_shares_of_a_range_are_played_logged_and_counted_in_percent(
     share = np.degrees(1.4) / 100.0
     time, angles = np.loadtxt(requests, delimiter=",", skiprows=1, unpack=True)
     rows = np.column_stack([time, 50.0 + angles / share])
-    head = {"header": "t_s,joint_1_percent", "comments": "", "delimiter": ","}
-    np.savetxt(tmp_path / "jaw.csv", rows, **head)
+    names = ["t_s", "joint_1_percent"]
+    write_table(tmp_path / "jaw.csv", names, rows)
     played = {}
     for name in ("jaw.csv", "requests.csv"):
         files = ("--measured", f"measured_{name}", "-o", f"log_{name}")
@@ -112,12 +112,12 @@ def test_requests_in_shares_of_a_range_are_played_logged_and_counted_in_percent(
     counts = [(tmp_path / f"ticks_{name}").read_text() for name in ("jaw.csv", "requests.csv")]
     assert counts[0] == counts[1]
     rows[:, 1] += 100.0 - np.max(rows[:, 1]) + 4.5
-    np.savetxt(tmp_path / "jaw.csv", rows, **head)
+    write_table(tmp_path / "jaw.csv", names, rows)
     result = run("export", "jaw.csv", *ticks[:-1], "-")
     assert "its servo; requests beyond, by up to 4.5 %, are clipped" in result.stderr
     assert max(int(row.split(",")[1]) for row in result.stdout.split()[1:]) == 2048 + 456
     rows[7, 1] = 105.1
-    np.savetxt(tmp_path / "jaw.csv", rows, **head)
+    write_table(tmp_path / "jaw.csv", names, rows)
     result = run("play", "jaw.csv", "--bus", "virtual", "--model", arm)
     assert result.exit_code == 2
     assert "joint_1: request 7 is 105.1 percent, expected 0 to 100 percent" in result.stderr

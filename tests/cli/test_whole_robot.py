@@ -99,16 +99,6 @@ def test_a_gait_is_planned_for_the_feet_and_played_from_one_file(run, robot, tmp
     assert read_joint_path(tmp_path / "next.csv").names == desired.names
 
 
-def test_ticks_beyond_the_range_of_a_servo_are_refused(run, robot, tmp_path):
-    robot.write_text(robot_text(reach=np.radians(30.0)))
-    (tmp_path / "path.csv").write_text("t_s,front_left_knee_deg\n0,29\n0.01,31\n0.02,29\n")
-    asked = ("export", "path.csv", "--format", "csv", "--unit", "ticks", "--model", robot)
-    result = run(*asked, "-o", "ticks.csv")
-    assert result.exit_code == 2
-    assert "front_left_knee: request 1 is 31 deg, expected -30 to 30 deg" in result.stderr
-    assert not (tmp_path / "ticks.csv").exists()
-
-
 def test_joints_that_are_no_whole_leg_are_planned_by_themselves(run, robot, tmp_path):
     (tmp_path / "path.csv").write_text("t_s,front_left_knee_deg\n0,29\n0.01,31\n0.02,29\n")
     result = run("plan", "path.csv", "--model", robot, "--method", "shift", "--json")

@@ -5,6 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from planner.files.results import Results
+
+
+@pytest.fixture
+def results(tmp_path):
+    return Results(tmp_path / "results", {"power": 2})
+
 
 @pytest.fixture(scope="module")
 def importable(tmp_path_factory):

@@ -13,29 +13,13 @@ from planner import parallel
 from planner.files.results import Results
 from planner.files.staging import list_files
 from planner.parallel import SchedulerLost
+from tests.cli.test_sweep import GAIT
 from tests.parallel import work
 from tests.parallel.test_parallel import run
 
 pytestmark = pytest.mark.usefixtures("importable")
 
-GAITS = """
-[leg]
-name = "reference"
-[path.half_ellipse]
-samples = 24
-forward = 0.03
-hip_height = 0.09
-height = 0.01
-[plan]
-method = "optimal"
-[sweep.parameters]
-length = [0.02, 0.03, 0.2]
-"""
-
-
-@pytest.fixture
-def results(tmp_path):
-    return Results(tmp_path / "results", {"power": 2})
+GAITS = f"{GAIT.replace('samples = 40', 'samples = 24')}length = [0.02, 0.03, 0.2]\n"
 
 
 @pytest.fixture(scope="module")

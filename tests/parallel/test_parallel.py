@@ -22,11 +22,6 @@ def run(function, tasks, results, *, workers=None, scheduler=None, **more):
         return carry_out(function, tasks, results, place, **more)
 
 
-@pytest.fixture
-def results(tmp_path):
-    return Results(tmp_path / "results", {"power": 2})
-
-
 def test_every_task_has_its_result_and_an_empty_list_of_tasks_none(results):
     assert run(work.square, work.tasks(), results, workers=2) == {}
     assert [results.read(task) for task in work.tasks()] == [b"%d" % k**2 for k in range(8)]

@@ -14,6 +14,7 @@ import pytest
 
 import planner
 from planner.files.paths import write_joint_path
+from tests.snapshots import held
 
 LOG = "t_s,requested_deg,actual_deg\n" + "".join(
     f"{0.01 * k:.2f},{20 * (k // 30 % 2)},{18 * (k // 30 % 2)}\n" for k in range(180)
@@ -46,9 +47,11 @@ CHANGES = {
 REPEATED = {
     "plan": ["plan", "desired.csv", "-o", "out/it"],
     "identify": ["identify", "log.csv", "--hold", "1", "-o", "out/it"],
-    "compare": ["compare", "desired.csv", "--joint", "knee", "--segments", "4", "--report"],
+    "compare": [
+        *("compare", "desired.csv", "--joint", "knee"),
+        *("--segments", "4", "--report", "out/it"),
+    ],
 }
-REPEATED["compare"] += ["out/it"]
 
 ELSEWHERE = """import json, sys
 from click.testing import CliRunner
@@ -126,11 +129,6 @@ def steps(changes, folder, out):
         for event, *paths in changes
         if any(f"{folder / path}{os.sep}".startswith(inside) for path in paths)
     ]
-
-
-def held(folder):
-    """Every file, and its content."""
-    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 @contextmanager

@@ -3,14 +3,14 @@
 import json
 import resource
 import subprocess
-import sys
 
 import numpy as np
 import pytest
 
+from tests.cli.test_process import RUN
+
 MEMORY = 2 * 2**30  # address space that a command gets [bytes]: its libraries take a third of it
 SECONDS = 40  # processor time that a command gets [s]
-PROGRAM = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
 
 
 def _endless(folder):
@@ -63,7 +63,7 @@ def test_what_is_too_large_is_refused_soon_and_within_little_memory(name, tmp_pa
         resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
 
     done = subprocess.run(
-        [*PROGRAM, *arguments],
+        [*RUN, *arguments],
         cwd=tmp_path,
         preexec_fn=limit,
         check=False,
