@@ -1,12 +1,11 @@
 """Plans that say what a test wants them to say, and what joints make of others: no search."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from planner import Inversion, Plan, simulate
-from planner.planning.problem import Problem
+from planner.planning.problem import problem_of
 from planner.planning.task import Task
 
 
@@ -49,27 +48,6 @@ def foot_distances(plan, requests=None, *, models=None, loads=None):
     return np.linalg.norm(off * np.sqrt(task.weights / np.max(task.weights)), axis=1)
 
 
-def track(
-    model,
-    desired,
-    *,
-    cyclic,
-    limits=(-math.inf, math.inf),
-    max_step=math.inf,
-    start=None,
-    first=None,
-    load=None,
-):
-    """The problem of one joint that should follow desired angles, of arguments as they are."""
-    lower, upper = limits
-    columns = {"lower": lower, "upper": upper, "max_step": max_step, "start": start, "first": first}
-    return Problem(
-        names=("",),
-        models=((model,),),
-        desired=desired[:, np.newaxis],
-        cyclic=cyclic,
-        norm="rms",
-        smoothness=0.0,
-        load=None if load is None else np.array(load, ndmin=2).T,
-        **{name: None if value is None else np.array([value]) for name, value in columns.items()},
-    )
+def track(model, desired, **options):
+    """The problem of one joint that should follow desired angles."""
+    return problem_of(Task.of([model], desired, names=("",), smoothness=0.0, **options))

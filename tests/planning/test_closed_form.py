@@ -88,15 +88,6 @@ def test_from_rest_the_first_request_holds_the_joint_at_the_first_desired_angle(
     np.testing.assert_allclose(plan.predicted, expected, rtol=0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("rule", RULES)
-def test_a_constant_is_requested_as_it_is(rule):
-    model = replace(ERS210A, offset=0.25)
-    for cyclic in (True, False):
-        plan = invert_closed_form(model, np.full(9, 0.75), cyclic=cyclic, rule=rule)
-        np.testing.assert_allclose(plan.requests, 0.5, rtol=0.0, atol=1e-12)
-        assert plan.rms <= 1e-12
-
-
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("seed", range(3))
 def test_refining_the_lines_keeps_what_lines_must_keep_and_never_tracks_worse(seed, cyclic):

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import planner
 from planner.arrays import rms, turning_points, without_small_reversals
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
@@ -16,7 +15,7 @@ from planner.model.response import simulate
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_optimal
 from planner.planning.line_inverse import RULES
-from tests.instances import joint_of
+from tests.instances import attainable, joint_of, random_model
 from tests.strategies import trajectories
 
 WITHOUT = JointModel(v_max=4.0, theta_0=0.25, lag=0.02, acceleration_time=0.04, tick=0.005, hold=4)
@@ -36,16 +35,6 @@ PATHS = {
 }
 
 LOADS = {"none": None, "constant": 0.5, "gravity": 0.8 * np.cos(0.5 * np.sin(PHASE))}
-PAPER = planner.JointModel.ers210a()
-INERT = replace(PAPER, acceleration_time=0.016, time_constant=0.024)
-STARTING_SLOWLY = replace(PAPER, acceleration_time=0.008, max_acceleration=120.0)
-STICKY = replace(INERT, dead_band=0.02, tick=0.004, hold=2)
-
-OVERSHOOTING = replace(STICKY, dead_band=0.005, max_acceleration=150.0, integral_rate=12.0)
-"""A cascade of loops, that for the speed with an integral."""
-
-SWING = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60) ** 3
-"""A path that these joints can nearly follow [rad]."""
 
 SYMMETRIC = replace(WITHOUT, dead_band=0.035, compliance=0.06)
 SINE, HOLDS = 0.5 * np.sin(PHASE), np.clip(0.9 * np.sin(PHASE), -0.6, 0.6)
@@ -119,27 +108,19 @@ def test_from_rest_beyond_the_limits_the_first_request_still_holds_the_joint():
         assert_held(made, joint)
 
 
-EVERY = pytest.mark.parametrize(
-    "model", [INERT, STARTING_SLOWLY, STICKY, OVERSHOOTING], ids=["T", "A", "both", "integral"]
-)
-
-
-@EVERY
-@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
-def test_a_plan_with_inertia_is_better_than_the_closed_form_and_keeps_the_bound(model, cyclic):
-    plan = planner.invert_optimal(model, SWING, cyclic=cyclic)
-    form = planner.invert_closed_form(model, SWING, cyclic=cyclic)
-    assert plan.rms < form.rms
-    for level in ("slope", "envelope", "exact"):
-        bound = planner.lower_bound(model, SWING, cyclic=cyclic, level=level)
-        assert bound <= min(plan.rms, form.rms) + 1e-12
-
-
-def test_no_closed_form_does_better_on_a_square_that_an_acceleration_limit_keeps_out_of_reach():
-    model = joint_of(6.6, 0.1, 0.012, 0.027, hold=2, max_acceleration=81.0)
-    square = 0.8 * np.repeat([1.0, -1.0], 20)
-    plan = planner.invert_optimal(model, square, smoothness=0.0)
-    forms = [planner.invert_closed_form(model, square, rule=rule) for rule in ("paper", "exact")]
+@pytest.mark.parametrize("seed", [None, 150, 252, 354])
+def test_no_closed_form_does_better_on_a_square_out_of_reach_or_small_motions_in_a_dead_band(seed):
+    """Searched for alone, the plans for these motions are four to six times as far off."""
+    rng = np.random.default_rng(seed)
+    if seed is None:
+        model = joint_of(6.6, 0.1, 0.012, 0.027, hold=2, max_acceleration=81.0)
+        path = 0.8 * np.repeat([1.0, -1.0], 20)
+    else:
+        plain = random_model(rng, whole=False, hold=1)
+        model = replace(plain, dead_band=rng.uniform(0.1, 1.0) * plain.theta_0)
+        path = 0.3 * attainable(rng, model, samples=24)
+    plan = invert_optimal(model, path, smoothness=0.0)
+    forms = [invert_closed_form(model, path, rule=rule) for rule in RULES]
     assert plan.rms <= min(form.rms for form in forms) + 1e-12
 
 

@@ -130,18 +130,6 @@ def test_a_plan_for_the_foot_is_smoothed_within_the_share_of_the_foots_error():
     assert plan.largest_step < 0.5 * rugged.largest_step
 
 
-def test_what_a_model_is_known_to_miss_is_not_worth_rough_requests():
-    """A step of 20 degrees, rounded so that the joint can follow it: jumps would gain nothing."""
-    ramp = np.clip((np.arange(88) - 20) / 24.0, 0.0, 1.0) - np.clip((np.arange(88) - 60) / 24, 0, 1)
-    desired = 0.35 * ramp**2 * (3.0 - 2.0 * ramp)
-    known = ERS210A.with_evidence(Evidence(error=np.radians(0.25)))
-    exact, plan = invert_optimal(ERS210A, desired, smoothness=0.0), invert_optimal(known, desired)
-    assert exact.rms < np.radians(0.05)
-    allowed = allowed_where_requests_shake(exact.rms, 0.005, noise=np.radians(0.25))
-    assert plan.rms <= allowed + ROUNDING
-    assert rough(plan) < 0.3 * rough(exact)
-
-
 def test_a_joint_does_not_rest_because_its_largest_error_would_bear_it():
     """As before, and 2 % may be added, so 40 % of the root mean square; without that limit 85 %."""
     desired = 0.1 * np.sin(6.0 * np.pi * np.arange(120) / 120)

@@ -161,10 +161,9 @@ def test_any_multipliers_of_linearised_conditions_prove_a_bound(
         assert 0.0 <= proved <= error_norm(angles - desired, norm) + ROUNDING
 
 
-@pytest.mark.parametrize("hold", [1, 3])
 @pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("seed", range(2))
-def test_the_best_plan_of_a_joint_that_sags_by_its_pose_is_above_its_bound(seed, norm, hold):
+@pytest.mark.parametrize(("seed", "hold", "least"), [(0, 1, 0.98), (0, 3, 0.85), (1, 3, 0.85)])
+def test_the_best_plan_of_a_joint_that_sags_by_its_pose_is_near_its_bound(seed, hold, least, norm):
     rng = np.random.default_rng(seed)
     phase, share = rng.uniform(-math.pi, math.pi), rng.uniform(0.2, 0.8)
     sags = share * ERS210A.theta_0 * np.array([math.cos(phase), math.sin(phase)])
@@ -174,7 +173,7 @@ def test_the_best_plan_of_a_joint_that_sags_by_its_pose_is_above_its_bound(seed,
     for cyclic, start in ((True, None), (False, 0.0)):
         plan = planner.invert_optimal(model, desired, cyclic=cyclic, norm=norm, smoothness=0.0)
         bound = lower_bound(model, desired, cyclic=cyclic, norm=norm, start=start)
-        assert 0.75 * plan.error <= bound <= plan.error
+        assert least * plan.error <= bound <= plan.error
 
 
 @pytest.mark.parametrize("norm", NORMS)

@@ -101,15 +101,16 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
         assert node.bound * problem.unit <= error_norm(angles - desired, norm) + ROUNDING
 
 
-@pytest.mark.parametrize(("share", "norm"), [(0.99, "rms"), (3.0, "max")])
-def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
-    rng = np.random.default_rng(5)
+@pytest.mark.parametrize(("seed", "norm", "samples"), [(1, "rms", 8), (1, "max", 6), (3, "max", 6)])
+def test_the_bound_is_valid_whatever_is_said_to_be_known(seed, norm, samples):
+    """Of so few samples most of the tree is searched."""
+    rng = np.random.default_rng(seed)
     model = random_model(rng, whole=False)
-    desired = saturating(rng, model, samples=24)
-    best = invert_optimal(model, desired, norm=norm).error
-    known = share * best
-    bound = exact_bound(joint_task(model, desired, norm=norm), known, time_limit=0.3)
-    assert bound <= min(known, best)
+    desired = saturating(rng, model, samples=samples)
+    best = invert_optimal(model, desired, norm=norm, smoothness=0.0).error
+    for known in (0.99 * best, 3.0 * best):
+        bound = exact_bound(joint_task(model, desired, norm=norm), known, time_limit=0.3)
+        assert bound <= min(known, best)
 
 
 def test_what_no_response_goes_below_is_proved_to_the_full():

@@ -214,11 +214,3 @@ def test_a_joint_that_makes_up_for_what_others_miss_moves():
     resting = invert_foot(ERS210A, WALK.leg, path, smoothness=10.0)
     assert np.ptp(resting.requests[:, 1]) == 0.0
     assert plan.rms < 0.99 * resting.rms
-
-
-@CYCLIC
-def test_where_no_joint_has_anything_to_do_all_rest(cyclic):
-    path = np.repeat(stepping(0.0)[:1], 12, axis=0)
-    plan = invert_foot(ERS210A, WALK.leg, path, cyclic=cyclic)
-    np.testing.assert_allclose(plan.requests, plan.requests[:1].repeat(12, axis=0), atol=1e-9)
-    assert plan.max_error <= 1e-9
