@@ -57,15 +57,6 @@ def test_requests_without_a_steady_cycle_in_reach_are_an_error_with_the_mismatch
     assert 1e-9 < caught.value.mismatch < 1.0
 
 
-@pytest.mark.parametrize("ratio", [0.9, 1.1, 1.9375])  # of v_max per tick to theta_0
-@pytest.mark.parametrize("hold", [1, 2, 3])
-@pytest.mark.parametrize("requests", [[0.125, 0.0], [-1.0, -0.515625, -1.0], [0.0, 3.0, 3.0, 0.1]])
-def test_a_joint_that_overshoots_has_a_steady_cycle_too(requests, hold, ratio):
-    model = joint_of(ratio * 25.0, 0.25, 0.0, 0.01, tick=0.01, hold=hold)
-    angles = simulate(model, requests)
-    np.testing.assert_allclose(next_cycle(model, requests, angles[-1]), angles, atol=1e-11)
-
-
 def test_a_path_is_too_fast_by_the_top_speed_of_its_direction_under_its_load():
     """1 rad/s faster up than down, and 0.5 rad/s faster under the half of 1 N m in a step."""
     joint = joint_of(4.0, 0.5, 0.0, 0.1, tick=0.1, v_offset=0.5, speed_per_torque=1.0)
