@@ -9,6 +9,8 @@ import numpy as np
 
 import planner
 from planner.identification.excitation import excite
+from planner.identification.grid import timing_of
+from planner.identification.joint_fit import fit_joint
 from tests.instances import joint_of
 
 AIBO = planner.JointModel.ers210a()
@@ -142,12 +144,12 @@ def caught():
     log = rich_log(noise=NOISE, rows=1500)
     angles = log.angles.copy()
     angles[600:850] = angles[600]
-    return changed(log, angles=angles)
+    return replace(log, angles=angles)
 
 
 def stopped():
     log = rich_log(noise=NOISE, rows=800)
-    return changed(log, angles=np.minimum(log.angles, 0.3))
+    return replace(log, angles=np.minimum(log.angles, 0.3))
 
 
 def rings():
@@ -159,7 +161,7 @@ def rings():
         since = (rows - edge - 20.0).clip(0.0) * log.period
         step = log.requests[edge] - log.requests[edge - 1]
         angles[rows] += 0.3 * step * np.sin(50.0 * since) * np.exp(-25.0 * since)
-    return changed(log, angles=angles)
+    return replace(log, angles=angles)
 
 
 def calm_and_shaken():
@@ -167,7 +169,7 @@ def calm_and_shaken():
     sticky = replace(AIBO, dead_band=0.02)
     (calm,) = step_logs(sticky, amplitudes=(0.5,), samples=250, noise=0.0, quantum=0.0015)
     shaking = 0.006 * np.sin(2.0 * np.pi * 4.0 * calm.times)
-    return calm, changed(calm, angles=calm.angles + shaking)
+    return calm, replace(calm, angles=calm.angles + shaking)
 
 
 def swung(model, *, seed=0, reach=0.9):
@@ -185,16 +187,17 @@ def identified_steps():
 
 
 @functools.cache
+def fitted_rich():
+    """The fit to that log alone."""
+    log = rich_log(noise=NOISE)
+    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
+    return fit
+
+
+@functools.cache
 def identified_rich():
     """The joint of :func:`rich_log` with noise, identified once for all tests."""
     return planner.identify(rich_log(noise=NOISE))
-
-
-def changed(log, **changes):
-    """The log with other columns."""
-    columns = {"times": log.times, "requests": log.requests, "angles": log.angles}
-    columns["torque_on"] = log.torque_on
-    return planner.Log(**{**columns, **changes})
 
 
 def so101(folder: Path, recording: str, joint: str) -> planner.Log:

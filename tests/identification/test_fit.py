@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 import planner
 from planner.arrays import rms
 from planner.identification import grid
-from planner.identification.grid import MOST_ROWS, glitches, resampled, thinned
+from planner.identification.grid import MOST_ROWS, glitches, measured_speed, resampled, thinned
 from planner.identification.least_squares import USUAL, least_squares, respond
 from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, only
-from tests.identification.made import AIBO, NOISE, QUANTUM, changed, measured, rich_log, step_logs
+from tests.identification.made import AIBO, NOISE, QUANTUM, measured, rich_log, step_logs
 from tests.instances import joint_of
 from tests.strategies import models, trajectories
 
@@ -59,18 +59,24 @@ def test_torque_that_returns_starts_anew_with_the_requests_that_came_before():
     torque = np.ones(300, dtype=bool)
     torque[100:130] = False
     angles = np.where(torque, log.angles, 7.0)  # whatever the joint does without torque
-    grid = resampled(
-        [changed(log, angles=angles, torque_on=torque)], tick=model.tick, reach=0.5, burn_in=0.0
-    )
+    off = replace(log, angles=angles, torque_on=torque)
+    grid = resampled([off], tick=model.tick, reach=0.5, burn_in=0.0)
     assert [first for _, first in grid.firsts] == [0, 130]
     predicted = respond(grid, Parameters.of(model), grid.measured_starts).predicted
     assert np.max(np.abs(predicted - log.angles[torque])) <= SAME_RUN
 
 
+def test_a_joint_that_falls_without_torque_shows_no_speed():
+    log = rich_log(rows=300)
+    falling = 20.0 * (log.times - log.times[250]).clip(0.0)
+    fallen = replace(log, angles=log.angles + falling, torque_on=falling == 0.0)
+    assert measured_speed(fallen) <= measured_speed(log)
+
+
 def test_after_a_gap_nothing_is_assumed_of_the_requests_before():
     log = rich_log(rows=300)
     times = np.where(np.arange(300) < 150, log.times, log.times + 2.0 * GAP * log.period)
-    grid = resampled([changed(log, times=times)], tick=0.008, reach=0.5, burn_in=0.1)
+    grid = resampled([replace(log, times=times)], tick=0.008, reach=0.5, burn_in=0.1)
     rows = np.ceil(0.1 / 0.008)
     assert [first for _, first in grid.firsts] == [rows, 150 + rows]
 

@@ -17,7 +17,15 @@ from planner.identification.intervals import (
 from planner.identification.joint_fit import fit_joint, with_observed_speed
 from planner.identification.least_squares import least_squares
 from planner.identification.parameters import Parameters, only
-from tests.identification.made import AIBO, NOISE, logged, measured, rich_log, step_logs
+from tests.identification.made import (
+    AIBO,
+    NOISE,
+    fitted_rich,
+    logged,
+    measured,
+    rich_log,
+    step_logs,
+)
 from tests.instances import joint_of
 
 SEEDS = 12
@@ -112,17 +120,10 @@ def test_a_top_speed_that_few_rows_reach_is_sought_among_all_speeds(joint, seed,
     assert over_top_speeds(inertia_alone) == (inertia_alone, ())
 
 
-@pytest.fixture(scope="module")
-def fitted():
-    """The fit to a noisy log, and its uncertainty."""
-    log = rich_log(noise=NOISE)
-    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
-    return fit, uncertainty_of(fit)
-
-
-def test_white_noise_is_told_by_the_deviations_of_the_slopes(fitted):
+def test_white_noise_is_told_by_the_deviations_of_the_slopes():
     """Free of what another first angle would do: ordinary least squares, by dense matrices."""
-    fit, uncertainty = fitted
+    fit = fitted_rich()
+    uncertainty = uncertainty_of(fit)
     slopes = fit.slopes(averaging=0.025)
     dense = np.column_stack([slopes.by_parameter, slopes.by_start])
     variance = float(np.sum(fit.residuals**2)) / (len(fit.residuals) - 6)

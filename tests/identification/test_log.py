@@ -9,7 +9,7 @@ import planner
 from planner.identification.grid import timing_of
 from planner.identification.joint_fit import evenly_timed
 from planner.identification.log import TURN, unwrapped
-from tests.identification.made import AIBO, NOISE, changed, measured, rich_log
+from tests.identification.made import AIBO, NOISE, measured, rich_log
 
 SAME = 1e-12  # turns are added and taken to rounding [rad]
 
@@ -21,14 +21,14 @@ def wrapped(angles):
 def test_requests_that_start_again_alone_go_on_unless_the_joint_is_stuck():
     wave = np.sin(AIBO.period * np.arange(400.0))
     angles = planner.simulate(AIBO, wave, cyclic=False)
-    log = changed(rich_log(), requests=wave, angles=angles)
-    below = changed(log, requests=wave - 0.1)
-    read, jumps = unwrapped(changed(below, requests=below.requests % TURN))
+    log = replace(rich_log(), requests=wave, angles=angles)
+    below = replace(log, requests=wave - 0.1)
+    read, jumps = unwrapped(replace(below, requests=below.requests % TURN))
     assert jumps > 0
     moved = read.requests - read.angles - below.requests + log.angles
     assert np.max(np.abs(moved - TURN * np.round(moved[0] / TURN))) <= SAME
     far = np.repeat([0.0, 5.0, 0.0, 5.0], 100)  # nearer to this joint if they turned
-    stuck = changed(log, requests=far, angles=0.1 * far)
+    stuck = replace(log, requests=far, angles=0.1 * far)
     assert unwrapped(stuck) == (stuck, 0)
 
 
@@ -36,7 +36,7 @@ def test_angles_that_go_on_take_the_turn_of_their_requests_and_those_not_measure
     """What stands in their rows, here for ten rows and at the start, is of no matter."""
     log = rich_log(noise=NOISE)
     below = log.angles - log.angles[0] - 0.1
-    read, jumps = unwrapped(changed(log, angles=below % TURN))
+    read, jumps = unwrapped(replace(log, angles=below % TURN))
     assert jumps > 0
     assert np.max(np.abs(read.angles - below)) <= SAME
     log = rich_log(noise=NOISE)
@@ -54,9 +54,9 @@ def test_glitches_shares_and_slow_logs_are_left_alone():
     log = rich_log(noise=NOISE)
     angles = log.angles.copy()
     angles[[50, 120, 121]] += 6.0
-    glitched = changed(log, angles=angles)
+    glitched = replace(log, angles=angles)
     assert unwrapped(glitched) == (glitched, 0)
-    high = changed(log, requests=log.requests + 3.1, angles=wrapped(log.angles + 3.1))
+    high = replace(log, requests=log.requests + 3.1, angles=wrapped(log.angles + 3.1))
     share = replace(high, unit="1")
     assert unwrapped(share) == (share, 0)
     slow = replace(high, times=0.3 * np.arange(len(high.times)))
@@ -127,7 +127,7 @@ def test_ticks_are_those_asked_for_or_of_five_milliseconds_and_at_most_twenty(
 ):
     log = rich_log(rows=50)
     timing = timing_of(
-        [changed(log, times=period * np.arange(50))], **{"tick": None, "hold": None, **given}
+        [replace(log, times=period * np.arange(50))], **{"tick": None, "hold": None, **given}
     )
     assert (timing.tick, timing.period) == pytest.approx((tick, period))
     assert timing.hold == hold

@@ -52,14 +52,6 @@ def test_three_runs_of_a_pendulum_are_one_joint(recordings):
     assert found.intervals["v_max"].upper >= 7.8
 
 
-def test_a_dropped_pendulum_is_fitted_where_it_has_torque(recordings):
-    log = pendulum(recordings, "sts3250", "sts3250_kp32_lift_and_drop")
-    found = planner.identify(log)
-    assert found.rms <= 0.02
-    assert not found.fits[0].used[~log.torque_on].any()
-    assert any("torque is off" in warning for warning in found.warnings)
-
-
 def test_an_overloaded_servo_is_refused_and_explained_by_inertia_friction_and_sag(recordings):
     log = pendulum(recordings, "xl330", "xl330_kp100_sin_sin")
     half = {name: getattr(log, name)[:600] for name in ("times", "requests", "angles", "torque_on")}
@@ -72,13 +64,6 @@ def test_an_overloaded_servo_is_refused_and_explained_by_inertia_friction_and_sa
     assert found.accepted
     assert found.model.sag_sin < -0.3
     assert found.model.has_inertia
-
-
-def test_a_gripper_that_opens_and_shuts_has_its_top_speed_bounded(recordings):
-    found = planner.identify(so101(recordings, "gripper_cycles", "Jaw"))
-    assert found.accepted
-    assert found.saturates
-    assert 0.7 <= found.model.v_max <= 1.3
 
 
 def test_a_top_speed_that_nothing_bounds_is_not_imposed_on_the_part_that_is_fitted(recordings):

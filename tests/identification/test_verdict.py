@@ -6,13 +6,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from planner.identification.grid import timing_of
 from planner.identification.intervals import intervals_of
-from planner.identification.joint_fit import fit_joint
 from planner.identification.judgement import verdict_on
 from planner.identification.result import HeldOut
 from tests.identification.made import (
     NOISE,
+    fitted_rich,
     identified_rich,
     identified_steps,
     rich_log,
@@ -36,9 +35,7 @@ def test_what_was_held_out_is_predicted_to_the_noise():
 @pytest.fixture(scope="module")
 def fitted():
     """A good fit, with what an identification knows of it beside."""
-    log = rich_log(noise=NOISE)
-    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
-    return fit, intervals_of(fit)
+    return fitted_rich(), intervals_of(fitted_rich())
 
 
 def judged(fitted, *, held=None, simple=None, **known):
