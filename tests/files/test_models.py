@@ -1,6 +1,5 @@
 """Model files: what they say of joints, legs, bus and servos is read, written and read again."""
 
-import math
 import tomllib
 from math import inf
 
@@ -15,7 +14,6 @@ from planner.files.joint_model import (
     read_model_file,
     read_servos,
 )
-from planner.robot.arm import Servo
 from tests.strategies import models
 
 ROBOT = """# an arm and two legs
@@ -192,10 +190,3 @@ def test_a_model_file_keeps_inertia_and_sag_and_leaves_them_out_where_there_are_
     assert {name for name, none in without.items() if getattr(model, name) != none} == {
         *(keys & without.keys())
     }
-
-
-def test_counts_and_angles_of_a_servo_are_each_others_inverse():
-    servo = Servo(id=1, zero_tick=2000, direction=-1, ticks_per_turn=4096)
-    assert servo.angle(2000) == 0.0
-    assert servo.angle(2000 + 1024) == pytest.approx(-math.pi / 2.0)
-    assert [round(servo.count(servo.angle(count))) for count in (0, 1999)] == [0, 1999]

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import planner
 from planner.exceptions import InvalidFile
 from planner.files.joint_model import read_model_file
 from planner.files.paths import (
@@ -20,7 +19,6 @@ from planner.files.paths import (
     path_table,
     read_joint_path,
     resampled,
-    write_curve,
     write_foot_path,
     write_joint_path,
 )
@@ -77,18 +75,6 @@ def test_a_resampled_path_has_the_nearest_whole_number_of_samples(count, step, p
     for cyclic in (True, False):  # at its own rate it keeps its rows, the last one too
         same = resampled(0.3 + step * np.arange(count), rows, step, cyclic=cyclic)
         np.testing.assert_allclose(same, rows, rtol=0.0, atol=1e-9)
-
-
-def test_the_csv_of_a_curve_has_its_knots(tmp_path):
-    curve = planner.PiecewiseLinear(
-        knots=[2.0, 5.5, 8.0 + 1 / 3], values=[1.0, -1.0, 0.5], samples=10, tick=0.008, cyclic=True
-    )
-    write_curve(tmp_path / "curve.csv", curve)
-    table = read_table(tmp_path / "curve.csv")
-    assert table.names == ("knot_s", "value_deg")
-    knots, values = table.numbers(table.names).T
-    np.testing.assert_allclose(knots, 0.008 * curve.knots, rtol=0.0, atol=1e-12)  # 12 decimals
-    np.testing.assert_allclose(values, np.degrees(curve.values), rtol=0.0, atol=1e-12)
 
 
 def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):

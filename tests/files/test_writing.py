@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidFile
-from planner.files import staging
 from planner.files.paths import growing_log
 from planner.files.staging import list_files, output_folder, staged
 from planner.files.text import to_json, write_text
@@ -23,21 +22,6 @@ def _run(folder, name="a.csv", content="1"):
     with output_folder(folder) as new:
         (new / name).write_text(content)
         (new / "results.json").write_text(json.dumps({"files": [name]}))
-
-
-def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
-    file = tmp_path / "plan.csv"
-    write_text(file, "old")
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as disk:
-        disk.setattr(staging.Path, "open", full)
-        with pytest.raises(InvalidFile, match=r"cannot be written \(no space left on device\)"):
-            write_text(file, "new")
-    assert file.read_text() == "old"
-    assert list_files(tmp_path) == ["plan.csv"]
 
 
 def test_a_written_file_keeps_its_permissions_and_its_link(tmp_path):
