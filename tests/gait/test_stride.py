@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics import Leg, Limits, urdf_path
+from kinematics import Limits
 from planner import Infeasible, half_ellipse, invert_foot
 from planner.gait import stride as cycles
 from planner.gait.stride import (
@@ -23,7 +23,7 @@ from planner.gait.stride import (
     stride,
 )
 from tests.instances import ERS210A
-from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg
+from tests.kinematics.made_up_robots import Joint, X, Y, ers210a_leg, made_up_leg
 
 TRACED = 1e-9  # largest distance to the foot that the inverse leaves [m]
 SAMPLES = 80  # of a cycle: every phase is a whole number of them
@@ -129,9 +129,7 @@ def test_a_stride_out_of_reach_or_on_which_the_leg_would_leap_is_an_error(leg):
 
 @pytest.fixture(scope="module")
 def legs():
-    urdf = urdf_path("ers210a.urdf")
-    feet = {name: f"{name.replace('-', '_')}_ball" for name in sorted(LEGS)}
-    return {name: Leg.from_urdf(urdf, base="body", foot=foot) for name, foot in feet.items()}
+    return {name: ers210a_leg(name.replace("-", "_")) for name in sorted(LEGS)}
 
 
 def heights(legs, made):
@@ -198,8 +196,8 @@ def test_all_legs_have_one_stroke_at_the_height_of_the_body_at_which_the_lowest_
 
 
 @pytest.fixture(scope="module")
-def front_leg():
-    return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
+def front_leg(legs):
+    return legs["front-left"]
 
 
 @pytest.fixture(scope="module")

@@ -32,16 +32,6 @@ SAME_POSE = 1e-6
 STRAIGHT = 0.133  # length of the stretched reference leg [m]
 
 
-@pytest.fixture(params=SHAPES)
-def shape(request, tmp_path):
-    return made_up_leg(tmp_path, *SHAPES[request.param])
-
-
-@pytest.fixture(params=CLOSED)
-def closed_shape(request, tmp_path):
-    return made_up_leg(tmp_path, *SHAPES[request.param])
-
-
 @pytest.mark.parametrize("name", [*SHAPES, *LEGS])
 @given(data=st.data())
 @settings(max_examples=20)
@@ -86,8 +76,9 @@ def test_a_leg_that_cannot_move_its_foot_in_three_directions_is_searched(joints,
         leg.joint_angles(foot + 0.3)
 
 
-def test_the_closed_form_finds_every_pose_that_the_search_finds(closed_shape):
-    leg = closed_shape
+@pytest.mark.parametrize("name", CLOSED)
+def test_the_closed_form_finds_every_pose_that_the_search_finds(name, tmp_path):
+    leg = made_up_leg(tmp_path, *SHAPES[name])
     free = replace(leg, limits=Limits(np.full(3, -np.pi), np.full(3, np.pi)))
     foot = leg.foot_positions(np.random.default_rng(5).uniform(*leg.limits, (30, 3)))
     enumerated = free.closed_form.poses(foot)
@@ -102,7 +93,9 @@ def test_the_closed_form_finds_every_pose_that_the_search_finds(closed_shape):
     assert count > len(foot)  # several poses for most points, or the test shows little
 
 
-def test_a_path_through_the_middle_of_the_range_comes_back_as_it_went_in(shape):
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_path_through_the_middle_of_the_range_comes_back_as_it_went_in(name, tmp_path):
+    shape = made_up_leg(tmp_path, *SHAPES[name])
     phase = np.linspace(0.0, 2.0 * np.pi, 200)[:, None]
     angles = 0.4 * np.sin(phase + np.arange(3.0)) + [0.1, 0.2, 1.2]
     found = shape.joint_angles(shape.foot_positions(angles))

@@ -15,17 +15,6 @@ from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, reference_
 REACHED = 1e-9  # largest distance to the foot that the inverse leaves [m]
 
 
-def test_a_leg_of_two_joints_has_an_inverse(tmp_path):
-    leg = made_up_leg(tmp_path, [Joint((0, 0.1, 0), Y), Joint((0, 0, -0.16), Y)], (0, 0, -0.16))
-    angles = np.array([-0.5, 1.0]) + 0.3 * np.sin(np.linspace(0, 6, 40))[:, None] * [1.0, -0.6]
-    foot = leg.foot_positions(angles)
-    solution = leg.inverse(foot)
-    assert solution.distance.max() <= REACHED
-    assert not leg.jumps(solution.angles).size
-    beside = leg.inverse(np.add(foot, [0.0, 0.01, 0.0]), unreachable="nearest")
-    np.testing.assert_allclose(beside.distance, 0.01, atol=REACHED)
-
-
 def test_a_foot_on_the_axis_of_a_joint_is_singular(tmp_path):
     leg = made_up_leg(tmp_path, [Joint((0, 0, 0), X), Joint((0, 0, -0.1), Y)] * 2, (0, 0.1, 0))
     leg = replace(leg, joint_names=leg.joint_names)

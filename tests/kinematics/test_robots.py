@@ -1,7 +1,6 @@
 """The robots that are shipped, by Sony's numbers, and public ones of the extra ``robots``."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -31,7 +30,6 @@ VECTORS = {  # rotator, abductor, knee [deg]: ball of the left leg in the body [
     ],
 }
 ANGLES = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
-QUARTER = 0.5 * math.pi
 
 
 @pytest.mark.parametrize("name", VECTORS)
@@ -42,16 +40,13 @@ def test_the_ball_is_where_the_published_vectors_have_it(name):
 
 
 @pytest.mark.parametrize("name", LEGS)
-def test_joints_and_limits_are_sonys(name):
+def test_joints_and_limits_are_sonys_and_speeds_the_papers(name):
     leg = ers210a_leg(name)
     assert leg.joint_names == (f"{name}_rotator", f"{name}_abductor", f"{name}_knee")
     np.testing.assert_allclose(np.degrees(leg.limits.lower), [-117, -11, -27], atol=1e-12)
     np.testing.assert_allclose(np.degrees(leg.limits.upper), [117, 89, 147], atol=1e-12)
-
-
-def test_every_driven_joint_may_turn_as_fast_as_the_papers_joint():
-    for leg in (*map(ers210a_leg, LEGS), reference_leg()):
-        np.testing.assert_allclose(np.degrees(leg.speeds), [312.5] * 3, rtol=1e-12)
+    for each in (leg, reference_leg()):
+        np.testing.assert_allclose(np.degrees(each.speeds), [312.5] * 3, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", LEGS)
@@ -82,54 +77,44 @@ def test_a_leg_may_be_seen_from_any_frame_above_it():
     np.testing.assert_allclose(from_head, from_body - [0.075, 0.0, 0.098], atol=1e-15)
 
 
-class Chosen(NamedTuple):
-    """A leg of a public robot."""
-
-    urdf: str
-    base: str
-    foot: str
-    locked: dict[str, float]
-    joints: int = 3
-
-
 PUBLIC = {
-    "Solo12": Chosen("solo_description/robots/solo12.urdf", "base_link", "FL_FOOT", {}),
-    "Solo8": Chosen("solo_description/robots/solo.urdf", "base_link", "HR_FOOT", {}, joints=2),
-    "ANYmal B": Chosen("anymal_b_simple_description/robots/anymal.urdf", "base", "LF_FOOT", {}),
-    "UR5": Chosen(
-        "ur_description/urdf/ur5_robot.urdf",
-        "base_link",
-        "ee_link",
-        {"wrist_1_joint": -QUARTER, "wrist_2_joint": 0.3, "wrist_3_joint": 0.0},
+    "Solo12": ("solo_description/robots/solo12.urdf", "base_link", "FL_FOOT", 3, ""),
+    "Solo8": ("solo_description/robots/solo.urdf", "base_link", "HR_FOOT", 2, ""),
+    "ANYmal B": ("anymal_b_simple_description/robots/anymal.urdf", "base", "LF_FOOT", 3, ""),
+    "UR5": (
+        *("ur_description/urdf/ur5_robot.urdf", "base_link", "ee_link", 3),
+        "wrist_1_joint wrist_2_joint wrist_3_joint",
     ),
-    "Panda": Chosen(
-        "panda_description/urdf/panda.urdf",
-        "panda_link0",
-        "panda_hand",
-        {"panda_joint3": 0.1, "panda_joint5": 0.2, "panda_joint6": QUARTER, "panda_joint7": 0.0},
+    "Panda": (
+        *("panda_description/urdf/panda.urdf", "panda_link0", "panda_hand", 3),
+        "panda_joint3 panda_joint5 panda_joint6 panda_joint7",
     ),
-    "SO-101": Chosen(
-        "so_arm_description/urdf/so101.urdf",
-        "base_link",
-        "gripper_frame_link",
-        {"wrist_flex": 0.5, "wrist_roll": 0.0},
+    "SO-101": (
+        *("so_arm_description/urdf/so101.urdf", "base_link", "gripper_frame_link", 3),
+        "wrist_flex wrist_roll",
     ),
 }
+"""File, base, foot, number of joints, and further joints, which are locked."""
 
 
-@pytest.mark.parametrize("chosen", PUBLIC.values(), ids=PUBLIC)
-def test_the_leg_has_the_joints_that_are_left(chosen, robots):
-    urdf, base, foot, locked, _ = chosen
-    leg = Leg.from_urdf(robots / urdf, base=base, foot=foot, locked=locked)
-    assert len(leg.joint_names) == chosen.joints
-    assert not set(leg.joint_names) & set(chosen.locked)
+def public_leg(robots, name):
+    urdf, base, foot, _, locked = PUBLIC[name]
+    locked = dict.fromkeys(locked.split(), 0.1)
+    return Leg.from_urdf(robots / urdf, base=base, foot=foot, locked=locked)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_the_leg_has_the_joints_that_are_left(name, robots):
+    *_, count, locked = PUBLIC[name]
+    leg = public_leg(robots, name)
+    assert len(leg.joint_names) == count
+    assert not {*leg.joint_names} & {*locked.split()}
 
 
 @pytest.mark.parametrize("name", ["Solo12", "ANYmal B"])
 def test_a_leg_without_hints_stands_bent_with_its_foot_below_its_hip(robots, name):
     """To a degree, to which the pose is rounded: 0.02 of the leg's length."""
-    chosen = PUBLIC[name]
-    leg = Leg.from_urdf(robots / chosen.urdf, base=chosen.base, foot=chosen.foot)
+    leg = public_leg(robots, name)
     pose = standing_pose(leg)
     *_, hip, _, foot = leg.joint_positions(pose[None])[0]
     assert np.linalg.norm((foot - hip)[:2]) < 0.02 * leg.chain.size

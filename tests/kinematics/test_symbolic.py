@@ -69,13 +69,3 @@ def test_any_leg_agrees_with_pinocchio_in_numbers_and_in_symbols(
             np.testing.assert_allclose(found, jacobian, atol=ROUNDING)
         np.testing.assert_allclose(points[:-1], origins, atol=ROUNDING)
         np.testing.assert_array_equal(points[-1], foot)
-
-
-def test_the_pose_of_the_rest_of_the_robot_makes_no_difference(tmp_path):
-    # The base is a frame on the leg itself: what is above it does not count.
-    chain = [Joint((0.1, 0.2, 0.3), (0, 0, 1)), Joint((0.3, 0, 0), (0, 1, 0))]
-    path = tmp_path / "robot.urdf"
-    path.write_text(urdf_text(chain, (0.2, 0.0, 0.0)), encoding="utf-8")
-    leg = Leg.from_urdf(path, base="link_1", foot="tip")
-    assert leg.joint_names == ("joint_2",)
-    np.testing.assert_allclose(leg.foot_positions([[0.0]]), [[0.5, 0.0, 0.0]], atol=ROUNDING)

@@ -68,25 +68,18 @@ def made_up(*logs, **changes):
             for name, by in half.items()
         },
         "gain_interval": Interval(43.1, 46.2),
-        "alternatives": (
-            Alternative(
-                name="raw",
-                rms=float(np.sqrt(np.mean(raw**2))),
-                held_out_rms=1.02 * float(np.sqrt(np.mean(raw**2))),
-                parameters={},
-            ),
-            Alternative(
-                name="delay",
-                rms=0.06,
-                held_out_rms=0.063,
-                parameters={"delay": 0.11, "offset": 0.001},
-            ),
-            Alternative(
-                name="first_order",
-                rms=0.04,
-                held_out_rms=0.041,
-                parameters={"delay": 0.05, "time_constant": 0.06, "offset": 0.001},
-            ),
+        "alternatives": tuple(
+            Alternative(name=name, rms=error, held_out_rms=share * error, parameters=found)
+            for name, error, share, found in (
+                ("raw", float(np.sqrt(np.mean(raw**2))), 1.02, {}),
+                ("delay", 0.06, 1.05, {"delay": 0.11, "offset": 0.001}),
+                (
+                    "first_order",
+                    0.04,
+                    1.025,
+                    {"delay": 0.05, "time_constant": 0.06, "offset": 0.001},
+                ),
+            )
         ),
         "findings": (),
     }

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics import Leg, urdf_path
 from planner import Log, plan, replay, simulate
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import JointModels
@@ -18,6 +17,7 @@ from planner.robot.calibration import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
 from tests.instances import SERVO
+from tests.kinematics.made_up_robots import ers210a_leg
 from tests.report.made_up import made_up, made_up_log
 
 ORIGINS = [("recording", "walks_2.csv"), ("<model>", "arm.toml")]
@@ -58,10 +58,6 @@ def logs(*names, size=0.5):
     return [Log(times=times, requests=requests, angles=angles, joint=name) for name in names]
 
 
-def front_left_leg():
-    return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
-
-
 def plan_by_tested_models():
     """A plan for a leg's joints whose models were tested, the last two of them in slow motions."""
     phase = 2.0 * np.pi * np.arange(16) / 16
@@ -75,12 +71,12 @@ def plan_by_tested_models():
         replace(SERVO, v_max=v_max).with_evidence(each)
         for v_max, each in zip((4.0, 3.0, 4.0), seen, strict=True)
     ]
-    names = front_left_leg().joint_names
+    names = ers210a_leg("front_left").joint_names
     return plan(models, desired, names=names, limits=(-1.0, 1.25))
 
 
 def robot():
-    legs = {"front-left": front_left_leg()}
+    legs = {"front-left": ers210a_leg("front_left")}
     missed = ["the foot is 2 cm off"]
     answer = PlanAnswer(plan=plan_by_tested_models(), method="optimal", legs=legs, missed=missed)
     page = plan_page(answer, title="walk", notes=["Mind the step."])
@@ -88,7 +84,7 @@ def robot():
 
 
 def replayed_arm():
-    leg = front_left_leg()
+    leg = ers210a_leg("front_left")
     hip, knee, jaw = leg.joint_names
     tested = replace(SERVO, v_offset=0.25).with_evidence(
         Evidence(error=0.01, speed=1.0, intervals={"v_max": (3.0, math.inf)})
