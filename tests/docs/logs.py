@@ -7,6 +7,7 @@ import numpy as np
 
 from planner import JointModel, simulate, step_test
 from planner.files.exports import Layout, lerobot_dataset
+from planner.files.table import write_table
 
 JOINT = JointModel(v_max=3.0, theta_0=0.08, lag=0.02, acceleration_time=0.03)
 """The joint behind every log [rad, or shares of a range]."""
@@ -37,9 +38,7 @@ def _write_csvs(folder):
         "demo": {"t_s": time, **demo},
         "servo": {"time_s": time, "goal": ticks[0], "position": ticks[1]},
     }.items():
-        table, header = np.column_stack(list(columns.values())), ",".join(columns)
-        form = {"delimiter": ",", "fmt": "%.9g", "header": header, "comments": ""}
-        np.savetxt(folder / f"{name}.csv", table, **form)
+        write_table(folder / f"{name}.csv", [*columns], np.column_stack(list(columns.values())))
     JOINT.to_toml(folder / "arm.toml")
 
 

@@ -242,8 +242,7 @@ def test_the_next_requests_keep_the_limits_and_the_largest_step_of_the_plan() ->
 
 
 def test_joints_of_a_plan_learn_each_by_themselves_and_keep_their_names() -> None:
-    phase = 2.0 * np.pi * np.arange(88) / 88
-    desired = np.column_stack([0.3 * np.sin(phase), 0.2 * np.cos(phase)])
+    desired = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE)])
     plan = planner.plan(ERS210A, desired, names=["hip", "knee"], limits=(-0.6, 0.6))
     true = replace(ERS210A, theta_0=1.2 * ERS210A.theta_0)
     angles = np.column_stack([planner.simulate(true, column) for column in plan.requests.T])
@@ -379,9 +378,8 @@ def test_measured_angles_before_their_requests_are_refused_as_exchanged():
 )
 def test_what_the_last_change_did_not_do_is_expected_of_the_next_too(missed, noise, share):
     """In shares of the change of the angles by the model, without what noise explains of it."""
-    phase = 2.0 * np.pi * np.arange(88) / 88
-    plan = planner.plan(ERS210A, 0.3 * np.sin(phase)[:, np.newaxis])
-    requests = [plan.requests, plan.requests + 0.02 * np.sin(3.0 * phase)[:, np.newaxis]]
+    plan = planner.plan(ERS210A, 0.3 * np.sin(PHASE)[:, np.newaxis])
+    requests = [plan.requests, plan.requests + 0.02 * np.sin(3.0 * PHASE)[:, np.newaxis]]
     first, second = (plan.task.response(each) for each in requests)
     third = second - missed * (second - first)
     trials = [
