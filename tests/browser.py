@@ -113,7 +113,6 @@ class Browser:
         return told["result"].get("value")
 
     def wait_for(self, expression):
-        """Wait until an expression is true."""
         self._until(lambda: self.ask(expression))
 
     def point(self, kind, x, y, **more):
@@ -131,7 +130,6 @@ class Browser:
         return base64.b64decode(told["data"])
 
     def close(self):
-        """End the browser."""
         self._session = None
         self.call("Browser.close")
         self._process.wait(PATIENCE)

@@ -149,7 +149,3 @@ def test_a_constant_takes_every_requirement(cyclic):
     assert (fit.segments, fit.max_error) == (4, 0.0)
     assert 7.5 in fit.knots
     check(fit, 1.0)
-    fewest = fit_pwl(
-        np.full(30, 0.1), v_max=1.0, tick=1.0, cyclic=cyclic, max_error=0.1, segments=4
-    )
-    assert fewest.segments == 1

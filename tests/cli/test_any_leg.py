@@ -59,7 +59,6 @@ def test_speeds_come_from_the_urdf(run, robot, foot):
 
 
 def walk():
-    """A small walk of a leg."""
     size = ("--samples", 24, "--half-stroke", 0.01, "--height", 0.005)
     return "gait", "--leg", "front-left", *size
 

@@ -38,7 +38,6 @@ method = "optimal"
 
 @pytest.fixture
 def space(tmp_path):
-    """The points of a sweep file."""
 
     def space(text):
         (tmp_path / "sweep.toml").write_text(text)

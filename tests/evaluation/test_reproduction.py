@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.arrays import size
+from planner.arrays import Distance, size
 from planner.evaluation import reproduction as paper
 from planner.evaluation.reproduction import best_lead, measure_step_response
 from planner.model.joint import JointModel
@@ -92,3 +92,8 @@ def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
     assert best_lead(unshifted, _distance) == best
     least = _distance(np.roll(unshifted, -best, axis=0)).rms
     assert least == pytest.approx(distances[best].rms, abs=1e-10)
+
+
+def test_known_distances():
+    assert size(np.array([3.0, -4.0])) == Distance(np.sqrt(12.5), 4.0)
+    assert size(np.array([3.0, -4.0]), 2.0) == Distance(np.sqrt(50.0), 8.0)

@@ -63,7 +63,6 @@ def ers210a_leg(name: str) -> Leg:
 
 
 def reference_leg() -> Leg:
-    """The leg of the reference walk."""
     return Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
 
 

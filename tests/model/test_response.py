@@ -123,7 +123,6 @@ def test_an_integral_follows_lines_without_friction(name):
 
 
 def servo(name, model=LOADED):
-    """The joint with an integral."""
     return replace(model, **{name: RATES[name]})
 
 

@@ -18,12 +18,10 @@ from planner.parallel import carry_out, executor_of
 
 
 def square(number):
-    """A result."""
     return str(number**2).encode()
 
 
 def refuse_three(number):
-    """No result for one task."""
     if number == 3:
         raise InvalidInput("episode: got nothing, expected samples")
     if number == 4:
@@ -50,7 +48,6 @@ def threads(name):
 
 
 def tasks(count=8):
-    """Some tasks."""
     return [Task(f"task {number}", number) for number in range(count)]
 
 
@@ -69,7 +66,6 @@ class InThisProcess(Executor):
 
 @contextmanager
 def in_this_process(*_):
-    """An executor whose worker is this process."""
     yield InThisProcess()
 
 

@@ -112,7 +112,6 @@ def unknowns_of(point):
 
 
 def split(unknowns, point):
-    """Requests and states."""
     requests, states = np.split(unknowns, [point.requests.size])
     return requests.reshape(point.requests.shape), states.reshape(point.states.shape)
 

@@ -16,7 +16,7 @@ from planner import (
     reference_walk,
     simulate,
 )
-from planner.arrays import rms
+from planner.arrays import rms, steps
 from planner.model.evidence import ENCODER_STEP
 from planner.planning.closed_form import nearest_within_speeds, within_attainable_range
 from planner.planning.line_inverse import RULES
@@ -86,7 +86,8 @@ def test_no_closed_form_within_the_limits_does_better(seed, cyclic, limited):
         else random_model(rng, whole=seed % 2 == 0, hold=1 + (seed == 1), offset=seed > 3)
     )
     desired = (saturating if seed % 3 else attainable)(rng, model, samples=60)
-    limits = _barely_around(desired - model.offset) if limited else None
+    requests = desired - model.offset
+    limits = (requests.min() - 1e-3, requests.max() + 1e-3) if limited else None
     plan = invert_optimal(model, desired, cyclic=cyclic, limits=limits, smoothness=0.0)
     # Each rule with six lines at one seed and with a number of its own choice at the next.
     closed_forms_do_no_better(plan, segments=(6, None) if seed % 2 else (None, 6))
@@ -137,11 +138,6 @@ def test_shift_mirror_rotation_and_an_offset_of_the_joint_change_nothing_else(se
     assert invert_optimal(sagging, desired, cyclic=cyclic).rms == same
 
 
-def _barely_around(requests):
-    """Limits that leave the desired angles a thousandth of a radian of room."""
-    return float(np.min(requests)) - 1e-3, float(np.max(requests)) + 1e-3
-
-
 @CYCLIC
 @pytest.mark.parametrize("loaded", [True, False])
 def test_the_ideal_is_the_nearest_trajectory_within_the_speeds_of_either_direction(loaded, cyclic):
@@ -179,11 +175,6 @@ def test_from_rest_a_joint_is_within_reach_of_its_top_speed_from_the_second_requ
     np.testing.assert_allclose(np.diff(angles)[-3:], top)
 
 
-def steps(requests, *, cyclic):
-    """Sizes of the changes from one request to the next [rad]."""
-    return np.abs(np.diff(requests, axis=0, append=requests[:1] if cyclic else requests[-1:]))
-
-
 def random_instance(seed):
     """A joint and a path with all that a plan may have, by seed: options of invert_optimal."""
     rng = np.random.default_rng([31, seed])
@@ -214,7 +205,7 @@ def test_steps_and_requests_are_within_their_limits_whatever_else_is_asked_for(s
     models = [model, replace(model, lag=model.lag + 0.01)] if kind == "several" else model
     made = invert_optimal(models, desired, **options)
     task, limit = made.plan.task, options["max_step"]
-    assert np.max(steps(made.requests, cyclic=made.cyclic)) <= limit * (1.0 + EXACT)
+    assert np.max(np.abs(steps(made.requests, cyclic=made.cyclic))) <= limit * (1.0 + EXACT)
     assert made.largest_step <= limit * (1.0 + EXACT)
     if task.limits[0] is not None:
         assert task.limits[0][0] <= np.min(made.requests)
@@ -241,7 +232,7 @@ def test_the_foot_keeps_one_limit_or_one_for_each_joint(cyclic):
     walk = reference_walk()
     limits = np.radians([4.0, 5.0, 6.0])
     made = invert_foot(ERS210A, walk.leg, walk.desired_foot, cyclic=cyclic, max_step=limits)
-    assert np.all(steps(made.requests, cyclic=cyclic) <= limits * (1.0 + EXACT))
+    assert np.all(np.abs(steps(made.requests, cyclic=cyclic)) <= limits * (1.0 + EXACT))
     if cyclic:
         free = invert_foot(ERS210A, walk.leg, walk.desired_foot)
         assert made.rms <= 1.02 * free.rms

@@ -48,7 +48,6 @@ def limited(plan, joint, limits):
 
 @pytest.fixture(scope="module")
 def page(outcome):
-    """The whole page, drawn."""
     return page_of(outcome)
 
 

@@ -12,7 +12,6 @@ ROWS = [[f"joint number {j}", *(f"{j}.{k} deg" for k in range(12))] for j in ran
 
 
 def drawn(table):
-    """The table on a page."""
     return environment().from_string("{{ table }}").render(table=table)
 
 

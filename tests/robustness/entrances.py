@@ -49,13 +49,11 @@ def leg() -> Leg:
 
 @cache
 def poses() -> Any:
-    """A path of its joints."""
     return np.radians([10.0, 20.0, 40.0]) + 0.1 * np.outer(ANGLES, [1.0, 0.5, 2.0])
 
 
 @cache
 def curve() -> planner.PiecewiseLinear:
-    """A cycle of three lines."""
     return planner.PiecewiseLinear(**CURVE)
 
 
@@ -86,7 +84,6 @@ def _step(**given: Any) -> Any:
 
 @cache
 def closed_form() -> planner.Inversion:
-    """A plan for the path."""
     return planner.invert_closed_form(MODEL, ANGLES, segments=3, rule="exact")
 
 
@@ -126,7 +123,6 @@ OWN: Mapping[str, Callable[..., Any]] = {
 
 
 def function(name: str) -> Callable[..., Any]:
-    """What is called by this name."""
     package = kinematics if name.partition(".")[0] in kinematics.__all__ else planner
     return OWN[name] if name in OWN else attrgetter(name)(package)
 

@@ -27,8 +27,8 @@ def _unfolding(folder):
     features = {key: {"shape": [30]} for key in ("action", "observation.state")}
     info = {"codebase_version": "v2.1", "features": features}
     (folder / "meta" / "info.json").write_text(json.dumps(info))
-    row = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(30 * 10**6)), 30)
-    times = pa.array(np.zeros(10**6))
+    row = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(30 * 600_000)), 30)
+    times = pa.array(np.zeros(600_000))
     columns = dict.fromkeys(features, row) | {"timestamp": times, "episode_index": times}
     parquet.write_table(pa.table(columns), folder / "x.parquet", compression="zstd")
 
