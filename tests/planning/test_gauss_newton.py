@@ -303,10 +303,11 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
 
 
 def test_what_cycles_have_added_is_taken_off_the_desired_angles_within_the_limits():
-    desired = np.array([[0.3], [0.2], [0.1]])
+    desired = np.array([[0.3], [0.25], [0.1]])
     added = np.array([[0.05], [-0.1], [0.2]])
-    task = replace(Task.of([ERS210A], desired, limits=(-0.05, 0.3)), disturbance=added)
-    np.testing.assert_allclose(problem_of(task).desired, [[0.25], [0.3], [-0.05]])
+    task = Task.of([replace(ERS210A, offset=0.02)], desired, limits=(-0.05, 0.3))
+    found = problem_of(replace(task, disturbance=added)).desired
+    np.testing.assert_allclose(found, [[0.25], [0.32], [-0.03]])
 
 
 @CYCLIC
