@@ -189,8 +189,8 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
             starts += further
         # Where a path needs far more acceleration than a joint has, plans had up to three times the
         # error of the best shift without it; of 785 others three were 10 to 20 % worse.
-        delay = (model.switching_time + model.settling_time) / model.period
-        if problem.exact_error(early(problem, delay)[:, np.newaxis]) < 1.5 * best[1]:
+        delay = model.switching_time / model.period + problem.settling
+        if limited or problem.exact_error(early(problem, delay)[:, np.newaxis]) < 1.5 * best[1]:
             shift = problem.admissible(early(problem, best_lead(problem))[:, np.newaxis])
             best = min(best, from_start(shift), key=error)
         other = min(map(partial(from_start, stages=WIDE), starts), key=error)
