@@ -224,8 +224,8 @@ def check_feasible(problem: Problem, question: Question, tick: float) -> None:
         k = int(np.argmin(apart))
         if apart[k] < SHORTEST:
             raise Infeasible(
-                f"{name} at sample {places[k]:g} and sample {places[k + 1] % n:g}: they are closer "
-                "together than two samples; leave one out"
+                f"{name} at sample {places[k]:g} and sample {places[k + 1] % n:g}: they are less "
+                "than one sample apart; leave one out"
             )
     pinned = np.isfinite(problem.pins)
     places, angles = problem.required[pinned], problem.pins[pinned]

@@ -196,8 +196,7 @@ def _check(problem: Problem, question: Question, tick: float) -> None:
             raise InvalidInput(f"{first}, {both[0]}: got both, expected one; leave one out")
     if exact:
         if segments is None and max_rms is None:
-            words = "got the first alone, expected one of the others too; add one"
-            raise InvalidInput(f"exact, segments, max_rms: {words}")
+            raise InvalidInput("exact: got neither segments nor max_rms, expected one; add it")
         between = problem.required[problem.required != np.floor(problem.required)]
         if between.size:
             raise InvalidInput(

@@ -196,7 +196,8 @@ def load_joints(run: settings.Run) -> Desired:
     """Read a joint path whose rate is that of the models."""
     path = paths.read_joint_path(str(run.path.file), joints=run.path.joints)
     models = models_of(run, path.names, units=path.units)
-    path.check_period(models[0].period)
+    rate = f"name the rate of its rows with --rate-hz {1.0 / path.step:.6g}"
+    path.check_period(models[0].period, f"{rate}, or set tick and hold in the model")
     cyclic, closing = repeats(path.values, run.plan.cyclic)
     remarks = closing, refused_models(path.names, models)
     return Desired(

@@ -191,7 +191,9 @@ def fit(
     required_s: Annotated[tuple[tuple[float, float | None], ...], KNOT] = option(
         "Time at which there must be a knot, and perhaps its angle. Repeat it for more."
     ),
-    exact: bool = option("Prove that no other knots on samples are better."),
+    exact: bool = option(
+        "With --segments or --max-rms: prove that no other knots on samples are better."
+    ),
     knots: options.Output | None = option(
         "Also write the knots of a single joint: knot_s and value_deg or value_percent."
     ),
@@ -321,13 +323,11 @@ def simulate(
     inputs = of.load_joints(run)
     path = None if desired is None else read_joint_path(desired, joints=inputs.names)
     if path is not None:
-        path.check_period(inputs.period)
-    if path is not None and len(path.values) != len(inputs.angles):
-        raise InvalidFile(
-            path.path,
-            f"got {len(path.values)} samples, expected {len(inputs.angles)}, one per request; "
-            "compare with the path that the requests were planned for",
-        )
+        advice, expected = "give the path that the requests were planned for", len(inputs.angles)
+        path.check_period(inputs.period, advice)
+        if (count := len(path.values)) != expected:
+            words = f"got {count} samples, expected {expected}, one per request; {advice}"
+            raise InvalidFile(path.path, words)
     cyclic, remarks = inputs.cyclic, inputs.remarks
     if path is not None:  # its ends are better evidence than the ends of its requests
         cyclic, closing = of.repeats(path.values, run.plan.cyclic)

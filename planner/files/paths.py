@@ -67,15 +67,13 @@ class SampledPath:
             return math.nan
         return float(self.times[-1] - self.times[0]) / (len(self.times) - 1)
 
-    def check_period(self, period: float) -> None:
+    def check_period(self, period: float, advice: str = "") -> None:
         """Raise InvalidFile if the samples are not ``period`` [s] apart, as requests are."""
-        check_step(
-            self.path,
-            self.step,
-            period,
+        advice = advice or (
             f"plan with --rate-hz {1.0 / period:.6g} to resample the path, or with --rate-hz "
-            f"{1.0 / self.step:.6g} to send as many requests, or set tick and hold in the model",
+            f"{1.0 / self.step:.6g} to send as many requests, or set tick and hold in the model"
         )
+        check_step(self.path, self.step, period, advice)
 
     def in_step(
         self, period: float, *, resample: bool, cyclic: bool, speed: float | None = None

@@ -71,7 +71,10 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
         # of less than 10 rows a second do not show what more would. 20.06 and 20.55 ms are 4 ticks.
         if tick is None and period > 1.05 * 0.008:
             whole = min(math.ceil(period / (1.05 * 0.005)), 20)
-        hold = count = min(max(whole, 1), MOST_HOLD)
+        hold = count = max(whole, 1)
+        if count > MOST_HOLD:
+            least = f"{1e3 * period / MOST_HOLD:.3g} ms, the log's period over {MOST_HOLD}"
+            raise InvalidInput(f"tick: got {1e3 * step:g} ms, expected at least {least}")
     if not 1 <= count <= MOST_HOLD:
         raise InvalidInput(
             f"hold: got {shown(hold)}, expected a whole number of ticks, 1 or more, to {MOST_HOLD}"
@@ -79,7 +82,7 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
     made = period / count if tick is None else step
     if abs(made * count - period) > 1e-3 * period + unsure:
         raise InvalidInput(
-            f"tick, hold: got {count} times {1e3 * made:g} ms, expected the log's period of "
+            f"tick, hold: got {count} of {1e3 * made:g} ms, expected the log's period of "
             f"{1e3 * period:g} ms; give a tick that divides it, or neither of the two"
         )
     return Timing(made * count, made, count, reach)

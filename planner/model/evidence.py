@@ -160,7 +160,8 @@ class Evidence(NamedTuple):
         That is rms [rad], and of the whole motion where none is inside. The last is the error that
         19 of 20 such motions stay below, or :data:`SMALL`.
         """
-        length, within = min(round(WINDOW / period), len(angles)), np.zeros(len(angles), dtype=bool)
+        length = max(min(round(WINDOW / period), len(angles)), 1)
+        within = np.zeros(len(angles), dtype=bool)
         begins = {*range(0, len(angles) - length, max(length // 2, 1)), len(angles) - length}
         parts, tested = [slice(k, k + length) for k in begins], list[slice]()
         for part in parts:

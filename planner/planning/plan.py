@@ -318,7 +318,7 @@ class Plan(ReadOnly, Summarised):
 
     @property
     def gaps(self) -> Array:
-        """Relative distances of the errors from the bounds; inf where they are over 100 times."""
+        """Relative distances of the errors from the bounds; inf where they are over ten times."""
         pairs = zip(self.error.tolist(), self.lower_bounds.tolist(), strict=True)
         return np.array([relative_gap(error, bound) for error, bound in pairs])
 
@@ -523,7 +523,7 @@ class _View(ReadOnly, Summarised):
 
     @property
     def gap(self) -> float:
-        """Relative distance from the lower bound; inf where the error is over 100 times it."""
+        """Relative distance from the lower bound; inf where the error is over ten times it."""
         return float(self.plan.gaps[self.column])
 
     @property

@@ -151,7 +151,8 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
     next to no error need be left, the plan for the root mean square leaves the smaller largest
     error, in one of 40 random paths 1/18 of it. If the plan stays far from the ideal, a search with
     wide corners follows; for short cycles and joints that overshoot also from the desired angles,
-    as they are and as early as the joint is late. Then no plan is worse than the best time shift.
+    as they are and as early as the joint is late, and from the best time shift, where it may be as
+    good.
     """
     requests, ideal = initial_guess(problem)
     if solver == "ipopt":

@@ -198,8 +198,8 @@ class PlanAnswer:
     def shift_steps(self) -> str:
         """A remark where the best time shift takes larger steps than are allowed; else empty."""
         larger = np.any(self.shift.largest_steps > self.plan.task.max_step + 1e-9)
-        words = "takes larger steps than --max-step-deg or --max-request-speed-deg-s allows"
-        return f"the best time shift {words}" if larger else ""
+        words = "the best time shift takes larger steps than the limit on steps allows"
+        return words if larger else ""
 
     @property
     def advice(self) -> list[str]:
