@@ -196,7 +196,9 @@ def _check(problem: Problem, question: Question, tick: float) -> None:
             raise InvalidInput(f"{first}, {both[0]}: got both, expected one; leave one out")
     if exact:
         if segments is None and max_rms is None:
-            raise InvalidInput("exact: got neither segments nor max_rms, expected one; add it")
+            raise InvalidInput(
+                "exact, segments, max_rms: got neither of the last two, expected one; add it"
+            )
         between = problem.required[problem.required != np.floor(problem.required)]
         if between.size:
             raise InvalidInput(

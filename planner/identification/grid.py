@@ -82,7 +82,7 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
     made = period / count if tick is None else step
     if abs(made * count - period) > 1e-3 * period + unsure:
         raise InvalidInput(
-            f"tick, hold: got {count} of {1e3 * made:g} ms, expected the log's period of "
+            f"tick, hold: got {count} x {1e3 * made:g} ms, expected the log's period of "
             f"{1e3 * period:g} ms; give a tick that divides it, or neither of the two"
         )
     return Timing(made * count, made, count, reach)
