@@ -51,6 +51,10 @@ ONE_LOG = (
 )
 
 
+class Doubt(str):
+    """A note that asks whether the unit of a log's angles is right."""
+
+
 class Written(NamedTuple):
     """How a file writes the angles of a log: angle = factor * number + shift."""
 

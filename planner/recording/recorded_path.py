@@ -17,7 +17,7 @@ import numpy as np
 from planner.arrays import MOST_SAMPLES, Array, as_number, as_positive, check_choice, freeze, shown
 from planner.exceptions import InvalidInput, InvalidModel, PlannerError, nearest
 from planner.identification.grid import sound_rows, timing_of
-from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
+from planner.identification.log import Doubt, Log, as_logs, check_periods, pieces_of, unwrapped
 from planner.model.evidence import check_unit, with_reasons
 from planner.model.joint import JointModel
 from planner.planning.task import JointLimits, LoadOfPose, limits_in_shares, limits_of_each
@@ -280,8 +280,10 @@ def _requested_every(model: JointModel, period: float, joint: str) -> JointModel
 def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> list[str]:
     """Doubts about the unit, gaps in the part that is replayed, and rows without torque."""
     notes = [(log.joint or "joint", log.notes) for log in logs if log.unit == "rad"]
-    doubts = [[f"{name}: {each}" for each in every if each.endswith("?")] for name, every in notes]
-    remarks = doubts[0] if doubts and all(doubts) else []  # one that moves far has the right unit
+    doubts = [[f"{of}: {each}" for each in said if isinstance(each, Doubt)] for of, said in notes]
+    whose = "all joints, such as " * (len(doubts) > 1)
+    # one that moves far has the right unit
+    remarks = [whose + each for each in doubts[0]] if doubts and all(doubts) else []
     for log in logs:
         for before, after in pairwise(pieces_of(log)):
             start, stop = log.times[before.stop - 1] - origin, log.times[after.start] - origin

@@ -24,7 +24,7 @@ from planner.files.columns import (
     check_increasing,
 )
 from planner.files.table import Source
-from planner.identification.log import FASTEST, FEWEST_ROWS, Log, Written
+from planner.identification.log import FASTEST, FEWEST_ROWS, Doubt, Log, Written
 
 ALL_JOINTS = "all"  # the key of all joints of a log
 ROLES = ("requested", "actual")  # columns of a joint that may have units of their own
@@ -377,7 +377,7 @@ def _check_one_unit(rows: Rows, requests: Array, angles: Array) -> None:
 
 def _doubts(rows: Rows) -> tuple[str, ...]:
     """Signs of a wrong unit, in words."""
-    doubts = []
+    doubts, sizes = list[str](), dict[str, dict[str, str]]()
     step = float(np.median(np.diff(rows.times)))
     if not FASTEST <= step < SPARSE:
         doubt = "is the unit of time right" if step < FASTEST else "are the times in seconds"
@@ -386,7 +386,10 @@ def _doubts(rows: Rows) -> tuple[str, ...]:
     for what, numbers, (unit, *_) in zip(ROLES, both, rows.scales, strict=True):
         span, largest = float(np.ptp(numbers)), float(np.abs(numbers).max())
         if unit == "rad" and not_radians(numbers):
-            doubts.append(f"{what} angles reach {largest:.3g} rad: are they degrees?")
+            sizes.setdefault("reach {} rad: are they degrees?", {})[what] = f"{largest:.3g}"
         elif unit == "deg" and 0.0 < span < LEAST_DEG:
-            doubts.append(f"{what} angles span only {span:.2g} degrees: are they radians?")
+            sizes.setdefault("span only {} degrees: are they radians?", {})[what] = f"{span:.2g}"
+    for words, of in sizes.items():
+        size = " and ".join(dict.fromkeys(of.values()))
+        doubts.append(Doubt(f"{' and '.join(of)} angles {words.format(size)}"))
     return tuple(doubts)
