@@ -36,7 +36,7 @@ from planner.recording.recorded_path import JointModels, RecordedPath
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Search
 from planner.report.plan_results import off_by
-from planner.report.replay_page import episode_results, findings_of_many
+from planner.report.replay_page import episode_results, findings_of_many, told
 from planner.report.wording import UNITS
 
 if TYPE_CHECKING:
@@ -103,8 +103,12 @@ class ReplayTask:
         """Refuse a leg with joints that the logs have no angles of, and names of other joints."""
         renamed, known = self.settings.replay.urdf_joints, self.arm.joint_names if self.arm else ()
         if unknown := [of_leg for name, of_leg in renamed.items() if name not in known]:
-            joints = f"; joints: {', '.join(known)}" if known else ": name it with ‹leg.name›"
-            raise BadSetting(f"‹replay.urdf_joints›: no leg with a joint '{unknown[0]}'{joints}")
+            expected = (
+                f"expected one of {', '.join(known)}"
+                if known
+                else "but no leg; give the leg with ‹leg.name›"
+            )
+            raise BadSetting(f"‹replay.urdf_joints›: got joint '{unknown[0]}', {expected}")
         angles = [log.joint or "joint" for log in logs if log.unit == "rad"]
         if missing := [name for name in known if name not in angles]:
             words = f"the recording has no angles of '{missing[0]}', which the leg has"
@@ -288,7 +292,7 @@ def replay_many(
         results.remove()
         reason = next(iter(failed.values()))
         raise PlannerError(f"none of {len(recordings)} recordings can be replayed: {reason}")
-    figures = []
+    figures, findings = [], dict[str, Mapping[str, str]]()
     about: dict[str, str] = {}
     with ExitStack() as outputs:
         layout, add = None, None
@@ -308,6 +312,7 @@ def replay_many(
                 continue
             add(rows, head["task"])
             figures.append(head["figures"])
+            findings[task.name] = head["figures"].pop("findings")
         document: dict[str, Any] = {
             "track": run.replay.track,
             "why": recorded_path.WHY[run.replay.track],
@@ -315,7 +320,7 @@ def replay_many(
             "speed": None if run.replay.fastest else run.path.speed or 1.0,
             "recordings": figures,
             "left_out": failed,
-            "remarks": [*first.models.remarks, *findings_of_many(figures)],
+            **told(findings_of_many(findings), *first.models.remarks),
         }
         if not failed:
             document |= made_from(origin_of(run, [each.recording for each in recordings]), document)

@@ -81,8 +81,8 @@ def replay(
     recordings = recordings_in(logs, log)
     check_writing(run.replay.write_as, recordings, output)
     if len(recordings) == 1:
-        for name in filter(work.get, work):
-            warn(f"--{name} has no effect on one recording, which is planned here and anew")
+        if unused := ", ".join(f"--{name}" for name in filter(work.get, work)):
+            warn(f"{unused}: no effect on a single recording")
     elif work["resume"] and (before := finished(output, ABOUT, origin_of(run, recordings))):
         count = len(before["recordings"])
         remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
@@ -102,7 +102,7 @@ def replay(
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)
-    return _answer(run, document, logs, kept)
+    return _answer(run, document, logs, kept, tasks[0].models.remarks)
 
 
 def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
@@ -130,7 +130,7 @@ def _replay_one(run: ReplayRun, task: ReplayTask, output: str) -> Answer:
         [("recording", task.recording.name), *_chosen(run, result.path.track)],
         [("recording", task.recording.path), ("requests", output)],
         failure=f"{'; '.join(misses)}; the requests are written all the same" if misses else "",
-        warnings=[*filter(None, [report.findings(result, task.models)["misfit"]])],
+        warnings=content["warnings"],
     )
 
 
@@ -143,23 +143,28 @@ def _chosen(run: ReplayRun, track: str) -> list[tuple[str, str]]:
 
 
 def _answer(
-    run: ReplayRun, document: Mapping[str, Any], logs: Sequence[str], kept: Path | None = None
+    run: ReplayRun,
+    document: Mapping[str, Any],
+    logs: Sequence[str],
+    kept: Path | None = None,
+    said: Sequence[str] = (),
 ) -> Answer:
-    """The errors of the plans of many recordings, and a warning for each that failed."""
+    """The errors of the plans of many recordings, warnings, and remarks that are not said yet."""
     from planner.report.replay_page import episodes_page, episodes_text
 
     failure, title = "", ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
-    if failed := document["left_out"]:
-        count = len(document["recordings"]) + len(failed)
+    left_out = [f"{name} is left out: {reason}" for name, reason in document["left_out"].items()]
+    if left_out:
+        count = len(document["recordings"]) + len(left_out)
         failure = (
-            f"{len(failed)} of {count} recordings left out; the others are written, and kept in "
+            f"{len(left_out)} of {count} recordings left out; the others are written, and kept in "
             f"{kept} for --resume"
         )
     return Answer(
         document,
-        episodes_text(document),
+        episodes_text(document, said),
         page=lambda: episodes_page(document, title=title),
         origins=[*(("recordings", name) for name in logs), *_chosen(run, document["track"])],
         failure=failure,
-        warnings=[f"{name} is left out: {reason}" for name, reason in failed.items()],
+        warnings=document["warnings"] + left_out,
     )

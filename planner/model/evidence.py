@@ -32,7 +32,8 @@ OPEN_TOP_SPEED = "the logs do not determine the top speed; v_max is a lower boun
 
 WORSE = 2.0
 """Factor over the expected error up to which a model holds whose test says nothing about the range
-of its errors, and over the error of another model, or of requests, up to which it is no worse."""
+of its errors, over the largest expected one of a recording up to which a model fits it, and over
+the error of another model up to which it is no worse."""
 
 SMALL = math.radians(0.3)
 """Error that is never worth a new model [rad]: three counts of a sensor of 12 bits."""

@@ -24,6 +24,7 @@ from planner.arrays import (
     rms,
     stretches,
 )
+from planner.exceptions import InvalidModel
 from planner.identification.grid import measured_speed
 from planner.model.evidence import SMALL, WORSE
 from planner.model.response import simulate
@@ -277,27 +278,37 @@ class JointReplay:
         return driven and self.plan.expected[0].error > 0.5 * rms(self.error_of("resent"))
 
     @cached_property
-    def misfit(self) -> tuple[float, float] | None:
-        """The model's error under the recorded requests, if over twice the largest expected; both.
+    def fit(self) -> tuple[float, float] | None:
+        """The model's error under the recorded requests, and the largest to expect, both rms.
 
-        They are rms, at the recorded speed. Without a test as much is expected as the requests with
-        the best delay are off. None where something else, or the pose, loads the joint.
+        They are at the recorded speed and rate. Without a test as much is expected as the requests
+        with the best delay are off. None where it is not judged: where the torque was off, the load
+        is unknown, the rows are few, or the model cannot have their rate.
         """
-        model, path, period = self.plan.models[0], self.path, self.plan.period
-        at = np.arange(self.moments[0], self.moments[-1], period)
-        of_pose, driven = self.plan.task.load_of_pose and model.feels_load, path.log.torque_on
-        if not np.all(driven[self._rows]) or of_pose or len(at) < 8:
+        path, own, model = self.path, self.path.log.period, self.plan.models[0]
+        times, driven = path.times[self._rows], path.log.torque_on[self._rows]
+        if not driven.all() or (model.feels_load and path.load is None) or len(times) < 8:
             return None
+        try:
+            model = model.requested_every(own)
+        except InvalidModel:
+            return None
+        at = np.arange(times[0], times[-1], own)
         requests, angles = path.at(at, path.requests), path.at(at, path.angles)
         load = None if path.load is None else path.at(at, path.load)
         error = simulate(model, requests, cyclic=False, start=float(angles[0]), load=load) - angles
         if (evidence := model.evidence) is None or math.isnan(evidence.error):
-            delays = range(min(len(at) // 2, round(0.5 / period)) + 1)
+            delays = range(min(len(at) // 2, round(0.5 / own)) + 1)
             most = max(SMALL, min(rms(angles[k:] - requests[: len(at) - k]) for k in delays))
         else:
-            within, _, most = evidence.compared(error + angles, period=period)
+            within, _, most = evidence.compared(error + angles, period=own)
             error = error[within | ~within.any()]
-        return (rms(error), most) if rms(error) > WORSE * most else None
+        return rms(error), most
+
+    @property
+    def fits(self) -> bool | None:
+        """Whether that error is at most twice the largest to expect; None where not judged."""
+        return None if self.fit is None else self.fit[0] <= WORSE * self.fit[1]
 
     @property
     def rough(self) -> tuple[float, float] | None:

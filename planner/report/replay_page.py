@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 MOST_ROWS = 500
 """Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
 
+KINDS = ("misfit", "resent", "rough")  # findings on a replay, blocks of findings.txt
+
 AS_IT_IS = figure.DIRECT._replace(label="as it is")
 """The path itself as requests."""
 
@@ -81,8 +83,7 @@ def replay_page(
     units = {joint.name: UNITS[joint.path.unit] for joint in replay.planned}
     said = _spoken(replay, models, fastest)
     joints = {name: said["numbers"][name] for name in units}
-    expected = {name: each["expected_on_robot_rms"] for name, each in joints.items()}
-    known = {name: error for name, error in expected.items() if math.isfinite(error)}
+    known = [name for name in joints if math.isfinite(joints[name]["expected_on_robot_rms"])]
     fast = {each.name: sum(b - a for a, b in each.too_fast) for each in replay.planned}
     return Page(
         "replay",
@@ -99,7 +100,7 @@ def replay_page(
         missed=missed,
         fast={name: seconds for name, seconds in fast.items() if seconds},
         farthest=max(joints, key=lambda name: float(joints[name]["planned"]["rms"])),
-        expected=max(known, key=lambda name: known[name], default=None),
+        expected=max(known, key=lambda name: joints[name]["expected_on_robot_rms"], default=None),
         moving=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         speeds=[] if fastest is None else speeds_figures(fastest),
         open_speeds=sorted(replay.path.open_top_speeds),
@@ -132,16 +133,22 @@ def _spoken(replay: Replay, models: JointModels, fastest: Fastest | None) -> dic
         "allowed": _allowed(fastest) if fastest else (0.0, CARRIED["deg"]),
         "unknown": sorted(replay.path.open_top_speeds & fast),
         "open": OPEN_TOP_SPEED,
-        **findings(replay, models),
+        "findings": findings(replay, models),
     }
 
 
 def findings(replay: Replay, models: JointModels) -> dict[str, str]:
-    """Models that do not fit the recording, better requests and rough ones, a line each, or ""."""
+    """Models that do not fit the recording, better requests and rough ones: a line each, if any."""
     joints = [(each, UNITS[each.path.unit]) for each in replay.planned]
     said = {"joints": joints, "replay": replay, "models": models, "rms": rms}
-    kinds = ("misfit", "resent", "rough")
-    return {kind: phrase("findings.txt", kind, **said) for kind in kinds}
+    return {kind: words for kind in KINDS if (words := phrase("findings.txt", kind, **said))}
+
+
+def told(found: Mapping[str, str], *remarks: str) -> dict[str, list[str]]:
+    """Findings for machines after other remarks; models that do not fit are warnings."""
+    warned = [line for kind, line in found.items() if kind == "misfit"]
+    others = [line for line in found.values() if line not in warned]
+    return {"warnings": warned, "remarks": [*remarks, *others]}
 
 
 def _allowed(fastest: Fastest) -> tuple[float, Unit]:
@@ -259,7 +266,7 @@ def replay_results(replay: Replay, models: JointModels) -> dict[str, Any]:
         numbers = joint_numbers(joint)
         if joint.inversion is not None:
             numbers["recorded_requests_may_serve"] = joint in replay.resent_may_serve
-            numbers["model_fits_recording"] = joint.misfit is None
+            numbers["model_fits_recording"] = joint.fits
             numbers["top_speed_known"] = joint.name not in replay.path.open_top_speeds
         joints[joint.name] = in_unit(numbers, numbers["unit"])
     return {
@@ -272,8 +279,7 @@ def replay_results(replay: Replay, models: JointModels) -> dict[str, Any]:
         "requests": len(replay.moments),
         "recorded_s": replay.path.duration,
         "joints": joints,
-        "remarks": [*replay.path.remarks, *models.remarks],
-        **findings(replay, models),
+        **told(findings(replay, models), *replay.path.remarks, *models.remarks),
     }
 
 
@@ -331,6 +337,7 @@ def episodes_page(document: Mapping[str, Any], *, title: str) -> Page:
         good=not failures,
         worst={
             **worst,
+            "size": sizes[off[0]],
             "recording": _short(worst["recording"]),
             "sign": CARRIED[worst["unit"]].sign,
         },
@@ -376,14 +383,19 @@ def _short(recording: str) -> str:
     return PurePath(recording).name
 
 
-def episodes_text(document: Mapping[str, Any]) -> str:
-    """Many recordings for people: a line each, about the joint with the largest planned error."""
-    return rendered_text("episodes.txt", **document, shown=document["recordings"])
+def episodes_text(document: Mapping[str, Any], said: Sequence[str] = ()) -> str:
+    """Many recordings for people, a line each about the worst joint; remarks that are not said."""
+    return rendered_text("episodes.txt", **document, shown=document["recordings"], said=said)
 
 
-def findings_of_many(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Findings on some of many recordings, with their number and an example, a line each."""
-    return phrase("episodes.txt", "found", recordings=rows).splitlines()
+def findings_of_many(found: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """Findings by recording as one line of each kind, with their number and an example."""
+    lines = dict[str, str]()
+    for kind in KINDS:
+        if of := [(name, each[kind]) for name, each in found.items() if kind in each]:
+            example = f"{'for example ' * (len(of) > 1)}'{of[0][0]}': {of[0][1]}"
+            lines[kind] = f"{len(of)} of {len(found)} recordings, {example}"
+    return lines
 
 
 def episode_results(replay: Replay, models: JointModels) -> dict[str, Any]:
@@ -391,6 +403,7 @@ def episode_results(replay: Replay, models: JointModels) -> dict[str, Any]:
     every = [(joint_numbers(joint), joint) for joint in replay.planned]
     sizes = [np.fmax(each["expected_on_robot_rms"], each["planned"]["rms"]) for each, _ in every]
     numbers, worst = every[int(np.argmax(sizes))]
+    found, fits = findings(replay, models), {each.fits for each in replay.planned} - {None}
     return {
         "recording": replay.path.name,
         "requests": len(replay.moments),
@@ -401,7 +414,8 @@ def episode_results(replay: Replay, models: JointModels) -> dict[str, Any]:
         **{f"{kind}_rms": numbers[kind]["rms"] for kind in worst.errors},
         "expected_on_robot_rms": numbers["expected_on_robot_rms"],
         "lower_bound": numbers["lower_bound"],
-        "recorded_requests_may_serve": worst in replay.resent_may_serve,
-        **findings(replay, models),
-        "remarks": list(replay.path.remarks),
+        "recorded_requests_may_serve": bool(replay.resent_may_serve),  # of any joint
+        "model_fits_recording": all(fits) if fits else None,  # of all joints that are judged
+        "findings": found,
+        **told(found, *replay.path.remarks),
     }

@@ -1,6 +1,7 @@
 """``request-planner replay``: recordings in, recordings out."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -105,6 +106,23 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
     names = ("shoulder_pan", "elbow_flex", "gripper")
     expected = [[], [f"{name}: {bridged}" for name in names], []]
     assert [each["remarks"] for each in told] == expected
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_models_that_do_not_fit_are_warned_of_once_though_quiet(run, dataset, model):
+    model.write_text(re.sub("v_max = .*", "v_max = 0.5", model.read_text()))
+    words = ("replay", dataset, *UNITS, "--model", model, "--workers", 1, "--as", "lerobot", "-o")
+    for quiet in ((), ("-q",)):
+        result = run(*words, f"planned{len(quiet)}", *quiet)
+        document = json.loads(Path(f"planned{len(quiet)}/replay.json").read_text())
+        (warning,) = document["warnings"]
+        example = f"for example '{dataset}, episode 0': the simulated angles of"
+        assert warning.startswith(f"3 of 3 recordings, {example}")
+        assert result.stderr.count("simulated angles") == 1
+        assert f"warning: {warning}" in result.stderr
+        rows = document["recordings"]
+        assert {each["model_fits_recording"] for each in rows} == {False}
+        assert all("the simulated angles of" in each["warnings"][0] for each in rows)
 
 
 @pytest.fixture

@@ -9,10 +9,11 @@ import pytest
 from planner import Log, plan, replay, simulate
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import JointModels
+from planner.recording.replaying import JointReplay
 from planner.report.calibration_text import calibration_page, calibration_text
 from planner.report.plan_page import plan_page
 from planner.report.plan_results import PlanAnswer
-from planner.report.replay_page import replay_page
+from planner.report.replay_page import findings, replay_page
 from planner.robot.calibration import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
@@ -106,3 +107,13 @@ def test_a_page_says_and_draws_what_it_did(name, snapshot, tmp_path):
     page = PAGES[name]()
     check_needs_nothing_else(page, tmp_path)
     snapshot.check(name, masked(f"{text_of(page)}\n{figures_of(page)}\n"))
+
+
+@pytest.mark.parametrize("track", ["state", "action"])
+@pytest.mark.parametrize("smoothness", [0.1, 0.5])
+def test_settings_that_are_set_are_not_recommended(track, smoothness, monkeypatch):
+    monkeypatch.setattr(JointReplay, "rough", (20.0, 2.0))
+    made = replay(logs("knee"), SERVO, track=track, smoothness=smoothness)
+    said = findings(made, JointModels(by_joint={}))["rough"].partition(": ")[2]
+    assert ("such as 0.5" in said) == (smoothness < 0.5)
+    assert ("--track action" in said) == (track == "state")
