@@ -109,6 +109,8 @@ def identify(
     pair, stopped = _without_stops(pair, timing)
     pair = _weighed(pair)
     coarse, others = over_top_speeds(terms.with_integral(pair[1]))
+    tick = timing.period / fine_hold(timing.period, coarse.parameters.acceleration_time)
+    others += terms.without_top_speed(coarse, tick)
     # The loss is as rough in the top speed at short ticks. (Else one log of 160 simulated motors is
     # fitted with 1.5 times the noise.)
     fine = over_top_speeds(_with_shorter_ticks(coarse, timing))[0] if choose_tick else coarse

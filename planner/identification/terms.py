@@ -226,6 +226,35 @@ def _fitted_with_integral(fit: Fit, excerpt: Grid) -> tuple[Fit, Fit] | None:
     return best.without(*INTEGRALS, effort=ENOUGH), best
 
 
+def without_top_speed(fit: Fit, tick: float) -> tuple[Fit, ...]:
+    """The fit with limited acceleration but no top speed, if that fits about as well.
+
+    Where requests step from row to row, such a limit slows a joint the more, the faster it moves,
+    and only short ticks show it. Alone it may save too little to be kept, but the log then does not
+    bound the top speed. (Of 40 logs of two sines at half the speed that simulated servos can reach,
+    14 seemed to bound it, at 0.4 to 0.8 of theirs.)
+    """
+    allowed, free = fit.cost + rise_allowed(fit, "v_max"), fit.free & ~only("v_max")
+    at = fit.parameters._replace(v_max=math.inf)
+    if fit.exact or math.isinf(fit.parameters.v_max) or math.isfinite(at.acceleration):
+        return ()
+    bare = fit.trial(at, free=free)
+    if not allowed < bare.cost < 2.0 * fit.cost:
+        return ()
+    grid, at, begins = resampled_like(fit.grid, fit.grid.logs, tick), bare.parameters, []
+    delay, latency = at.whole_delay, at.lag + at.acceleration_time / 2.0
+    for window, gain, limit in itertools.product(
+        (tick, 0.15 * delay, 0.3 * delay), (1.0, 1.3), LIMITS[2:]
+    ):
+        acceleration = limit * grid.fastest / delay
+        times = {"lag": max(latency - window / 2.0, 0.0), "acceleration_time": window}
+        begins.append(at._replace(gain=gain * at.gain, acceleration=acceleration, **times))
+    free |= only("acceleration")
+    trials = [bare.trial(each, grid=grid, free=free, effort=TRIAL) for each in begins]
+    best = min(trials, key=lambda each: each.cost).trial(effort=ENOUGH)
+    return (best,) if best.cost <= allowed else ()
+
+
 def with_needed(fit: Fit, names: Sequence[str], *, effort: Effort) -> Fit:
     """The fit without those of some terms that do not reduce the loss by (16a), one by one."""
     for name in names:

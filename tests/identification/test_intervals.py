@@ -120,6 +120,19 @@ def test_a_top_speed_that_few_rows_reach_is_sought_among_all_speeds(joint, seed,
     assert over_top_speeds(inertia_alone) == (inertia_alone, ())
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_limited_acceleration_is_not_taken_for_a_top_speed(seed):
+    servo = joint_of(5.76, 0.288, 0.018, 0.001, tick=0.001, hold=20, max_acceleration=105.0)
+    times = 0.02 * np.arange(600)
+    requests = np.sin(2.0 * np.pi * 0.4 * times) + 0.1 * np.sin(2.0 * np.pi * 1.1 * times)
+    angles = planner.simulate(servo, requests, cyclic=False, start=0.0)
+    angles += np.radians(0.05) * np.random.default_rng(seed).standard_normal(len(times))
+    log = planner.Log(times=times, requests=requests, angles=angles)
+    found = planner.identify(log, hold_out=False)
+    assert found.intervals["v_max"].lower < 0.6 * servo.v_max
+    assert found.intervals["v_max"].upper == math.inf
+
+
 def test_white_noise_is_told_by_the_deviations_of_the_slopes():
     """Free of what another first angle would do: ordinary least squares, by dense matrices."""
     fit = fitted_rich()
