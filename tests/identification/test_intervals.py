@@ -125,8 +125,8 @@ def test_a_limited_acceleration_is_not_taken_for_a_top_speed(seed):
     servo = joint_of(5.76, 0.288, 0.018, 0.001, tick=0.001, hold=20, max_acceleration=105.0)
     times = 0.02 * np.arange(600)
     requests = np.sin(2.0 * np.pi * 0.4 * times) + 0.1 * np.sin(2.0 * np.pi * 1.1 * times)
-    angles = planner.simulate(servo, requests, cyclic=False, start=0.0)
-    angles += np.radians(0.05) * np.random.default_rng(seed).standard_normal(len(times))
+    noise = np.radians(0.05) * np.random.default_rng(seed).standard_normal(len(times))
+    angles = planner.simulate(servo, requests, cyclic=False, start=0.0) + noise
     log = planner.Log(times=times, requests=requests, angles=angles)
     found = planner.identify(log, hold_out=False)
     assert found.intervals["v_max"].lower < 0.6 * servo.v_max
