@@ -196,13 +196,20 @@ def load_joints(run: settings.Run) -> Desired:
     """Read a joint path whose rate is that of the models."""
     path = paths.read_joint_path(str(run.path.file), joints=run.path.joints)
     models = models_of(run, path.names, units=path.units)
-    rate = f"name the rate of its rows with --rate-hz {1.0 / path.step:.6g}"
-    path.check_period(models[0].period, f"{rate}, or set tick and hold in the model")
+    advice = f"name the rate of its rows with --rate-hz {1.0 / path.step:.6g}"
+    advice += ", or set tick and hold in the model"
+    path.check_period(models[0].period, advice, first=_opening(run.model))
     cyclic, closing = repeats(path.values, run.plan.cyclic)
     remarks = closing, refused_models(path.names, models)
     return Desired(
         run, path.names, path.values, models, path.units, cyclic, remarks, loads=path.loads
     )
+
+
+def _opening(model: settings.Model) -> str:
+    """The first words of errors about the rate of a path: whether the model is a default."""
+    words = "no --model was given, so each joint is the Sony Aibo's (for your own: --model FILE); "
+    return "" if "file" in model.keys_set else words
 
 
 def _in_step(
@@ -217,8 +224,8 @@ def _in_step(
         if 0.0 < span < LEAST_DEG:
             words = f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then "
             remarks.append(f"{words}rename {name}_deg to {name}_rad")
-    resample = run.path.rate_hz is not None
-    resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
+    first, resample = _opening(run.model), run.path.rate_hz is not None
+    resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed, first=first)
     new_rows = resampled.values
     if (count := len(new_rows)) < 3:
         advice = "give a longer path, a higher rate or a lower speed"
@@ -440,7 +447,8 @@ def models_of(
             models = tuple(each.requested_every(1.0 / rate) for each in models)
         except InvalidModel as error:
             reason = str(error).removeprefix("period: got ")
-            raise BadSetting(f"‹path.rate_hz›: got {rate:g}, {reason}") from error
+            hint = f"; a period of {rate:g} s is a rate of {1.0 / rate:.6g} Hz" * (rate < 1.0)
+            raise BadSetting(f"‹path.rate_hz›: got {rate:g}, {reason}{hint}") from error
     period = models[0].period
     for name, each in zip(joints, models, strict=True):
         if abs(each.period - period) > 1e-9 * period:

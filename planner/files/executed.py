@@ -36,7 +36,7 @@ def _check_rate(path: str, step: float, period: float) -> None:
         f"refine with --rate-hz {1.0 / step:.6g} if that is the rate at which they were planned "
         "and sent, else record a row for each request"
     )
-    check_step(path, step, period, advice, row="row")
+    check_step(path, step, period, advice, "one row")
 
 
 def read_measured(

@@ -67,16 +67,22 @@ class SampledPath:
             return math.nan
         return float(self.times[-1] - self.times[0]) / (len(self.times) - 1)
 
-    def check_period(self, period: float, advice: str = "") -> None:
-        """Raise InvalidFile if the samples are not ``period`` [s] apart, as requests are."""
+    def check_period(self, period: float, advice: str = "", first: str = "") -> None:
+        """Raise InvalidFile, with ``first`` words, unless ``period`` [s] is that of the samples."""
         advice = advice or (
             f"plan with --rate-hz {1.0 / period:.6g} to resample the path, or with --rate-hz "
             f"{1.0 / self.step:.6g} to send as many requests, or set tick and hold in the model"
         )
-        check_step(self.path, self.step, period, advice)
+        check_step(self.path, self.step, period, advice, f"{first}one sample")
 
     def in_step(
-        self, period: float, *, resample: bool, cyclic: bool, speed: float | None = None
+        self,
+        period: float,
+        *,
+        resample: bool,
+        cyclic: bool,
+        speed: float | None = None,
+        first: str = "",
     ) -> SampledPath:
         """The path with a sample every ``period`` [s], as without times: resampled, or checked."""
         farthest = 5.0  # [s]; times in milliseconds are a thousand times as long
@@ -85,7 +91,7 @@ class SampledPath:
             advice = "give the times in seconds, or call a column of milliseconds t_ms"
             raise InvalidFile(self.path, f"{words} or more often; {advice}")
         if speed is None and (self.times is None or not resample):
-            self.check_period(period)
+            self.check_period(period, first=first)
             return self
         times = period * np.arange(float(len(self.values))) if self.times is None else self.times
         values, *loads = (
@@ -104,11 +110,11 @@ class SampledPath:
             raise InvalidFile(self.path, f"got {count} requests, {expected}; {advice}")
 
 
-def check_step(path: str, step: float, period: float, advice: str, row: str = "sample") -> None:
+def check_step(path: str, step: float, period: float, advice: str, row: str) -> None:
     """Raise InvalidFile if rows, ``step`` [s] apart, are not ``period`` apart, as requests are."""
     if abs(step - period) > UNEVEN * period:
         expected = f"expected one every {period:.6g} s, the time between requests"
-        raise InvalidFile(path, f"one {row} every {step:.6g} s, {expected}; {advice}")
+        raise InvalidFile(path, f"{row} every {step:.6g} s, {expected}; {advice}")
 
 
 def path_table(path: Path | str) -> Table:

@@ -241,7 +241,7 @@ class JointModel:
         if not least <= period <= most:
             raise InvalidModel(
                 f"period: got a request every {period:g} s, expected one every {least:g} to "
-                f"{most:g} s"
+                f"{most:g} s ({1.0 / most:.4g} to {1.0 / least:.4g} Hz)"
             )
         hold = max(math.ceil(period / self.tick - WHOLE_TICKS), 1)
         tick = period / hold

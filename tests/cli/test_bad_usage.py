@@ -22,6 +22,8 @@ FILES = {
     "d.csv": GOOD.encode(),
     "e.csv": GOOD.encode(),
     "slow.csv": b"t_s,hip_deg,knee_deg\n0,1,20\n0.02,1002,30\n0.04,3,10\n0.06,1,10\n",
+    "slow_path.toml": b'[path]\nfile = "slow.csv"\n',
+    "pulses.csv": b"t_s,arm_us\n0,1500\n0.02,1600\n0.04,1500\n",
     "book.xlsx": b"PK\3\4\x14\0\x06\0",
     "spaced.csv": GOOD.replace(",", " ").encode(),
     "ankle.toml": f"[ankle]\n{MODEL}[ankle.servo]\nid = 1\n".encode(),

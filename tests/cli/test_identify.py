@@ -131,3 +131,18 @@ def test_a_signal_for_a_joint_in_shares_is_in_percent_of_its_range(run, tmp_path
     assert np.degrees(path.values[:, 0]) == pytest.approx(100.0 * log.requests)
     again = run("excite", *asked, "--model", "jaw.toml", "-o", "test.csv")
     assert "begins and ends at 50 % of range" in again.stderr
+
+
+def test_angles_that_may_be_radians_are_a_warning_with_the_advice_unless_a_joint_moves_far(
+    run, tmp_path
+):
+    times = 0.02 * np.arange(100.0)
+    angles = np.sin(3.0 * times), np.sin(3.0 * times - 0.1)
+    names = [f"{joint}_{what}_deg" for joint in "ab" for what in ("requested", "actual")]
+    advice = "are they radians? then rename the column, or give --unit rad where it has no unit"
+    for factor, warned in ((1.0, True), (60.0, False)):
+        columns = [times, *angles, *(factor * each for each in angles)]
+        write_table(tmp_path / "log.csv", ["t_s", *names], np.column_stack(columns))
+        told = run("identify", "log.csv", "--joint", "all", "-o", "m.toml").stderr
+        assert advice in told
+        assert ("warning: log.csv (a)" in told) == warned
