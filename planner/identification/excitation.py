@@ -135,6 +135,13 @@ def excite(
                 f"most {angle_text(2.0 * reach)}, what the limits allow about the centre"
             )
     tests = [height / (2.0 * reach) for height in amplitudes]
+    if both or kind == "steps":
+        halves, share = 2 * cycles * len(tests), 0.5 * PARTS[-1][1] if both else 1.0
+        moves = period * ((2 * halves + 1) / share + 2)  # with room for rounding
+        needed = math.ceil(100.0 * min(moves + 1.0, moves / 0.8)) / 100.0  # with the rests
+        if duration < needed:
+            words = f"expected at least {needed:g} s for {halves} half cycles of step tests"
+            raise InvalidInput(f"duration: got {duration:g} s, {words}; or ask for fewer of them")
     make: Mapping[str, Callable[[int, int], Array]] = {  # of a length, with a seed
         "steps": lambda n, _: _steps(n, tests, cycles),
         "multisine": lambda n, own: _multisine(n, period, fastest, own, quickens=both),
@@ -177,11 +184,6 @@ def excite(
 def _steps(samples: int, shares: Sequence[float], cycles: int) -> Array:
     """Step tests of Equation 1 about 0, one height after the other, as shares of the range."""
     half = samples // (2 * cycles * len(shares))
-    if half < 2:
-        raise InvalidInput(
-            f"{samples} samples for {len(shares)} step tests of {cycles} cycles leave {half} for "
-            "a half cycle, expected at least 2: ask for a longer duration or for fewer tests"
-        )
     tests = [np.tile(step_test(2.0 * share, samples=2 * half) - share, cycles) for share in shares]
     made = np.concatenate(tests)
     return np.append(made, np.zeros(samples - len(made)))

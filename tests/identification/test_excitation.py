@@ -1,10 +1,13 @@
 """Test signals stay inside the limits, rest at both ends, and are the same every time."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planner.exceptions import InvalidInput
 from planner.identification.excitation import excite, expect, step_test
 from planner.model.joint import JointModel
 
@@ -86,3 +89,14 @@ def test_what_is_no_step_sets_out_without_one(kind):
     made = signal(kind)
     begun = int(np.flatnonzero(made.requests != made.centre)[0])
     assert abs(made.requests[begun] - made.centre) < 0.05 * REACH
+
+
+@pytest.mark.parametrize("period", [0.001, 0.013, 0.02, 0.2])
+@pytest.mark.parametrize(("kind", "cycles"), [("steps", 9), ("combined", 1), ("combined", 4)])
+def test_the_least_duration_of_step_tests_is_named_and_enough(kind, period, cycles):
+    settings = {"limits": (-0.5, 0.7), "period": period, "cycles": cycles}
+    with pytest.raises(InvalidInput, match=f"{6 * cycles} half cycles of step tests") as caught:
+        excite(kind, duration=41.0 * period, **settings)
+    (needed,) = re.findall(r"at least ([\d.]+) s", str(caught.value))
+    steps = excite(kind, duration=float(needed), **settings)
+    assert len(np.unique(steps.requests)) >= 7  # both levels of three tests, and the centre
