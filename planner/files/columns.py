@@ -134,12 +134,14 @@ def with_unit(
     """Names and units of the columns, and their values in SI, shape (n, k), read-only."""
     parts = [split_unit(column, units) for column in columns]
     if bare := [column for column, part in zip(columns, parts, strict=True) if part is None]:
-        stem, _ = split_name(bare[0], UNIT_NAMES)
-        expected = _endings(stem, units)
-        few = len(bare) == 1
-        named = f"column '{bare[0]}' has" if few else f"columns {', '.join(map(repr, bare))} have"
-        such, them = ("", "it") if few else ("an ending of the unit, such as ", "them")
-        raise table.fault(f"{named} no unit; expected {such}{expected}: rename or remove {them}")
+        stem, unit = split_name(bare[0], UNIT_NAMES)
+        lack, advice = "has no unit", "rename or remove it"
+        if unit is not None:
+            lack = f"is in {unit}, which is not read here"
+            advice = "convert it, or name the file from which it was exported"
+        more = f" (likewise {', '.join(map(repr, bare[1:]))})" if bare[1:] else ""
+        expected = f"expected {_endings(stem, units)}"
+        raise table.fault(f"column '{bare[0]}' {lack}; {expected}: {advice}{more}")
     names, endings = zip(*(part for part in parts if part), strict=True)
     if double := next((name for name in names if names.count(name) > 1), ""):
         own = ", ".join(column for column, of in zip(columns, names, strict=True) if of == double)
