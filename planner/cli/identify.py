@@ -130,26 +130,30 @@ def _by_joint(paths: Sequence[str], choices: LogOptions) -> dict[str, list[Log]]
     from planner.files.logs import read_logs
 
     logs = read_logs(paths, options=choices)
+    by_joint: dict[str, list[Log]] = {}
+    for log in sorted(logs, key=lambda log: bool(log.joint)):  # those without a name first
+        by_joint.setdefault(log.joint, []).append(log)
+    named = [joint for joint in by_joint if joint]
+    if choices.joint != "all" and len(named) > 1:
+        raise click.UsageError(
+            f"the logs are of different joints ({', '.join(named)}): choose one with --joint, or "
+            "'all' for a model of each."
+        )
     about_logs: dict[str, list[str]] = {}  # each note once for all logs
     for log in logs:
         rate = f"{len(log.times)} rows, one every {1e3 * log.period:.3g} ms"
         for note in (*log.notes, rate):
             name = f"{log.name} ({log.joint})" if log.joint else log.name
             about_logs.setdefault(note, []).append(name)
+    doubted = all(any(note.endswith("?") for note in log.notes) for log in logs)
     for note, names in about_logs.items():
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        remark(f"{names[0]}{more}: {note}")
-    by_joint: dict[str, list[Log]] = {}
-    for log in sorted(logs, key=lambda log: bool(log.joint)):  # those without a name first
-        by_joint.setdefault(log.joint, []).append(log)
-    if choices.joint == "all":
-        return by_joint
-    if len(named := [joint for joint in by_joint if joint]) > 1:
-        raise click.UsageError(
-            f"the logs are of different joints ({', '.join(named)}): choose one with --joint, or "
-            "'all' for a model of each."
-        )
-    return {named[0] if named else "": list(logs)}
+        unit = {"radians?": "rad", "degrees?": "deg"}.get(note.rpartition(" ")[2])
+        advice = f" then rename the column, or give --unit {unit} where it has no unit"
+        # a joint that moves far shows that the unit of all is right
+        say = warn if doubted and note.endswith("?") else remark
+        say(f"{names[0]}{more}: {note}{advice if unit else ''}")
+    return by_joint if choices.joint == "all" else {"".join(named): list(logs)}
 
 
 def _identify_joints(
