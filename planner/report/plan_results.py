@@ -330,7 +330,9 @@ class PlanAnswer:
                 weighted = " as weighted" if len(set(task.weights)) > 1 else ""
                 gap, bound = plan.of_foot.gap, f"{100.0 * plan.foot_bound:.3f} cm {norm}{weighted}"
                 above = "" if math.isinf(gap) else f": the plan is {percent(gap)} above that"
-                lines.append(f"no requests within the limits bring it below {bound}{above}")
+                limits = () if task.leg is None else task.leg.limits
+                own = "leg's own " * np.array_equal(limits, (task.lower, task.upper))
+                lines.append(f"no requests within the {own}limits bring it below {bound}{above}")
         if plan.method == "shift":
             leads = (
                 f"{n} {1e3 * each['best_shift']['lead_s']:.0f} ms" for n, each in joints.items()
