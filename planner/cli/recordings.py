@@ -312,7 +312,7 @@ def replay_many(
                 continue
             add(rows, head["task"])
             figures.append(head["figures"])
-            findings[task.name] = head["figures"].pop("findings")
+            findings[task.name] = head["figures"].pop("findings", {})
         document: dict[str, Any] = {
             "track": run.replay.track,
             "why": recorded_path.WHY[run.replay.track],

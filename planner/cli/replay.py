@@ -86,6 +86,7 @@ def replay(
     elif work["resume"] and (before := finished(output, ABOUT, origin_of(run, recordings))):
         count = len(before["recordings"])
         remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
+        before.setdefault("warnings", [])  # an earlier version wrote none
         return _answer(run, before, logs)
     with Progress() as progress:
         tasks = tasks_of(run, recordings, progress)
