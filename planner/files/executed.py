@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 from planner.arrays import Array, as_path, excess
 from planner.exceptions import InvalidFile
 from planner.files.columns import JOINT_UNITS, SHARES, pairs, split_unit, with_unit
-from planner.files.paths import SampledPath, check_step, joint_path, read_joint_path
+from planner.files.paths import SampledPath, check_step, joint_path, path_table
 from planner.files.table import Table, read_table
 from planner.files.text import read_json, to_json, write_text
 from planner.identification.grid import mean_period
@@ -25,7 +25,12 @@ MOST_LOST = 3  # measured rows in sequence that may be missing, and are interpol
 
 def read_executed(path: str, names: Sequence[str], samples: int, period: float) -> SampledPath:
     """The requests to joints that were executed, so many, one every ``period`` [s]."""
-    executed = read_joint_path(path, joints=names)
+    table = path_table(path)
+    if not _joints_of(table).issuperset(names) and any(pair.actual for pair in pairs(table.names)):
+        raise table.fault(
+            "a log of measured cycles, expected requests; REQUESTS come first, MEASURED second"
+        )
+    executed = joint_path(table, joints=names)
     _check_rate(path, executed.step, period)
     executed.check_samples(samples)
     return executed
@@ -56,10 +61,7 @@ def read_measured(
     blocks, unused_rows = [], 0
     joints, samples = executed.names, len(executed.values)
     tables = [_of_a_path(read_table(path), joints) for path in paths]
-    columns = [
-        {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
-        for table in tables
-    ]
+    columns = [_joints_of(table) for table in tables]
     names = tuple(name for name in joints if all(name in each for each in columns))
     for path, table in zip(paths, tables, strict=True):
         log = joint_path(table, joints=names or joints, even=False)
@@ -119,6 +121,11 @@ def _check_requests(table: Table, log: SampledPath, executed: SampledPath, perio
                 "this is a log of other requests, or does not begin with a cycle; give the "
                 "requests that were played, and cut the log where a cycle begins",
             )
+
+
+def _joints_of(table: Table) -> set[str]:
+    """The joints that have a column as in a path."""
+    return {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
 
 
 def _of_a_path(table: Table, joints: Sequence[str]) -> Table:

@@ -65,6 +65,16 @@ def test_a_history_that_is_not_of_this_path_or_damaged_is_refused(tmp_path, snap
     snapshot.refusals("learning_history", read, CHANGES, FILE=other)
 
 
+@pytest.mark.parametrize("columns", ["arm_actual_deg", "requested_deg,actual_deg"])
+def test_measured_cycles_in_the_place_of_the_requests_are_refused(columns, tmp_path):
+    log, cells = tmp_path / "m.csv", ",1" * (1 + columns.count(","))
+    log.write_text(f"t_s,{columns}\n0{cells}\n0.02{cells}\n")
+    with pytest.raises(InvalidFile, match=r"REQUESTS come first, MEASURED second$"):
+        read_executed(str(log), ["arm"], 2, 0.02)
+    log.write_text("t_s,position_deg\n0,1\n0.02,2\n")  # a joint of this name
+    assert read_executed(str(log), ["position"], 2, 0.02).names == ("position",)
+
+
 def test_percent_are_read_of_a_path_in_shares_and_angles_are_not(tmp_path):
     (tmp_path / "requests.csv").write_text("t_s,jaw_range\n0,0.25\n0.02,0.5\n0.04,0.75\n")
     executed = read_executed(str(tmp_path / "requests.csv"), ["jaw"], 3, 0.02)
