@@ -135,8 +135,10 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     before = joints.learning[0] if joints.learning else None
     cycles, removed, notes = _measured(joints, before, cycles, sensor_delay)
     remarks += notes
-    trials, now = _with_trial(before, joints, joints.requests, cycles)
+    trials, now, notes = _with_trial(before, joints, cycles)
+    remarks += notes
     reidentified_at = before.reidentified if before else (0,) * len(joints.models)
+    reidentified_at = tuple(min(each, len(trials) - 1) for each in reidentified_at)
     measured = [each.measured for each in trials]
     disturbances = _disturbances(joints, trials)
     noise = measurements.noise_of(measured, disturbances[now], cyclic=joints.cyclic)
@@ -326,20 +328,36 @@ def _estimated(
 
 
 def _with_trial(
-    before: Learning | None, joints: Plan, requests: Array, cycles: Array
-) -> tuple[tuple[Trial, ...], int]:
-    """The trials with a new one, or with more cycles of one of the same requests; its number."""
-    trials = list(before.trials if before else ())
-    matches = (np.max(np.abs(trial.requests - requests)) <= SAME_REQUESTS for trial in trials)
+    before: Learning | None, joints: Plan, cycles: Array
+) -> tuple[tuple[Trial, ...], int, list[str]]:
+    """The trials with a new one, or with more cycles of one of the same requests; its number.
+
+    And remarks. Cycles that do not agree with earlier ones of the same requests are of a changed
+    robot: the trials before are left out, so that no two trials have the same requests.
+    """
+    trials, sent, remarks = list(before.trials if before else ()), joints.requests, list[str]()
+    matches = (np.max(np.abs(trial.requests - sent)) <= SAME_REQUESTS for trial in trials)
     now = next((number for number, same in enumerate(matches) if same), len(trials))
+    error = float(joints.task.errors_of(cycles.mean(axis=0))[0])
     if now < len(trials):
-        cycles = np.concatenate([trials[now].measured, cycles])
+        old = trials[now]
+        earlier = f"{old.cycles} earlier cycle{'s' * (old.cycles > 1)}"
+        if measurements.agree(old.measured, cycles, cyclic=joints.cyclic):
+            remarks.append(f"{len(cycles)} new and {earlier} of the same requests are averaged")
+            cycles = np.concatenate([old.measured, cycles])
+            error = float(joints.task.errors_of(cycles.mean(axis=0))[0])
+        else:
+            remarks.append(
+                f"the same requests gave {_text(joints, error)} rms where {earlier} had "
+                f"{_text(joints, old.error)}, beyond noise: the robot has changed, or the angles "
+                "are of other requests; learning begins anew from the new cycles"
+            )
+            trials, now = [], 0
     elif len(trials) == 30:  # as many are kept: the last ones and the best
         del trials[int(np.argmax([trial.error for trial in trials]))]
         now -= 1
-    error = float(joints.task.errors_of(cycles.mean(axis=0))[0])
-    trials[now : now + 1] = [Trial(requests=requests.copy(), measured=cycles.copy(), error=error)]
-    return tuple(trials), now
+    trials[now : now + 1] = [Trial(requests=sent.copy(), measured=cycles.copy(), error=error)]
+    return tuple(trials), now, remarks
 
 
 def _floor(new: Plan, before: Learning | None, *, ended: bool) -> float:
@@ -355,12 +373,7 @@ def _floor(new: Plan, before: Learning | None, *, ended: bool) -> float:
 
 def _remaining(joints: Plan, error: float, bound: float, noise: float) -> str:
     """Where the remaining error comes from, in words."""
-
-    def text(error: float) -> str:
-        if joints.task.goal == "foot":
-            return f"{100.0 * error:.3f} cm"
-        return f"{math.degrees(error):.3f} deg"
-
+    text = partial(_text, joints)
     remaining = f"remaining error {text(error)}"
     if noise > error:
         return f"{remaining}: no more than the noise of a cycle, {text(noise)}"
@@ -372,6 +385,11 @@ def _remaining(joints: Plan, error: float, bound: float, noise: float) -> str:
     if text(noise) != text(0.0):
         words.append(f"{text(noise)} noise of a cycle")
     return f"{remaining}: {', '.join(words)}" if words else remaining
+
+
+def _text(joints: Plan, error: float) -> str:
+    foot = joints.task.goal == "foot"
+    return f"{100.0 * error:.3f} cm" if foot else f"{math.degrees(error):.3f} deg"
 
 
 def reidentified(
@@ -417,16 +435,13 @@ def better_model(
         )
         return rms(last - first + angles - target)
 
-    def identified(data: Sequence[tuple[Array, Array]]) -> JointModel | None:
-        last = data[-4:]  # of many trials
-        return _identified(model, [_log(model, *each, cyclic=cyclic, load=load) for each in last])
-
     with suppress(PlannerError):  # no motion to identify from, or no steady cycle
         now, random = missed(model), noise / math.sqrt(trials[-1].cycles)
         if now > max(2.0 * random, 0.002 * float(np.ptp(target))):  # else learning copes with it
-            candidate = identified(pairs[:-1])
+            logs = [_log(model, *each, cyclic=cyclic, load=load) for each in pairs[-5:]]
+            candidate = _identified(model, logs[:-1])
             if candidate is not None and missed(candidate) <= 0.7 * now:
-                return identified(pairs)
+                return _identified(model, logs[-4:])
     return None
 
 

@@ -11,6 +11,7 @@ import pytest
 from planner import InvalidTrajectory, JointModel, Trial
 from planner.learning.measurements import (
     LATENCY_ERROR,
+    agree,
     check_angles,
     check_trial,
     earlier,
@@ -44,6 +45,24 @@ def refused(message):
 def of_joint_2(angles):
     """Two cycles, in which joint 1 is measured as it is by its model, but for 0.02 rad."""
     return np.stack([np.column_stack([MODELLED[:, 0] + AWAY, angles])] * 2)
+
+
+@pytest.mark.parametrize(
+    ("noise", "off", "together"),
+    [
+        (0.0, 0.0049, True),  # in shares of the range of the second joint
+        (0.0, 0.0051, False),
+        (0.02, 2.8, True),  # in standard deviations of the difference of the means
+        (0.02, 3.2, False),
+    ],
+)
+def test_cycles_agree_within_three_deviations_or_half_a_percent_of_the_range(noise, off, together):
+    rng = np.random.default_rng(1)
+    first, second = (rng.standard_normal((count, 60, 2)) for count in (40, 10))
+    first, second = (noise * (each - each.mean(axis=0)) for each in (first, second))
+    unit = noise * math.sqrt(1.0 / 40.0 + 1.0 / 10.0) or np.ptp(MODELLED[:, 1])
+    second += [0.0, off * unit]
+    assert agree(MODELLED + first, MODELLED + second, cyclic=True) == together
 
 
 @pytest.mark.parametrize(

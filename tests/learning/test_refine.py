@@ -117,6 +117,44 @@ def test_a_sensors_delay_stays_what_it_was_and_the_same_requests_are_one_trial()
     assert twice.learning.trials[0].error == pytest.approx(rms(noisy.mean(axis=0) - desired))
 
 
+def test_cycles_that_disagree_with_earlier_ones_of_the_same_requests_begin_learning_anew() -> None:
+    """A joint that becomes slower is learnt as from the first trial on, and has that noise."""
+    desired = random_path(5, 88, span=1.0, fastest=0.03)
+    noise = math.radians(0.25)
+    plan = before = planner.invert_optimal(ERS210A, desired)
+    for _ in range(2):
+        before = planner.refine(before, MadeJoint(ERS210A, noise=noise).play(plan.requests, 4)[1])
+        before = replace(before, requests=plan.requests)
+    assert before.learning.remarks == (
+        "4 new and 4 earlier cycles of the same requests are averaged",
+    )
+    weaker = MadeJoint(replace(ERS210A, theta_0=1.5 * ERS210A.theta_0), noise=noise, seed=1)
+    cycles = weaker.play(plan.requests, 4)[1]
+    changed = planner.refine(before, cycles)
+    afresh = planner.refine(plan, cycles)
+    (remark,) = set(changed.learning.remarks) - set(afresh.learning.remarks)
+    errors = [f"{math.degrees(each.learning.errors[0]):.3f} deg" for each in (changed, before)]
+    assert (
+        f"the same requests gave {errors[0]} rms where 8 earlier cycles had {errors[1]}" in remark
+    )
+    assert changed.learning.noise[0] == pytest.approx(noise, rel=0.25)
+    np.testing.assert_array_equal(changed.requests, afresh.requests)
+    for name in ("errors", "noise", "gain", "best", "floor", "next_error", "stopped"):
+        np.testing.assert_array_equal(*(getattr(each.learning, name) for each in (changed, afresh)))
+    last = planner.refine(changed, weaker.play(changed.requests, 4)[1])
+    assert last.learning.errors[1] < 0.5 * last.learning.errors[0]
+
+
+def test_a_changed_joint_is_learnt_anew_whatever_was_identified_before(two_trials) -> None:
+    _, _, second = two_trials
+    sent = second.learning.trials[1].requests[:, 0]
+    slower = MadeJoint(replace(ERS210A, v_max=0.5 * ERS210A.v_max), noise=math.radians(0.05))
+    changed = planner.refine(replace(second, requests=sent), slower.play(sent, 3)[1])
+    assert len(changed.learning.trials) == 1
+    assert changed.learning.reidentified == (0,)
+    assert changed.model == second.model
+
+
 @pytest.mark.parametrize("seed", [2, 4])
 def test_the_error_that_comes_next_is_near_the_one_predicted(seed: int) -> None:
     """From the third trial on: the second one shows what the model misses of changed requests."""
