@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,7 +80,7 @@ def refine(
     from planner.cli.desired import model_words, repeats, units_in_messages
     from planner.cli.planning import inputs_of, origins_of, prepare
     from planner.files.executed import read_executed, read_history, read_measured, write_history
-    from planner.learning.measurements import settled
+    from planner.learning.measurements import EQUAL, settled
     from planner.learning.refine import in_a_cycle
     from planner.learning.refine import refine as learn
     from planner.model.response import load_columns
@@ -110,6 +111,11 @@ def refine(
                 "the measured angles begin as in a cycle that repeats, and --no-cyclic is for a "
                 "motion from rest: if the requests were repeated, leave it out, here and in plan"
             )
+    if np.max(np.abs(sent - desired.angles[:, columns])) <= EQUAL:
+        warn(
+            "the requests are the desired path: if they were planned for another one, name that "
+            "with --desired"
+        )
     if unused:
         warn(f"{unused} measured rows after the last whole cycle are not used")
     every = executed_plans(desired, executed.values, by_joint=names != desired.names)
@@ -223,7 +229,8 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers
         unit = "cm" if foot else desired.shown_units[name]
         factor = CARRIED[unit].factor
         bound, noise = learning.floor
-        remarks = [as_options(text, desired.names) for text in learning.remarks]
+        words = partial(as_options, names=desired.names, unit=CARRIED[unit].words)
+        remarks = [words(text) for text in learning.remarks]
         models = zip(desired.names if foot else (name,), plan.models, strict=True)
         changed = [joint for joint, model in models if model != file_models[joint]]
         if changed and not any("identified anew" in text for text in remarks):
@@ -239,18 +246,18 @@ def trials_of(desired: Desired, learnt: Mapping[str, Plan]) -> dict[str, Numbers
             "noise": factor * noise,
             "gain": learning.gain,
             "best_trial": learning.best + 1,
-            "stopped": learning.stopped.replace(" deg", f" {CARRIED[unit].words}") or None,
+            "stopped": words(learning.stopped) or None,
             "remarks": remarks,
             "sensor_delay_ms": [1e3 * each.removed for each in learning.delays],
         }
     return trials
 
 
-def as_options(text: str, names: Sequence[str]) -> str:
-    """A remark of the library, with options for arguments and names for numbers of joints."""
+def as_options(text: str, names: Sequence[str], unit: str) -> str:
+    """A remark of the library, with options, names of joints and the ``unit`` of angles."""
     text = re.sub(
         r"sensor_delay=([-+.\de]+\d|\d)",
         lambda match: f"--sensor-delay-ms {1e3 * float(match[1]):g}",
-        text,
+        text.replace(" deg", f" {unit}"),
     )
     return re.sub(r"\bjoint (\d+)\b", lambda match: names[int(match[1]) - 1], text)

@@ -1,13 +1,15 @@
 """``request-planner refine``: executed requests and measured angles in, the next requests out."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from planner import half_ellipse, simulate
+from planner import JointModel, half_ellipse, simulate
 from planner.files.paths import read_joint_path, write_foot_path, write_joint_path
+from planner.model.evidence import Evidence
 from tests.instances import ERS210A
 
 TRUE = replace(ERS210A, theta_0=1.2 * ERS210A.theta_0, lag=1.2 * ERS210A.lag, offset=0.01)
@@ -122,6 +124,25 @@ def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):
     late = np.column_stack([np.roll(rows[:, 2], 2), rows[:, 3]])
     write_joint_path("log.csv", ("requested", "actual"), late, period=0.008)
     assert run(*line, "--joint", "knee").stdout == alone.stdout, "requests two rows late"
+
+
+def test_cycles_of_the_same_requests_are_averaged_or_begin_anew_in_the_unit_of_the_path(run):
+    """Of a joint in shares, with the desired path for requests; the joint becomes slower."""
+    path = 0.5 * np.sin(2.0 * np.pi * np.arange(88)[:, np.newaxis] / 88.0)
+    write_joint_path("path.csv", ("jaw",), path, period=0.008, units=("percent",))
+    for name, theta_0 in (("old", 0.2), ("new", 0.4)):
+        angles = simulate(replace(ERS210A, theta_0=theta_0), path[:, 0])[:, np.newaxis]
+        write_joint_path(f"{name}.csv", ("jaw",), angles, period=0.008, units=("percent",))
+    JointModel.ers210a().with_evidence(Evidence(unit="range")).to_toml("jaw.toml")
+    line = ("refine", "path.csv", "--desired", "path.csv", "--model", "jaw.toml", "--history", "h")
+    first, second, third = (
+        run(*line, name, "-o", "r.csv") for name in ("old.csv", "old.csv", "new.csv")
+    )
+    assert "warning: the requests are the desired path: if they were planned" in first.stderr
+    assert "jaw: 1 new and 1 earlier cycle of the same requests are averaged" in second.stderr
+    number = r"[\d.]+ % of range"
+    said = f"jaw: the same requests gave {number} rms where 2 earlier cycles had {number}, "
+    assert re.search(said, third.stderr), third.stderr
 
 
 @pytest.mark.usefixtures("no_foot_bound")
