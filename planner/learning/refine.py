@@ -134,9 +134,8 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         )
     before = joints.learning[0] if joints.learning else None
     cycles, removed, notes = _measured(joints, before, cycles, sensor_delay)
-    remarks += notes
-    trials, now, notes = _with_trial(before, joints, cycles)
-    remarks += notes
+    trials, now, more = _with_trial(before, joints, cycles)
+    remarks += notes + more
     reidentified_at = before.reidentified if before else (0,) * len(joints.models)
     reidentified_at = tuple(min(each, len(trials) - 1) for each in reidentified_at)
     measured = [each.measured for each in trials]
@@ -186,8 +185,8 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         expected = task.response(new.requests) + disturbances[best]
         missed = unforeseen * _size(joints, _by_joint(expected - base.mean))
         next_error = math.hypot(float(task.errors_of(expected)[0]), missed)
-    more = max(1.0 / len(cycles) - 1.0 / base.cycles, 0.0)  # noise of the next mean, as a power [-]
-    next_error = math.hypot(next_error, math.sqrt(more) * _size(joints, spread))
+    power = max(1.0 / len(cycles) - 1.0 / base.cycles, 0.0)  # of the next mean's noise beyond [-]
+    next_error = math.hypot(next_error, math.sqrt(power) * _size(joints, spread))
     freeze(spread)
     learning = Learning(
         trials=trials,
@@ -449,10 +448,8 @@ def _log(
     model: JointModel, requests: Array, angles: Array, *, cyclic: bool, load: Array | None
 ) -> Log:
     """A cycle twice, or a motion after some rest: all requests that act are known."""
-    if cyclic:
-        rows = np.arange(2 * len(requests)) % len(requests)
-    else:
-        rows = np.maximum(np.arange(-20, len(requests)), 0)  # more than any lag
+    n = len(requests)  # and 20 rows are more than any lag
+    rows = np.arange(2 * n) % n if cyclic else np.maximum(np.arange(-20, n), 0)
     return Log(
         times=model.period * np.arange(len(rows), dtype=np.float64),
         requests=requests[rows],

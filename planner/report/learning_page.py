@@ -127,14 +127,11 @@ def trials_text(progress: Mapping[str, Numbers]) -> str:
     for name, each in progress.items():
         first, *_, last = errors = [*each["errors"], each["errors"][-1]]
         ends = {"first": first, "last": last, "best": min(errors)}
+        ends["predicted_next"] = each["predicted"]
         rows.append((f"{name} [{CARRIED[each['unit']].words}]", each | ends))
         lines += [f"{name}: {text}" for text in each["remarks"]]
         if each["stopped"]:
             lines.append(f"{name}: learning has ended: {each['stopped']}")
-    columns = {name: f"{name} .3f" for name in ("first", "last", "best")}
-    columns |= {
-        "predicted next": "predicted .3f",
-        "lower bound": "lower_bound .3f",
-        "noise": "noise .3f",
-    }
+    names = ("first", "last", "best", "predicted_next", "lower_bound", "noise")
+    columns = {name.replace("_", " "): f"{name} .3f" for name in names}
     return "\n".join([table_of("rms error", rows, columns).text(), *lines])
