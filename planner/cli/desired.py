@@ -225,7 +225,7 @@ def _in_step(
             words = f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then "
             remarks.append(f"{words}rename {name}_deg to {name}_rad")
     first, resample = _opening(run.model), run.path.rate_hz is not None
-    resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed, first=first)
+    resampled = path.in_step(period, first, resample=resample, cyclic=closed, speed=speed)
     new_rows = resampled.values
     if (count := len(new_rows)) < 3:
         advice = "give a longer path, a higher rate or a lower speed"

@@ -76,13 +76,7 @@ class SampledPath:
         check_step(self.path, self.step, period, advice, f"{first}one sample")
 
     def in_step(
-        self,
-        period: float,
-        *,
-        resample: bool,
-        cyclic: bool,
-        speed: float | None = None,
-        first: str = "",
+        self, period: float, first: str = "", *, resample: bool, cyclic: bool, speed: float | None
     ) -> SampledPath:
         """The path with a sample every ``period`` [s], as without times: resampled, or checked."""
         farthest = 5.0  # [s]; times in milliseconds are a thousand times as long

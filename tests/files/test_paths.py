@@ -37,7 +37,9 @@ def _written(file, column, values, times=None):
 def test_a_path_of_uneven_times_is_resampled(tmp_path):
     times = 0.01 * np.arange(100) + 0.002 * np.sin(7.0 * np.pi * np.arange(100) / 99)
     file = _written(tmp_path / "path.csv", "pan_deg", 20.0 * np.sin(2.0 * np.pi * times), times)
-    path = joint_path(read_table(file), even=False).in_step(0.008, resample=True, cyclic=True)
+    path = joint_path(read_table(file), even=False).in_step(
+        0.008, resample=True, cyclic=True, speed=None
+    )
     assert path.values.shape == (125, 1)
     np.testing.assert_allclose(path.times, 0.008 * np.arange(125), rtol=0.0, atol=1e-12)
     true = np.radians(20.0 * np.sin(2.0 * np.pi * path.times))
@@ -56,7 +58,7 @@ def test_samples_may_be_a_hundredth_of_a_period_closer_than_requests(tmp_path):
 def test_times_in_milliseconds_are_refused_before_they_are_resampled(resample):
     path = SampledPath("path.csv", ("knee",), ("deg",), np.zeros((100, 1)), 20.0 * np.arange(100))
     with pytest.raises(InvalidFile, match=r"one sample every 20 s, expected .* milliseconds t_ms"):
-        path.in_step(0.02, resample=resample, cyclic=False)
+        path.in_step(0.02, resample=resample, cyclic=False, speed=None)
 
 
 @given(
@@ -86,7 +88,7 @@ def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):
     assert path.names == ("hip", "knee")
     np.testing.assert_allclose(path.loads, loads, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(read_joint_path(file, joints=["knee"]).loads, loads[:, 1:])
-    finer = path.in_step(0.01, resample=True, cyclic=True)
+    finer = path.in_step(0.01, resample=True, cyclic=True, speed=None)
     np.testing.assert_allclose(finer.loads[:3, 0], [0.1, 0.15, 0.2], rtol=0.0, atol=1e-12)
     assert len(finer.loads) == len(finer.values) == 8
 
