@@ -23,6 +23,7 @@ from planner.report.wording import (
     Table,
     phrase,
     rendered_text,
+    signed,
     table,
     table_with_units,
     two_digits,
@@ -209,7 +210,7 @@ def rounded_by(value: float, interval: Interval) -> str:
         of_half = 1 - math.floor(math.log10(half))
         decimals = max(of_half, min(decimals - 1, of_half + 2))
     text = f"{value:.{min(6, max(0, decimals))}f}"
-    return text.replace("-", "−") if float(text) else text.lstrip("-")
+    return signed(text) if float(text) else text.lstrip("-")
 
 
 def between(interval: Interval) -> str:

@@ -152,7 +152,7 @@ class Table:
                 about = [", ".join(filter(None, (subject, _with_note(row.about))))]
                 if self.apart:
                     about = ["" if number else subject, row.about]
-                rows.append([*about, *map(_joined, row.cells, self.columns)])
+                rows.append([*about, *map(signed, map(_joined, row.cells, self.columns))])
         return _laid_out(rows, about=1 + self.apart)
 
     def subjects(self) -> list[tuple[str, list[Row]]]:
@@ -323,8 +323,8 @@ def spread(values: Iterable[float], form: str) -> str:
 
 
 def signed(text: str) -> str:
-    """A number as a page writes it, with a minus sign."""
-    return text.replace("-", "−")
+    """A text with its numbers as pages and tables write them, with minus signs."""
+    return re.sub(r"(?<![\w.=])-(?=[\d.])", "−", text)
 
 
 def relative(share: float, digits: int = 0) -> str:
@@ -381,7 +381,6 @@ def environment(*, plain: bool = False) -> jinja2.Environment:
             f"{templates.filters[form](size)} {CARRIED[unit].long}" for unit, size in sizes.items()
         ),
         "unit": lambda name, form="sign": getattr(CARRIED[name], form),
-        "signed": lambda value: signed(str(value)),
         "relative": relative,
         "line": lambda words: " ".join(words.split()),
         "noted": _noted,
@@ -449,7 +448,7 @@ def sentence(words: str) -> str:
 
 def _noted(text: str) -> Markup:
     """Words with minus signs, and a note after a line break in small letters."""
-    value, _, note = re.sub(r"(?<![\w.=])-(?=\d)", "−", text).partition("\n")
+    value, _, note = signed(text).partition("\n")
     return Markup("{} <small>{}</small>").format(value, note) if note else escape(value)
 
 
