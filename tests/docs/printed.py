@@ -67,7 +67,7 @@ def rewritten(told, shown):
                 lines.append(line)
                 continue
             lines += [] if omitted else left[:k]
-            lines.append(line if _alike(line, left[k]) else left[k])
+            lines.append(line if NUMBER.search(line) and _alike(line, left[k]) else left[k])
             left, omitted = left[k + 1 :], False
         made.append(lines)
     if told and not omitted:

@@ -1,10 +1,14 @@
 """The site's pages: every public name and page is on it, and nothing on it is fetched."""
 
+import ast
+import builtins
 import re
+
+import pytest
 
 import kinematics
 import planner
-from tests.docs.blocks import ROOT
+from tests.docs.blocks import PAGES, ROOT, blocks
 from tests.report.test_page import PICTURES
 
 DOCS = ROOT / "docs"
@@ -54,3 +58,15 @@ def test_the_page_about_the_paper_names_tests_and_figures_that_exist():
     for file, test in named:
         assert f"def {test}(" in (ROOT / file).read_text(encoding="utf-8") or not test
     assert set(re.findall(r"`(figure\d_\w+)`", text)) <= set(PICTURES)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_block_of_python_runs_by_itself_or_the_page_says_that_it_is_part_of_a_session(page):
+    if "run one after the other, in one session" in page.read_text(encoding="utf-8"):
+        return
+    for block in (each for each in blocks(page) if each.language == "python"):
+        nodes = list(ast.walk(ast.parse(block.code)))
+        names = [node for node in nodes if isinstance(node, ast.Name)]
+        own = {node.id for node in names if isinstance(node.ctx, ast.Store)} | {*dir(builtins)}
+        own |= {getattr(node, key, "") for node in nodes for key in ("name", "asname", "arg")}
+        assert {node.id for node in names} <= own, f"{page}, line {block.line}"
