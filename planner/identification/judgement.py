@@ -111,7 +111,7 @@ def verdict_on(
     elif spans and span > np.ptp(fit.grid.requests):  # taken for gravity
         notes.append(told("columns", "scale_or_load", unit, spans=spans))
     if not fits and span < 0.2:
-        notes.append(told("motion", "hardly_moves", unit, span=span, record=30.0 * error))
+        notes.append(told("motion", "hardly_moves", unit, span=span, record=max(0.3, 30.0 * error)))
     if exchanged is not None and suspect:
         notes.append(exchanged)
     if beaten:
