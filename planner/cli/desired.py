@@ -198,7 +198,7 @@ def load_joints(run: settings.Run) -> Desired:
     models = models_of(run, path.names, units=path.units)
     advice = f"name the rate of its rows with --rate-hz {1.0 / path.step:.6g}"
     advice += ", or set tick and hold in the model"
-    path.check_period(models[0].period, advice, first=_opening(run.model))
+    path.check_period(models[0].period, advice, first=_opening(run))
     cyclic, closing = repeats(path.values, run.plan.cyclic)
     remarks = closing, refused_models(path.names, models)
     return Desired(
@@ -206,10 +206,10 @@ def load_joints(run: settings.Run) -> Desired:
     )
 
 
-def _opening(model: settings.Model) -> str:
-    """The first words of errors about the rate of a path: whether the model is a default."""
+def _opening(run: settings.Run) -> str:
+    """The first words of errors about the rate of a path: whether that is a default model's."""
     words = "no --model was given, so each joint is the Sony Aibo's (for your own: --model FILE); "
-    return "" if "file" in model.keys_set else words
+    return "" if "file" in run.model.keys_set or run.path.rate_hz is not None else words
 
 
 def _in_step(
@@ -224,7 +224,7 @@ def _in_step(
         if 0.0 < span < LEAST_DEG:
             words = f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then "
             remarks.append(f"{words}rename {name}_deg to {name}_rad")
-    first, resample = _opening(run.model), run.path.rate_hz is not None
+    first, resample = _opening(run), run.path.rate_hz is not None
     resampled = path.in_step(period, first, resample=resample, cyclic=closed, speed=speed)
     new_rows = resampled.values
     if (count := len(new_rows)) < 3:

@@ -128,6 +128,7 @@ def identify(
 def _by_joint(paths: Sequence[str], choices: LogOptions) -> dict[str, list[Log]]:
     """The logs by joint; assumptions of the reader are printed on standard error."""
     from planner.files.logs import read_logs
+    from planner.identification.log import Doubt
 
     logs = read_logs(paths, options=choices)
     by_joint: dict[str, list[Log]] = {}
@@ -145,13 +146,14 @@ def _by_joint(paths: Sequence[str], choices: LogOptions) -> dict[str, list[Log]]
         for note in (*log.notes, rate):
             name = f"{log.name} ({log.joint})" if log.joint else log.name
             about_logs.setdefault(note, []).append(name)
-    doubted = all(any(note.endswith("?") for note in log.notes) for log in logs)
+    doubted = all(any(isinstance(note, Doubt) for note in log.notes) for log in logs)
     for note, names in about_logs.items():
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
         unit = {"radians?": "rad", "degrees?": "deg"}.get(note.rpartition(" ")[2])
         advice = f" then rename the column, or give --unit {unit} where it has no unit"
         # a joint that moves far shows that the unit of all is right
-        say = warn if doubted and note.endswith("?") else remark
+        sure = not note.endswith("?") or (isinstance(note, Doubt) and not doubted)
+        say = remark if sure else warn
         say(f"{names[0]}{more}: {note}{advice if unit else ''}")
     return by_joint if choices.joint == "all" else {"".join(named): list(logs)}
 

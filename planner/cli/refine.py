@@ -111,7 +111,8 @@ def refine(
                 "the measured angles begin as in a cycle that repeats, and --no-cyclic is for a "
                 "motion from rest: if the requests were repeated, leave it out, here and in plan"
             )
-    if np.max(np.abs(sent - desired.angles[:, columns])) <= EQUAL:
+    moves = np.max(np.ptp(desired.angles, axis=0)) > EQUAL
+    if moves and np.max(np.abs(executed.values - desired.angles)) <= EQUAL:
         warn(
             "the requests are the desired path: if they were planned for another one, name that "
             "with --desired"

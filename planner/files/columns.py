@@ -139,7 +139,8 @@ def with_unit(
         if unit is not None:
             lack = f"is in {unit}, which is not read here"
             advice = "convert it, or name the file from which it was exported"
-        more = f" (likewise {', '.join(map(repr, bare[1:]))})" if bare[1:] else ""
+        alike = [each for each in bare[1:] if split_name(each, UNIT_NAMES)[1] == unit]
+        more = f" (likewise {', '.join(map(repr, alike))})" if alike else ""
         expected = f"expected {_endings(stem, units)}"
         raise table.fault(f"column '{bare[0]}' {lack}; {expected}: {advice}{more}")
     names, endings = zip(*(part for part in parts if part), strict=True)

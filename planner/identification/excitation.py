@@ -135,13 +135,6 @@ def excite(
                 f"most {angle_text(2.0 * reach)}, what the limits allow about the centre"
             )
     tests = [height / (2.0 * reach) for height in amplitudes]
-    if both or kind == "steps":
-        halves, share = 2 * cycles * len(tests), 0.5 * PARTS[-1][1] if both else 1.0
-        moves = period * ((2 * halves + 1) / share + 2)  # with room for rounding
-        needed = math.ceil(100.0 * min(moves + 1.0, moves / 0.8)) / 100.0  # with the rests
-        if duration < needed:
-            words = f"expected at least {needed:g} s for {halves} half cycles of step tests"
-            raise InvalidInput(f"duration: got {duration:g} s, {words}; or ask for fewer of them")
     make: Mapping[str, Callable[[int, int], Array]] = {  # of a length, with a seed
         "steps": lambda n, _: _steps(n, tests, cycles),
         "multisine": lambda n, own: _multisine(n, period, fastest, own, quickens=both),
@@ -152,12 +145,19 @@ def excite(
         raise InvalidInput(f"kind: got '{kind}', expected combined or one of {', '.join(make)}")
     parts = 2 * PARTS if both else ((kind, 2.0, ""),)
     ends = np.round(0.5 * moving * np.cumsum([0.0, *(share for _, share, _ in parts)])).astype(int)
+    halves, share = 2 * cycles * len(tests), 0.5 * PARTS[-1][1] if both else 1.0
+    lengths = np.diff(ends).tolist()
+    if any(
+        name == "steps" and n < 2 * halves for (name, *_), n in zip(parts, lengths, strict=True)
+    ):
+        moves = period * ((2 * halves + 1) / share + 2)  # with room for rounding
+        enough = math.ceil(100.0 * min(moves + 1.0, moves / 0.8)) / 100.0  # with the rests
+        words = f"expected more, such as {enough:g} s, for {halves} half cycles of step tests"
+        raise InvalidInput(f"duration: got {duration:g} s, {words}; or ask for fewer of them")
     deflection = np.concatenate(
         [
             make[name](length, 2 * seed + k // len(PARTS) if both else seed)
-            for k, ((name, _, _), length) in enumerate(
-                zip(parts, np.diff(ends).tolist(), strict=True)
-            )
+            for k, ((name, _, _), length) in enumerate(zip(parts, lengths, strict=True))
         ]
     )
     # rounding may not leave the limits

@@ -73,7 +73,7 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
             whole = min(math.ceil(period / (1.05 * 0.005)), 20)
         hold = count = max(whole, 1)
         if count > MOST_HOLD:
-            least = f"{1e3 * period / MOST_HOLD:.3g} ms, the log's period over {MOST_HOLD}"
+            least = f"{1e3 * period / MOST_HOLD:.6g} ms, the log's period over {MOST_HOLD}"
             raise InvalidInput(f"tick: got {1e3 * step:g} ms, expected at least {least}")
     if not 1 <= count <= MOST_HOLD:
         raise InvalidInput(

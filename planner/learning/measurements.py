@@ -83,12 +83,13 @@ def agree(first: Array, second: Array, *, cyclic: bool) -> bool:
     """Whether batches of cycles of the same requests, (cycles, n, k) [rad], may be averaged.
 
     The means of each joint differ, rms, by at most three standard deviations of that difference, by
-    the noise within the batches, or 0.5 % of the range, as few cycles hide slow changes.
+    the noise within the batches, or 0.5 % of the range, as few cycles hide slow changes, or a count
+    of a sensor.
     """
     mean, scale = first.mean(axis=0), math.sqrt(1.0 / len(first) + 1.0 / len(second))
     apart = (second.mean(axis=0) - mean) / scale  # with the noise of one cycle
     noise = deviation_of(noise_of([first, second], apart, cyclic=cyclic))
-    most = np.maximum(3.0 * noise, 0.005 * np.ptp(mean, axis=0) / scale)
+    most = np.maximum(3.0 * noise, np.maximum(0.005 * np.ptp(mean, axis=0), STILL) / scale)
     return bool(np.all(np.mean(apart**2, axis=0) <= most**2))
 
 

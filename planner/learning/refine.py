@@ -332,7 +332,8 @@ def _with_trial(
     """The trials with a new one, or with more cycles of one of the same requests; its number.
 
     And remarks. Cycles that do not agree with earlier ones of the same requests are of a changed
-    robot: the trials before are left out, so that no two trials have the same requests.
+    robot: the trials before are left out, so that no two trials have the same requests. Of two
+    single cycles the noise is not known.
     """
     trials, sent, remarks = list(before.trials if before else ()), joints.requests, list[str]()
     matches = (np.max(np.abs(trial.requests - sent)) <= SAME_REQUESTS for trial in trials)
@@ -341,7 +342,8 @@ def _with_trial(
     if now < len(trials):
         old = trials[now]
         earlier = f"{old.cycles} earlier cycle{'s' * (old.cycles > 1)}"
-        if measurements.agree(old.measured, cycles, cyclic=joints.cyclic):
+        single = len(old.measured) == len(cycles) == 1
+        if single or measurements.agree(old.measured, cycles, cyclic=joints.cyclic):
             remarks.append(f"{len(cycles)} new and {earlier} of the same requests are averaged")
             cycles = np.concatenate([old.measured, cycles])
             error = float(joints.task.errors_of(cycles.mean(axis=0))[0])

@@ -284,6 +284,8 @@ def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> l
     whose = "all joints, such as " * (len(doubts) > 1)
     # one that moves far has the right unit
     remarks = [whose + each for each in doubts[0]] if doubts and all(doubts) else []
+    others = (note for _, said in notes for note in said if not isinstance(note, Doubt))
+    remarks += dict.fromkeys(note for note in others if note.endswith("?"))
     for log in logs:
         for before, after in pairwise(pieces_of(log)):
             start, stop = log.times[before.stop - 1] - origin, log.times[after.start] - origin

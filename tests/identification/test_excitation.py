@@ -97,6 +97,6 @@ def test_the_least_duration_of_step_tests_is_named_and_enough(kind, period, cycl
     settings = {"limits": (-0.5, 0.7), "period": period, "cycles": cycles}
     with pytest.raises(InvalidInput, match=f"{6 * cycles} half cycles of step tests") as caught:
         excite(kind, duration=41.0 * period, **settings)
-    (needed,) = re.findall(r"at least ([\d.]+) s", str(caught.value))
+    (needed,) = re.findall(r"such as ([\d.]+) s", str(caught.value))
     steps = excite(kind, duration=float(needed), **settings)
     assert len(np.unique(steps.requests)) >= 7  # both levels of three tests, and the centre

@@ -60,9 +60,16 @@ def test_cycles_agree_within_three_deviations_or_half_a_percent_of_the_range(noi
     rng = np.random.default_rng(1)
     first, second = (rng.standard_normal((count, 60, 2)) for count in (40, 10))
     first, second = (noise * (each - each.mean(axis=0)) for each in (first, second))
-    unit = noise * math.sqrt(1.0 / 40.0 + 1.0 / 10.0) or np.ptp(MODELLED[:, 1])
+    cycle = 2.0 * MODELLED
+    unit = noise * math.sqrt(1.0 / 40.0 + 1.0 / 10.0) or np.ptp(cycle[:, 1])
     second += [0.0, off * unit]
-    assert agree(MODELLED + first, MODELLED + second, cyclic=True) == together
+    assert agree(cycle + first, cycle + second, cyclic=True) == together
+
+
+def test_a_joint_at_rest_agrees_within_a_count_of_its_sensor():
+    at_rest = np.zeros((3, 60, 1))
+    assert agree(at_rest, at_rest + COUNT, cyclic=True)
+    assert not agree(at_rest, at_rest + 2.0 * COUNT, cyclic=True)
 
 
 @pytest.mark.parametrize(

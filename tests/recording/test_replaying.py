@@ -237,11 +237,13 @@ def test_requests_that_follow_noise_turn_more_often_than_the_recorded_ones(noise
 
 
 def test_the_unit_is_asked_about_where_the_angles_of_all_joints_are_doubted():
-    doubted = recorded(notes=("is it?", Doubt("actual angles span only 1 degrees: are they rad?")))
+    doubted = recorded(notes=("a note", Doubt("actual angles span only 1 degrees: are they rad?")))
     others = ([], [recorded("wrist")], [recorded("jaw", unit="1")], [replace(doubted, joint="hip")])
     asked = [recorded_path([doubted, *logs], SERVO).remarks for logs in others]
     words = f"elbow: {doubted.notes[1]}"
     assert asked == [(words,), (), (words,), (f"all joints, such as {words}",)]
+    slow = recorded(notes=("are the times in seconds?",))
+    assert recorded_path([slow, recorded("wrist")], SERVO).remarks == slow.notes
 
 
 def test_a_recording_faster_than_the_top_speed_contradicts_the_model_where_it_is_replayed():
