@@ -155,7 +155,9 @@ def _by_joint(paths: Sequence[str], choices: LogOptions) -> dict[str, list[Log]]
         sure = not note.endswith("?") or (isinstance(note, Doubt) and not doubted)
         say = remark if sure else warn
         say(f"{names[0]}{more}: {note}{advice if unit else ''}")
-    return by_joint if choices.joint == "all" else {"".join(named): list(logs)}
+    if choices.joint == "all":
+        return by_joint
+    return {named[0] if named else "": list(logs)}
 
 
 def _identify_joints(

@@ -113,7 +113,7 @@ def identify(
     others += terms.without_top_speed(coarse, tick)
     # The loss is as rough in the top speed at short ticks. (Else one log of 160 simulated motors is
     # fitted with 1.5 times the noise.)
-    fine = over_top_speeds(_with_shorter_ticks(coarse, timing))[0] if choose_tick else coarse
+    fine = over_top_speeds(_with_shorter_ticks(coarse, timing, tick))[0] if choose_tick else coarse
     coarse = joint_fit.with_observed_speed(coarse)
     every = [
         replace(used, torque_on=log.torque_on)
@@ -243,13 +243,12 @@ def _weighed(pair: _Pair) -> _Pair:
     return again if better(anew[1], again[1]) else anew
 
 
-def _with_shorter_ticks(fit: Fit, timing: Timing) -> Fit:
-    """The joint with ticks of about 1 ms; the same one where it moves by ticks of a row.
+def _with_shorter_ticks(fit: Fit, timing: Timing, tick: float) -> Fit:
+    """The joint with ticks of about 1 ms, ``tick``; the same one where it moves by ticks of a row.
 
     A joint without inertia whose rows are as far apart as the ticks of the paper's robot moves by
     these unless the log tells otherwise; of any other the log has to tell.
     """
-    tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
     fine = joint_fit.refitted(fit.grid.logs, fit, tick=tick)
     paper = abs(fit.grid.tick - 0.008) <= 1e-3 * 0.008
     likely = paper and fit.parameters.time_constant <= 0.0

@@ -244,7 +244,7 @@ def without_top_speed(fit: Fit, tick: float) -> tuple[Fit, ...]:
     grid, at, begins = resampled_like(fit.grid, fit.grid.logs, tick), bare.parameters, []
     delay, latency = at.whole_delay, at.lag + at.acceleration_time / 2.0
     for window, gain, limit in itertools.product(
-        (tick, 0.15 * delay, 0.3 * delay), (1.0, 1.3), LIMITS[2:]
+        (tick, 0.15 * delay, 0.3 * delay), (1.0, 1.3), (0.6, 2.0)
     ):
         acceleration = limit * grid.fastest / delay
         times = {"lag": max(latency - window / 2.0, 0.0), "acceleration_time": window}

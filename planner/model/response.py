@@ -257,3 +257,10 @@ def load_by_period(load: Array | None, *, cyclic: bool) -> Array | None:
         return None
     first = load[..., -1:] if cyclic else load[..., :1]
     return np.asarray((np.concatenate([first, load[..., :-1]], axis=-1) + load) / 2.0)
+
+
+def farthest_per_period(model: JointModel, load: Array | None = None) -> float:
+    """Farthest that the joint moves between two requests, in either direction [rad]."""
+    low, high = model.speed_limits(0.0 if load is None else load)
+    by_pose = model.law.gain * model.most_pose_sag * model.hold
+    return float(max(np.max(high), np.max(-low))) * model.period + by_pose

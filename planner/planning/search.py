@@ -26,6 +26,7 @@ from planner.arrays import Array, Mask, reversals, rms, without_small_reversals
 from planner.exceptions import SolverFailed, about
 from planner.model.evidence import ENCODER_STEP, UNFORESEEN, Evidence
 from planner.model.joint import JointModel
+from planner.model.response import farthest_per_period
 from planner.planning.closed_form import below_top_speed, best_closed_form, initial_guess
 from planner.planning.gauss_newton import (
     COASTING,
@@ -166,8 +167,8 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
     # is lost.
     near = 1.03 * problem.errors_of_models(ideal)[0]
     if problem.norm == "max":  # the ideal is that of least squares
-        fastest = model.period * np.max(np.abs(model.speed_limits(problem.torques[0], ideal[:, 0])))
-        near = 1.03 * attainable_error(problem.desired[:, 0], fastest, cyclic=problem.cyclic)
+        farthest = farthest_per_period(model, problem.torques[0])
+        near = 1.03 * attainable_error(problem.desired[:, 0], farthest, cyclic=problem.cyclic)
     limited = math.isfinite(model.max_acceleration) and best[1] > near + ENCODER_STEP
     if limited:  # share of the time that the ideal's changes of speed take at the limit
         padded = np.pad(ideal[:, 0], 1, mode="wrap" if problem.cyclic else "edge")

@@ -146,9 +146,9 @@ def findings(replay: Replay, models: JointModels) -> dict[str, str]:
 
 def told(found: Mapping[str, str], *remarks: str) -> dict[str, list[str]]:
     """Findings for machines after other remarks; models that do not fit are warnings."""
-    warned = [line for kind, line in found.items() if kind == "misfit"]
-    others = [line for line in found.values() if line not in warned]
-    return {"warnings": warned, "remarks": [*remarks, *others]}
+    others = dict(found)
+    warned = [others.pop("misfit")] if "misfit" in others else []
+    return {"warnings": warned, "remarks": [*remarks, *others.values()]}
 
 
 def _allowed(fastest: Fastest) -> tuple[float, Unit]:

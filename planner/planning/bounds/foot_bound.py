@@ -23,9 +23,9 @@ from scipy import sparse
 from kinematics.chain import Chain
 from planner.arrays import Array, Indices
 from planner.model.joint import JointModel
-from planner.model.response import Loads, of_joints
+from planner.model.response import Loads, farthest_per_period, of_joints
 from planner.planning.bounds.multipliers import conic_solutions
-from planner.planning.bounds.reachable_set import farthest_per_period, reachable_set
+from planner.planning.bounds.reachable_set import reachable_set
 from planner.planning.task import Norm, Task
 
 MOST_SAMPLES_BOUNDED = 1000

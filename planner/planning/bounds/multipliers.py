@@ -16,10 +16,10 @@ from scipy import sparse
 
 from planner.arrays import Array
 from planner.exceptions import SolverFailed
+from planner.model.response import farthest_per_period
 from planner.planning.bounds.reachable_set import (
     Level,
     ReachableSet,
-    farthest_per_period,
     reachable_set,
 )
 from planner.planning.task import Norm, Task

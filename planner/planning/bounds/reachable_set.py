@@ -128,13 +128,6 @@ def pose_sags(model: JointModel, angles: tuple[float, float] | None = None) -> t
     return least, largest
 
 
-def farthest_per_period(model: JointModel, load: Array | None = None) -> float:
-    """Farthest that the joint moves between two requests, in either direction [rad]."""
-    low, high = model.speed_limits(0.0 if load is None else load)
-    by_pose = model.law.gain * model.most_pose_sag * model.hold
-    return float(max(np.max(high), np.max(-low))) * model.period + by_pose
-
-
 def speed_ranges(
     model: JointModel, load: Array, pose: tuple[float, float], *, kept: bool = True
 ) -> tuple[Array, Array]:
